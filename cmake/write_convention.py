@@ -1,0 +1,28 @@
+"""Write kernels' convention.hpp from rasterize/convention.py, so that each shared number exists once."""
+
+import ast
+import sys
+from pathlib import Path
+
+
+def constants(source: str) -> dict[str, int | float]:
+    """The module's upper-case assignments; only arithmetic on literals is evaluated."""
+    values: dict[str, int | float] = {}
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id.isupper():
+            values[node.targets[0].id] = eval(compile(ast.Expression(node.value), "convention", "eval"), {}, {})
+    return values
+
+
+def header(values: dict[str, int | float]) -> str:
+    lines = ["// Generated from src/ringlight/rasterize/convention.py; edit that file.", "#pragma once"]
+    lines.append("namespace ringlight::convention {")
+    for name, value in values.items():
+        kind, literal = ("int", str(value)) if isinstance(value, int) else ("float", f"{value!r}f")
+        lines.append(f"inline constexpr {kind} {name} = {literal};")
+    return "\n".join([*lines, "}", ""])
+
+
+source, target = Path(sys.argv[1]), Path(sys.argv[2])
+target.parent.mkdir(parents=True, exist_ok=True)
+target.write_text(header(constants(source.read_text())))

@@ -1,0 +1,12 @@
+// One function per group of kernels, called by module.cpp.
+#pragma once
+#include <nanobind/nanobind.h>
+
+namespace ringlight {
+
+void bind_threads(nanobind::module_& module);  // thread pool: parallel.hpp
+void bind_raster(nanobind::module_& module);   // rasterizer: project, sort, blend and their gradients
+void bind_fit(nanobind::module_& module);      // losses, Adam, spherical harmonics, densification statistics
+void bind_field(nanobind::module_& module);    // the tensor-ring light field
+
+}  // namespace ringlight

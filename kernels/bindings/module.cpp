@@ -1,0 +1,16 @@
+// The compiled module. Each group of kernels binds itself in its own file of this folder; nothing outside it
+// includes nanobind.
+#include <nanobind/nanobind.h>
+
+#include "bindings.hpp"
+#include "dispatch.hpp"
+
+NB_MODULE(_kernels, module) {
+  module.doc() = "CPU kernels of ringlight: functions fill arrays that the caller made.";
+  module.def("isa", [] { return ringlight::isa_name(ringlight::current_isa()); },
+             "Instruction set in use: 'avx512' or 'avx2'.");
+  ringlight::bind_threads(module);
+  ringlight::bind_raster(module);
+  ringlight::bind_fit(module);
+  ringlight::bind_field(module);
+}

@@ -1,0 +1,46 @@
+#include "dispatch.hpp"
+
+#include <cstdlib>
+#include <stdexcept>
+#include <string>
+
+namespace ringlight {
+namespace {
+
+bool has_v3() {
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2") &&
+         __builtin_cpu_supports("bmi");
+}
+
+// Every flag that CMakeLists.txt passes for v4 is asked for: a processor may have AVX-512 without VBMI2.
+bool has_v4() {
+  return has_v3() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+         __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
+         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vbmi") &&
+         __builtin_cpu_supports("avx512vbmi2") && __builtin_cpu_supports("avx512bitalg") &&
+         __builtin_cpu_supports("avx512vpopcntdq") && __builtin_cpu_supports("gfni");
+}
+
+Isa choose() {
+  __builtin_cpu_init();
+  if (!has_v3())
+    throw std::runtime_error("this processor has no AVX2, which ringlight's CPU kernels need; use the 'reference' rasterizer");
+  const char* forced = std::getenv("RINGLIGHT_ISA");
+  const std::string wish = forced ? forced : "";
+  if (wish.empty()) return has_v4() ? Isa::v4 : Isa::v3;
+  if (wish == "avx2") return Isa::v3;
+  if (wish != "avx512") throw std::runtime_error("RINGLIGHT_ISA=" + wish + " is unknown; use avx2 or avx512");
+  if (!has_v4()) throw std::runtime_error("RINGLIGHT_ISA=avx512, but this processor lacks AVX-512 with VBMI2; unset it");
+  return Isa::v4;
+}
+
+}  // namespace
+
+Isa current_isa() {
+  static const Isa isa = choose();
+  return isa;
+}
+
+const char* isa_name(Isa isa) { return isa == Isa::v4 ? "avx512" : "avx2"; }
+
+}  // namespace ringlight

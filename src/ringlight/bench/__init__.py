@@ -1,0 +1,1 @@
+"""Speed, measured: commands of the product."""

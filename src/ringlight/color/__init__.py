@@ -1,0 +1,1 @@
+"""Socket: what each Gaussian emits."""

@@ -1,0 +1,26 @@
+"""The socket: what each Gaussian emits towards a camera."""
+
+from typing import Protocol
+
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Channels
+from ringlight.core.scene import PointCloud
+
+
+class ColorModel(Protocol):
+    """May be an ``nn.Module`` with shared parameters; per-Gaussian parameters live in the table's appearance."""
+
+    def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
+        """Per-Gaussian parameters to start from, P rows each."""
+        ...
+
+    def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
+        """What gets blended, [N c] by name; "rgb" is required. "opacity_factor" [N 1] is reserved, see Channels."""
+        ...
+
+    def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
+        """Parts of the colour worth looking at ("base", "residual", "modulation"), [N c]; may be empty."""
+        ...

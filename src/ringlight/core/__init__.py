@@ -1,0 +1,1 @@
+"""Floor 0: the nouns. Imports torch and nothing of ours."""

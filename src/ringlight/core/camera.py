@@ -1,0 +1,60 @@
+"""The pinhole camera. Axes, pixels and depth are defined here and nowhere else.
+
+Conventions: OpenCV axes (x right, y down, z forward); pixel centres at ``.5``; depth is camera ``z``.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One pinhole view of the world.
+
+    ``focal`` and ``center`` are in pixels (x, y); ``world_to_camera`` is a rigid motion, float32 on the CPU.
+    """
+
+    world_to_camera: Float[Tensor, "4 4"]
+    focal: tuple[float, float]
+    center: tuple[float, float]
+    width: int
+    height: int
+
+    @cached_property
+    def position(self) -> Float[Tensor, "3"]:
+        """The optical centre in world units."""
+        rotation, translation = self.world_to_camera[:3, :3], self.world_to_camera[:3, 3]
+        return (-rotation.T @ translation).contiguous()
+
+    @cached_property
+    def forward(self) -> Float[Tensor, "3"]:
+        """Unit viewing axis in world coordinates."""
+        return self.world_to_camera[2, :3].contiguous()
+
+    def depths(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """Camera z of world points, world units; negative behind the camera."""
+        matrix = self.world_to_camera.to(points)
+        return points @ matrix[2, :3] + matrix[2, 3]
+
+    def ray_directions(self) -> Float[Tensor, "H W 3"]:
+        """Unit world directions through the pixel centres."""
+        x = (torch.arange(self.width) + 0.5 - self.center[0]) / self.focal[0]
+        y = (torch.arange(self.height) + 0.5 - self.center[1]) / self.focal[1]
+        rows, columns = torch.meshgrid(y, x, indexing="ij")
+        directions = torch.stack([columns, rows, torch.ones_like(columns)], -1)
+        return torch.nn.functional.normalize(directions, dim=-1) @ self.world_to_camera[:3, :3]
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The same view sampled on another pixel grid."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self,
+            focal=(self.focal[0] * sx, self.focal[1] * sy),
+            center=(self.center[0] * sx, self.center[1] * sy),
+            width=width,
+            height=height,
+        )

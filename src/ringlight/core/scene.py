@@ -1,0 +1,71 @@
+"""A scene: posed photographs, split into training and test views, and the points to start from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+
+
+@dataclass(frozen=True)
+class View:
+    """One photograph. ``load`` decodes it: uint8 [H W 3] or, with an alpha mask, [H W 4]; called lazily."""
+
+    name: str
+    camera: Camera
+    load: Callable[[], UInt8[np.ndarray, "H W C"]]
+    has_alpha: bool = False
+
+    def image(self, background: Float[Tensor, "3"]) -> Float[Tensor, "3 H W"]:
+        """The photograph in [0, 1], planar, composited over ``background`` in float where it has an alpha mask."""
+        pixels = torch.from_numpy(self.load()).permute(2, 0, 1).float().div_(255)
+        if pixels.shape[0] == 3:
+            return pixels.contiguous()
+        color, alpha = pixels[:3], pixels[3:]
+        return torch.lerp(background[:, None, None], color, alpha)
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Points to start from, world units; ``colors`` are display-referred sRGB in [0, 1]."""
+
+    positions: Float[Tensor, "P 3"]
+    colors: Float[Tensor, "P 3"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What every loader returns.
+
+    ``extent`` is 1.1 times the largest distance of a training camera from their mean (3DGS's spatial unit),
+    ``box`` the axis-aligned box [low, high] that holds the subject, ``background`` the name in force
+    ("white", "black", "random", or "photograph" where images have no alpha), ``source`` the folder,
+    ``notes`` what the loader decided and a reader should know (filter, downscale, sub-model, ...).
+    """
+
+    name: str
+    train: tuple[View, ...]
+    test: tuple[View, ...]
+    points: PointCloud
+    extent: float
+    box: Float[Tensor, "2 3"]
+    background: str
+    format: str
+    source: str
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def background_color(self) -> Float[Tensor, "3"]:
+        """What test images are composited over: white unless black was asked for."""
+        return torch.zeros(3) if self.background == "black" else torch.ones(3)
+
+
+def camera_extent(cameras: list[Camera]) -> float:
+    """1.1 times the largest distance of a camera from the mean position (3DGS, section 5.1), at least 1e-3."""
+    positions = torch.stack([camera.position for camera in cameras])
+    radius = (positions - positions.mean(0)).norm(dim=1).max().item()
+    return max(1.1 * radius, 1e-3)

@@ -1,0 +1,1 @@
+"""From disk to Scene, from Scene to batches."""

@@ -1,0 +1,33 @@
+"""Every error that a user can cause, as one tree; each message says what is wrong, where, and the remedy.
+
+RinglightError
+├── SceneError       a folder of photographs cannot be read
+├── ModelFileError   a model, checkpoint or PLY file cannot be read or written
+├── RunError         a run folder is missing, damaged, or holds another run
+├── RecipeError      settings that cannot work together
+└── BackendError     a rasterizer or an optional library is missing on this machine
+"""
+
+
+class RinglightError(Exception):
+    """Base of all errors that end in one sentence for the user, exit code 1."""
+
+
+class SceneError(RinglightError):
+    """A scene cannot be read."""
+
+
+class ModelFileError(RinglightError):
+    """A model, checkpoint or PLY file cannot be read or written."""
+
+
+class RunError(RinglightError):
+    """A run folder is missing, damaged, or already holds another run."""
+
+
+class RecipeError(RinglightError):
+    """Settings that cannot work, or cannot work together."""
+
+
+class BackendError(RinglightError):
+    """A rasterizer or an optional library is not available on this machine."""

@@ -1,0 +1,1 @@
+"""Field pieces that know nothing of colour: encodings, tables, tensor rings."""

@@ -1,0 +1,1 @@
+"""Socket: changes to a model's structure while it trains."""

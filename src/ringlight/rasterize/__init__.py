@@ -1,0 +1,1 @@
+"""Socket: Gaussians and channels to an image."""

@@ -1,0 +1,46 @@
+"""The socket: Gaussians and channels in, a blended image out."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Raster
+from ringlight.rasterize import convention
+
+
+@dataclass(frozen=True)
+class RasterOptions:
+    """What back ends must agree on and a caller may change; the defaults are gsplat 1.5's."""
+
+    eps2d: float = convention.EPS2D
+    """Added to the diagonal of the 2-D covariance, square pixels."""
+    near: float = convention.NEAR
+    """Gaussians whose centre has a smaller camera z are culled, world units."""
+    max_alpha: float = convention.MAX_ALPHA
+    """Opacity of one Gaussian at one pixel is clamped to this."""
+    antialiased: bool = False
+    """Scale the opacity by sqrt(det / det_blurred), so that the low-pass filter keeps the energy (Mip-Splatting)."""
+    absgrad: bool = False
+    """Also accumulate the absolute screen-space gradients (AbsGS)."""
+
+
+class Rasterizer(Protocol):
+    """A back end. Differentiable in the table's geometry, the channels, the opacity factor and nothing else."""
+
+    name: str
+
+    def __call__(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        options: RasterOptions = RasterOptions(),
+        opacity_factor: Float[Tensor, "N"] | None = None,
+    ) -> Raster:
+        """Blend front to back by camera depth. Rows with a non-finite value are not drawn and get zero gradient."""
+        ...

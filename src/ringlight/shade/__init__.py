@@ -1,0 +1,1 @@
+"""Socket: blended channels to colour, per pixel."""

@@ -1,0 +1,14 @@
+"""Forward models are shaded before blending: nothing is left to do per pixel."""
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Channels
+
+
+class PassThrough(nn.Module):
+    """The blended "rgb" channel is the colour."""
+
+    def shade(self, buffers: Channels, camera: Camera) -> Float[Tensor, "H W 3"]:
+        return buffers["rgb"]
