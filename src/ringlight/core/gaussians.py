@@ -57,7 +57,8 @@ class Gaussians:
     def from_columns(columns: Mapping[str, Tensor]) -> "Gaussians":
         """Inverse of :meth:`columns`."""
         appearance = {name: tensor for name, tensor in columns.items() if name not in GEOMETRY}
-        return Gaussians(*(columns[name] for name in GEOMETRY), appearance=appearance)
+        means, log_scales, quats, opacity_logits = (columns[name] for name in GEOMETRY)
+        return Gaussians(means, log_scales, quats, opacity_logits, appearance)
 
     def rows(self, index: Int[Tensor, "K"] | Bool[Tensor, "N"]) -> "Gaussians":
         """The chosen rows, in the order of ``index``."""
