@@ -1,7 +1,7 @@
 """The socket: Gaussians and channels in, a blended image out."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
@@ -28,6 +28,7 @@ class RasterOptions:
     """Also accumulate the absolute screen-space gradients (AbsGS)."""
 
 
+@runtime_checkable
 class Rasterizer(Protocol):
     """A back end. Differentiable in the table's geometry, the channels, the opacity factor and nothing else."""
 

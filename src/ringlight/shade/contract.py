@@ -1,6 +1,6 @@
 """The socket: blended channels in, colour out, per pixel."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
@@ -9,6 +9,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
 
 
+@runtime_checkable
 class Shader(Protocol):
     """May be an ``nn.Module`` with shared parameters."""
 

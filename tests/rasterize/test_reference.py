@@ -1,0 +1,136 @@
+"""The specification itself: equal to gsplat's own float64 reference, and its gradients to finite differences."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.rasterize import convention
+from ringlight.rasterize.contract import RasterOptions
+from ringlight.rasterize.reference import ReferenceRasterizer
+from shared_data import shared
+
+ORACLES = (
+    "classic_153",
+    "classic_153_small",
+    "classic_160",
+    "antialiased_153",
+    "rgbd_153",
+    "feat16_153",
+    "near_153",
+)
+# Both sides compute in float64: what remains is the order of the sums.
+TOLERANCE = 1e-11
+
+
+@dataclass
+class Oracle:
+    arrays: dict[str, Tensor]
+    leaves: dict[str, Tensor]
+    camera: Camera
+    channels: Tensor
+    background: Tensor
+    options: RasterOptions
+
+    @property
+    def gaussians(self) -> Gaussians:
+        leaf = self.leaves
+        return Gaussians(leaf["means"], leaf["scales"].log(), leaf["quats"], leaf["opacities"].logit())
+
+
+def load_oracle(name: str) -> Oracle:
+    with np.load(shared(f"oracle/{name}.npz")) as file:
+        arrays = {key: torch.from_numpy(np.asarray(file[key])) for key in file.files}
+    names = ("means", "scales", "quats", "opacities", "colors", "viewmat")
+    leaves = {key: arrays[f"in_{key}"].double().requires_grad_() for key in names}
+    (fx, _, cx), (_, fy, cy) = arrays["in_K"].double()[:2].tolist()
+    camera = Camera(leaves["viewmat"], (fx, fy), (cx, cy), int(arrays["in_W"]), int(arrays["in_H"]))
+    channels, background = leaves["colors"], arrays["in_background"].double()
+    if name.startswith("rgbd"):
+        # This file was rendered without a background.
+        depths = leaves["means"] @ leaves["viewmat"][2, :3] + leaves["viewmat"][2, 3]
+        channels, background = torch.cat([channels, depths[:, None]], 1), torch.zeros(4, dtype=torch.float64)
+    max_alpha = 0.99 if name.endswith("160") else convention.MAX_ALPHA
+    options = RasterOptions(max_alpha=max_alpha, antialiased=name.startswith("antialiased"), absgrad=True)
+    return Oracle(arrays, leaves, camera, channels, background, options)
+
+
+def assert_equal_up_to_rounding(found: Tensor, expected: Tensor, what: str):
+    error = (found - expected).abs().max() / expected.abs().max()
+    assert error < TOLERANCE, f"{what}: {error:.1e} of the largest value"
+
+
+@pytest.mark.parametrize("name", ORACLES)
+def test_equals_the_oracle_in_value_and_every_gradient(name: str):
+    oracle = load_oracle(name)
+    raster = ReferenceRasterizer()(oracle.gaussians, oracle.channels, oracle.camera, oracle.background, oracle.options)
+    arrays, footprint = oracle.arrays, raster.footprint
+    assert_equal_up_to_rounding(raster.image, arrays["img"], "image")
+    assert_equal_up_to_rounding(raster.alpha[..., 0], arrays["alpha"], "alpha")
+    drawn = footprint.visible
+    assert_equal_up_to_rounding(footprint.means2d[drawn], arrays["means2d"][drawn], "means2d")
+    assert torch.equal(footprint.radii.long(), arrays["radii"].long())
+
+    ((raster.image * arrays["in_v_img"]).sum() + (raster.alpha[..., 0] * arrays["in_v_alpha"]).sum()).backward()
+    for key, leaf in oracle.leaves.items():
+        assert_equal_up_to_rounding(leaf.grad, arrays[f"g_{key}"], f"gradient of {key}")
+    assert_equal_up_to_rounding(footprint.means2d_gradient, arrays["g_means2d"], "gradient of means2d")
+    assert_equal_up_to_rounding(footprint.absolute_gradient, arrays["absgrad_means2d"], "absolute gradient")
+
+
+def smooth_scene() -> tuple[Gaussians, Tensor, Camera]:
+    """Five soft Gaussians, wider than the 6 x 5 image: between 4 and 60 percent opaque at every pixel.
+
+    So no alpha comes near 1/255 or the clamp, and the transmittance stays far above 1e-4: rendering is smooth here.
+    """
+    generator = torch.Generator().manual_seed(3)
+    draw = lambda *shape: torch.randn(*shape, generator=generator, dtype=torch.float64)  # noqa: E731
+    means = draw(5, 3) * 0.2 + torch.tensor([0.0, 0.0, 3.0])
+    # Distinct depths, further apart than a difference step.
+    means[:, 2] = torch.tensor([2.6, 2.8, 3.0, 3.2, 3.4])
+    gaussians = Gaussians(means, draw(5, 3) * 0.2 - 0.3, draw(5, 4), draw(5) * 0.5 - 0.7)
+    camera = Camera(torch.eye(4, dtype=torch.float64), (5.0, 6.0), (3.3, 2.1), 6, 5)
+    return gaussians, draw(5, 2), camera
+
+
+@pytest.mark.parametrize("antialiased", [False, True])
+def test_gradients_equal_finite_differences(antialiased: bool):
+    gaussians, channels, camera = smooth_scene()
+    options = RasterOptions(antialiased=antialiased)
+    background, factor = torch.tensor([0.3, -0.2], dtype=torch.float64), torch.full((5,), 0.8, dtype=torch.float64)
+
+    def image_and_alpha(means, log_scales, quats, opacity_logits, channels, factor):
+        table = Gaussians(means, log_scales, quats, opacity_logits)
+        raster = ReferenceRasterizer()(table, channels, camera, background, options, factor)
+        return torch.cat([raster.image, raster.alpha], -1)
+
+    inputs = [*gaussians.columns().values(), channels, factor]
+    leaves = [leaf.requires_grad_() for leaf in inputs]
+    # Undefined gradients never reach the footprint's hook: a training step always asks for the centres'.
+    assert torch.autograd.gradcheck(image_and_alpha, leaves, check_undefined_grad=False)
+
+
+def test_float32_is_close_to_float64():
+    gaussians, channels, camera = smooth_scene()
+    single = Gaussians(*(column.float() for column in gaussians.columns().values()))
+    exact = ReferenceRasterizer()(gaussians, channels, camera, torch.zeros(2, dtype=torch.float64))
+    rounded = ReferenceRasterizer()(single, channels.float(), camera, torch.zeros(2))
+    assert rounded.image.dtype == torch.float32
+    torch.testing.assert_close(rounded.image.double(), exact.image, rtol=0, atol=1e-5)
+
+
+def test_gradients_of_a_second_backward_replace_those_of_the_first():
+    gaussians, channels, camera = smooth_scene()
+    gaussians.means.requires_grad_()
+    options = RasterOptions(absgrad=True)
+    raster = ReferenceRasterizer()(gaussians, channels, camera, torch.zeros(2, dtype=torch.float64), options)
+    assert raster.footprint.means2d_gradient is None
+    raster.image.sum().backward(retain_graph=True)
+    first = raster.footprint.means2d_gradient, raster.footprint.absolute_gradient
+    raster.image.sum().backward()
+    assert torch.equal(raster.footprint.means2d_gradient, first[0])
+    assert torch.equal(raster.footprint.absolute_gradient, first[1])
