@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from jaxtyping import Bool
 from torch import Tensor
 
 from ringlight.core.camera import Camera
@@ -13,6 +14,9 @@ from ringlight.core.scene import PointCloud
 class ColorModel(Protocol):
     """May be an ``nn.Module`` with shared parameters; per-Gaussian parameters live in the table's appearance."""
 
+    training_columns: tuple[str, ...]
+    """Columns that rendering does not need once the rows that are not ``wanted`` are gone."""
+
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """Per-Gaussian parameters to start from, P rows each."""
         ...
@@ -23,4 +27,8 @@ class ColorModel(Protocol):
 
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """Parts of the colour worth looking at ("base", "residual", "modulation"), [N c]; may be empty."""
+        ...
+
+    def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
+        """Rows that this colour model still shows; densifiers remove the others."""
         ...

@@ -1,0 +1,25 @@
+#include "pull.hpp"
+
+#include <cmath>
+
+#include "parallel.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+constexpr std::size_t GRAIN = 8192;  // rows a piece: enough to pay for waking a thread
+}
+
+void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views,
+                     std::size_t count) {
+  parallel_ranges(count, GRAIN, [=](std::size_t begin, std::size_t end) {
+#pragma GCC ivdep
+    for (std::size_t i = begin; i < end; i++) {
+      const float x = gradient[2 * i] * scale.x, y = gradient[2 * i + 1] * scale.y;
+      const bool drawn = radii[2 * i] > 0;
+      pull[i] += drawn ? std::sqrt(x * x + y * y) : 0.f;
+      views[i] += drawn ? 1.f : 0.f;
+    }
+  });
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

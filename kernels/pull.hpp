@@ -1,0 +1,22 @@
+// Densification statistics: how hard the image pulls at each Gaussian's centre.
+#pragma once
+#include <cstddef>
+
+namespace ringlight {
+
+// pull[i] += |gradient[i] * scale|, views[i] += 1 for each row that was drawn (radius > 0). Arrays of `count` rows;
+// `gradient` and `radii` hold (x, y) pairs.
+struct PullScale {
+  float x, y;
+};
+
+namespace v3 {
+void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views,
+                     std::size_t count);
+}
+namespace v4 {
+void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views,
+                     std::size_t count);
+}
+
+}  // namespace ringlight

@@ -1,0 +1,59 @@
+"""Learning rates as functions of the progress through training. Torch-free: recipes hold these."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Rate:
+    """From ``start`` to ``end``, log-linear over the run (3DGS, section 7.3); constant where they are equal."""
+
+    start: float
+    end: float
+
+    @staticmethod
+    def constant(rate: float) -> "Rate":
+        """The same rate all along."""
+        return Rate(rate, rate)
+
+    def at(self, progress: float) -> float:
+        """The rate at ``progress`` in [0, 1]."""
+        if self.start == self.end:
+            return self.start
+        share = min(max(progress, 0.0), 1.0)
+        return float(self.start ** (1 - share) * self.end**share)
+
+
+@dataclass(frozen=True)
+class Adam:
+    """How a group of parameters is stepped; the paper uses one such group for the Gaussians, one for the field."""
+
+    rate: Rate
+    betas: tuple[float, float] = (0.9, 0.999)
+    epsilon: float = 1e-15
+    begins: int = 0
+    """Step from which ``rate`` counts its progress."""
+
+
+@dataclass(frozen=True)
+class GaussianRates:
+    """Learning rates of the table's geometry (3DGS's defaults)."""
+
+    means: float = 1.6e-4
+    """Of the centres at the start, in units of the scene's extent."""
+    means_end: float = 1.6e-6
+    """Of the centres at the end, in units of the scene's extent."""
+    opacities: float = 0.05
+    """Of the opacity logits."""
+    scales: float = 5e-3
+    """Of the log scales."""
+    rotations: float = 1e-3
+    """Of the quaternions."""
+
+    def groups(self, extent: float) -> dict[str, Adam]:
+        """Adam groups by parameter name."""
+        return {
+            "columns.means": Adam(Rate(self.means * extent, self.means_end * extent)),
+            "columns.opacity_logits": Adam(Rate.constant(self.opacities)),
+            "columns.log_scales": Adam(Rate.constant(self.scales)),
+            "columns.quats": Adam(Rate.constant(self.rotations)),
+        }

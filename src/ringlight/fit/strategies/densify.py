@@ -1,0 +1,132 @@
+"""Adaptive density control: clone small Gaussians, split large ones, prune faint ones (3DGS, section 5.2)."""
+
+import math
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.randomness import generator
+from ringlight.core.rendering import Rendering
+from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.morton import morton_order
+from ringlight.models.splats import SplatModel
+
+CHILDREN = 2
+SHRINK = 1.6
+"""A split Gaussian's children are this much narrower (3DGS: 0.8 times the number of children)."""
+
+WHITE_RESET_STEP = 500
+"""3DGS resets the opacities once more, early, where the background is white: white floaters hide before it."""
+
+
+class Densify:
+    """Counts each row's mean screen-space pull and, every so often, edits the table.
+
+    Rows leave in Morton order, so that Gaussians that are close in space are close in memory. Removal looks at the
+    opacity in force, which includes the colour model's ``wanted`` rows (RingLight's mask).
+    """
+
+    def __init__(self, settings: DensifySettings, extent: float, steps: int, seed: int, white: bool):
+        self.settings, self.extent, self.seed = settings, extent, seed
+        self.last_step = settings.last_step(steps)
+        self.white = white
+        self._pull, self._views = torch.zeros(0), torch.zeros(0)
+
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+        if step > self.last_step:
+            return
+        self._observe(model, rendering)
+        if step > self.settings.begin and step % self.settings.every == 0:
+            self._edit(step, model, optimizer)
+        if self._resets(step):
+            ceiling = math.log(self.settings.reset_opacity / (1 - self.settings.reset_opacity))
+            optimizer.replace("columns.opacity_logits", model.columns["opacity_logits"].detach().clamp_max(ceiling))
+
+    def state(self) -> dict[str, Tensor]:
+        return {"pull": self._pull, "views": self._views}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        self._pull, self._views = state["pull"].clone(), state["views"].clone()
+
+    def _resets(self, step: int) -> bool:
+        # The last steps of densification see no reset, as a faint scene would be pruned away before it recovers.
+        every = self.settings.reset_every
+        return every > 0 and (step % every == 0 or (self.white and step == WHITE_RESET_STEP))
+
+    def _observe(self, model: SplatModel, rendering: Rendering) -> None:
+        if len(self._pull) != len(model):
+            self._pull, self._views = torch.zeros(len(model)), torch.zeros(len(model))
+        raster = rendering.raster
+        if raster is None or raster.footprint.means2d_gradient is None:
+            return
+        height, width = rendering.alpha.shape[:2]
+        # Half the size in pixels turns a gradient in pixels into one in normalized device coordinates.
+        accumulate_pull_(
+            raster.footprint.means2d_gradient, raster.footprint.radii, (width / 2, height / 2), self._pull, self._views
+        )
+
+    def _edit(self, step: int, model: SplatModel, optimizer: Optimizer) -> None:
+        table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
+        widest = table.log_scales.amax(1).exp()
+        strong = self._strongest(self._pull / self._views.clamp_min(1), len(table))
+        small = widest <= self.settings.clone_below * self.extent
+        split = strong & ~small
+        keep = ~split & self._worth_keeping(step, table, widest, model)
+        if not bool(keep.any() | strong.any()):
+            keep[table.opacity_logits.argmax()] = True
+        clones = table.rows((strong & small & keep).nonzero()[:, 0])
+        children = self._children(table.rows(split.nonzero()[:, 0]), step)
+        optimizer.edit_rows(keep.nonzero()[:, 0], _joined(clones, children))
+        optimizer.edit_rows(morton_order(model.columns["means"].detach()))
+        self._pull, self._views = torch.zeros(len(model)), torch.zeros(len(model))
+
+    def _strongest(self, pull: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
+        """Rows over the threshold; where all would exceed the budget, those with the strongest pull."""
+        strong = pull > self.settings.threshold
+        room = max(self.settings.max_gaussians - count, 0)
+        if int(strong.sum()) > room:
+            chosen = pull.argsort(descending=True, stable=True)[:room]
+            strong = torch.zeros_like(strong).index_fill_(0, chosen, True) & strong
+        return strong
+
+    def _worth_keeping(
+        self, step: int, table: Gaussians, widest: Float[Tensor, "N"], model: SplatModel
+    ) -> Bool[Tensor, "N"]:
+        keep = (table.opacities >= self.settings.prune_opacity) & model.color.wanted(table)
+        # 3DGS also prunes by size on the screen, but its counters are cleared just before they are read.
+        if self.settings.reset_every and step > self.settings.reset_every:
+            keep &= widest <= self.settings.prune_scale * self.extent
+        return keep
+
+    def _children(self, parents: Gaussians, step: int) -> Gaussians:
+        """Two narrower Gaussians for each parent, at places drawn from it."""
+        rows = torch.arange(len(parents)).repeat_interleave(CHILDREN)
+        table = parents.rows(rows)
+        noise = torch.randn(len(rows), 3, generator=generator(self.seed, step, "split"))
+        offsets = (table.rotations @ (noise * table.scales)[..., None])[..., 0]
+        columns = table.columns() | {
+            "means": table.means + offsets,
+            "log_scales": table.log_scales - math.log(SHRINK),
+        }
+        return Gaussians.from_columns(columns)
+
+
+def accumulate_pull_(
+    gradient: Float[Tensor, "N 2"],
+    radii: Float[Tensor, "N 2"],
+    pixels_to_ndc: tuple[float, float],
+    pull: Float[Tensor, "N"],
+    views: Float[Tensor, "N"],
+) -> None:
+    """Add each drawn row's gradient length to ``pull`` and one to ``views``, in place."""
+    _kernels.accumulate_pull(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, pull, views)
+
+
+def _joined(first: Gaussians, second: Gaussians) -> Gaussians:
+    other = second.columns()
+    return Gaussians.from_columns({name: torch.cat([a, other[name]]) for name, a in first.columns().items()})

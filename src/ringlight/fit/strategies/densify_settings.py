@@ -1,0 +1,35 @@
+"""Settings of adaptive density control. Torch-free: recipes hold these."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class DensifySettings:
+    """Adaptive density control (3DGS, section 5.2)."""
+
+    threshold: float = 2e-4
+    """A Gaussian is cloned or split when its mean screen-space pull, dL/d(NDC position), exceeds this."""
+    begin: int = 500
+    """First step after which Gaussians are added."""
+    stop: float = 0.5
+    """Share of all steps after which the number of Gaussians stays."""
+    latest: int = 15_000
+    """No densification after this step, however long the run."""
+    every: int = 100
+    """Steps between two rounds."""
+    clone_below: float = 0.01
+    """Gaussians up to this share of the scene's extent are cloned, larger ones split."""
+    prune_opacity: float = 0.005
+    """Fainter Gaussians are removed."""
+    prune_scale: float = 0.1
+    """After the first opacity reset, Gaussians wider than this share of the scene's extent are removed."""
+    reset_every: int = 3000
+    """Steps between two opacity resets; 0 never resets."""
+    reset_opacity: float = 0.01
+    """Opacities are lowered to this at a reset."""
+    max_gaussians: int = 1_000_000
+    """Never more than this many; the strongest pulls are served first."""
+
+    def last_step(self, steps: int) -> int:
+        """The last step at which rows may be added."""
+        return min(self.latest, int(self.stop * steps))

@@ -1,0 +1,30 @@
+"""Remove rows that the image does not need, after densification has ended."""
+
+from collections.abc import Mapping
+
+from torch import Tensor
+
+from ringlight.core.rendering import Rendering
+from ringlight.fit.optimizer import Optimizer
+from ringlight.models.splats import SplatModel
+
+
+class Prune:
+    """Every ``every`` steps from ``begin``: drop rows fainter than ``opacity`` or no longer wanted by the colour."""
+
+    def __init__(self, begin: int, every: int, opacity: float):
+        self.begin, self.every, self.opacity = begin, every, opacity
+
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+        if step <= self.begin or step % self.every:
+            return
+        table = model.gaussians
+        keep = ((table.opacities >= self.opacity) & model.color.wanted(table)).nonzero()[:, 0]
+        if 0 < len(keep) < len(model):
+            optimizer.edit_rows(keep)
+
+    def state(self) -> dict[str, Tensor]:
+        return {}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Nothing is counted."""

@@ -1,0 +1,28 @@
+"""Turn a buffer of the model to a value at a step: raise the SH degree, switch the light field on."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from ringlight.core.rendering import Rendering
+from ringlight.fit.optimizer import Optimizer
+from ringlight.models.splats import SplatModel
+
+
+class Unlock:
+    """Writes ``schedule[step]`` into the buffer when training reaches ``step``; the buffer is saved with the model."""
+
+    def __init__(self, buffer: str, schedule: Mapping[int, int]):
+        self.buffer, self.schedule = buffer, dict(schedule)
+
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+        if step in self.schedule:
+            with torch.no_grad():
+                model.get_buffer(self.buffer).fill_(self.schedule[step])
+
+    def state(self) -> dict[str, Tensor]:
+        return {}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Nothing is counted."""

@@ -1,0 +1,38 @@
+"""The photographs as the loss wants them: float, planar, blurred once, kept while they fit a budget of memory."""
+
+from collections import OrderedDict
+
+from ringlight.data.batches import ImageBatch
+from ringlight.fit.losses import Target
+
+BUDGET_BYTES = 1 << 30
+"""Photographs stay 8 bit; their float form and blurs (36 bytes a pixel) are kept up to this, the oldest go first."""
+
+BYTES_PER_PIXEL = 36
+
+
+class Targets:
+    """A least-recently-used cache. It changes speed and memory, never a number."""
+
+    def __init__(self, budget_bytes: int = BUDGET_BYTES):
+        self.budget_bytes, self._bytes = budget_bytes, 0
+        self._kept: OrderedDict[int, Target] = OrderedDict()
+
+    def of(self, batch: ImageBatch, fixed_background: bool) -> Target:
+        """The batch's photograph over its background; a background that changes each step is never kept."""
+        if batch.index in self._kept:
+            self._kept.move_to_end(batch.index)
+            return self._kept[batch.index]
+        target = Target(batch.view.image(batch.background))
+        if fixed_background:
+            self._keep(batch.index, target, batch.camera.width * batch.camera.height * BYTES_PER_PIXEL)
+        return target
+
+    def _keep(self, index: int, target: Target, size: int) -> None:
+        if size > self.budget_bytes:
+            return
+        self._kept[index] = target
+        self._bytes += size
+        while self._bytes > self.budget_bytes:
+            _, dropped = self._kept.popitem(last=False)
+            self._bytes -= dropped.image[0].numel() * BYTES_PER_PIXEL

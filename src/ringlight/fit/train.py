@@ -1,0 +1,90 @@
+"""The training loop. Read this first."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.rendering import Rendering
+from ringlight.data.batches import ImageBatch, ImageBatches
+from ringlight.fit.losses import PhotometricLoss, Target, photometric
+from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.strategies.contract import Strategy
+from ringlight.fit.targets import Targets
+from ringlight.models.splats import SplatModel
+
+Penalty = Callable[[SplatModel], Float[Tensor, ""]]
+"""A term of the loss that looks at the model alone."""
+
+
+@dataclass
+class Training:
+    """What a recipe builds and :func:`train` consumes. ``step`` counts the steps already done."""
+
+    model: SplatModel
+    batches: ImageBatches
+    loss: PhotometricLoss
+    optimizer: Optimizer
+    strategies: tuple[Strategy, ...]
+    steps: int
+    penalties: Mapping[str, Penalty] = field(default_factory=dict)
+    targets: Targets = field(default_factory=Targets)
+    step: int = 0
+
+    def state(self) -> dict[str, Tensor]:
+        """Every tensor that a run needs to go on as if it had never stopped."""
+        state = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
+        state |= {f"optimizer.{name}": tensor for name, tensor in self.optimizer.state().items()}
+        for index, strategy in enumerate(self.strategies):
+            state |= {f"strategy.{index}.{name}": tensor for name, tensor in strategy.state().items()}
+        return state | {"step": torch.tensor(self.step)}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Inverse of :meth:`state`; the table takes the saved number of rows."""
+        self.model.load_columns(_below(state, "model.columns."))
+        self.model.load_state_dict(_below(state, "model."))
+        self.optimizer.restore(_below(state, "optimizer."))
+        for index, strategy in enumerate(self.strategies):
+            strategy.restore(_below(state, f"strategy.{index}."))
+        self.step = int(state["step"])
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What happened in one step. ``rendering`` and ``target`` are what the loss compared, before the update."""
+
+    step: int
+    losses: dict[str, Float[Tensor, ""]]
+    batch: ImageBatch
+    rendering: Rendering
+    target: Target
+
+    @property
+    def loss(self) -> float:
+        """The sum of all terms."""
+        return float(sum(term.item() for term in self.losses.values()))
+
+
+def train(training: Training) -> Iterator[Progress]:
+    """Fit the model in place, yielding after every step; to pause or stop is to stop asking."""
+    model, optimizer = training.model, training.optimizer
+    fixed_background = training.batches.scene.background != "random"
+    while training.step < training.steps:
+        step = training.step + 1
+        batch = training.batches.at(step)
+        target = training.targets.of(batch, fixed_background)
+        rendering = model.render(batch.camera, batch.background)
+        terms = {"photometric": photometric(rendering.color, target, training.loss)}
+        terms |= {name: penalty(model) for name, penalty in training.penalties.items()}
+        torch.stack(list(terms.values())).sum().backward()
+        optimizer.step(step)
+        for strategy in training.strategies:
+            strategy.update(step, model, optimizer, rendering)
+        training.step = step
+        yield Progress(step, {name: term.detach() for name, term in terms.items()}, batch, rendering, target)
+
+
+def _below(state: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): tensor for name, tensor in state.items() if name.startswith(prefix)}

@@ -1,0 +1,23 @@
+"""The only list of methods: name on the command line -> preset. Torch-free."""
+
+from difflib import get_close_matches
+from typing import Any
+
+from ringlight.errors import RecipeError
+from ringlight.methods.ringlight import PAPER, RingLightRecipe
+from ringlight.methods.three_dgs import ThreeDGSRecipe
+
+METHODS: dict[str, Any] = {
+    "ringlight": RingLightRecipe(),
+    "ringlight-paper": PAPER,
+    "3dgs": ThreeDGSRecipe(),
+}
+
+
+def method_named(name: str) -> Any:
+    """The preset called ``name``; raises RecipeError with the nearest names."""
+    if name in METHODS:
+        return METHODS[name]
+    near = get_close_matches(name, METHODS, n=1)
+    hint = f"perhaps you meant {near[0]!r}" if near else f"known methods: {', '.join(METHODS)}"
+    raise RecipeError(f"no method is called {name!r}; {hint}")

@@ -1,0 +1,88 @@
+"""3D Gaussian Splatting: the yardstick.
+
+Kerbl, Kopanas, Leimkühler, Drettakis: 3D Gaussian Splatting for Real-Time Radiance Field Rendering, SIGGRAPH 2023.
+Written from the paper; the rasterizer's numbers are gsplat's (see rasterize/convention.py).
+"""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ringlight.fit.photometric import PhotometricLoss
+from ringlight.fit.rates import Adam, GaussianRates, Rate
+from ringlight.fit.strategies.densify_settings import DensifySettings
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.core.gaussians import Gaussians
+    from ringlight.core.scene import Scene
+    from ringlight.fit.train import Training
+    from ringlight.models.splats import SplatModel
+    from ringlight.rasterize.contract import Rasterizer
+
+DEGREE_SHARE = 7
+"""In short runs the SH degree rises every seventh of the run, so that degree 3 has most of it to learn."""
+
+
+@dataclass(frozen=True)
+class ThreeDGSRecipe:
+    """3D Gaussian Splatting (Kerbl et al. 2023): colour as spherical harmonics of each Gaussian."""
+
+    steps: int = 30_000
+    """Training steps, one photograph each."""
+    sh_degree: int = 3
+    """Degree of the spherical harmonics, 0 to 3."""
+    sh_every: int = 1000
+    """Steps after which one more degree is switched on (a seventh of the run if that is less)."""
+    sh_rate: float = 2.5e-3
+    """Learning rate of the constant coefficients."""
+    sh_rest_rate: float = 1.25e-4
+    """Learning rate of the view-dependent coefficients."""
+    antialiased: bool = False
+    """Rasterize with the opacity compensation of Mip-Splatting."""
+    rates: GaussianRates = field(default_factory=GaussianRates)
+    """Learning rates of the geometry."""
+    densify: DensifySettings = field(default_factory=DensifySettings)
+    """Adaptive density control."""
+    loss: PhotometricLoss = field(default_factory=PhotometricLoss)
+    """What is compared with the photographs."""
+
+    def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
+        from ringlight.color.harmonics import SphericalHarmonics
+        from ringlight.models.splats import SplatModel
+        from ringlight.rasterize.contract import RasterOptions
+        from ringlight.shade.passthrough import PassThrough
+
+        options = RasterOptions(antialiased=self.antialiased)
+        return SplatModel(gaussians, SphericalHarmonics(self.sh_degree), PassThrough(), rasterize, options)
+
+    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        from ringlight.color.harmonics import SphericalHarmonics
+        from ringlight.data.batches import ImageBatches
+        from ringlight.fit.optimizer import Optimizer
+        from ringlight.fit.strategies.densify import Densify
+        from ringlight.fit.strategies.unlock import Unlock
+        from ringlight.fit.train import Training
+        from ringlight.models.initial import gaussians_from_points
+
+        gaussians = gaussians_from_points(scene.points, SphericalHarmonics(self.sh_degree))
+        model = self.model(gaussians, scene.box, rasterize)
+        groups = self.rates.groups(scene.extent) | {
+            "columns.sh_dc": Adam(Rate.constant(self.sh_rate)),
+            "columns.sh_rest": Adam(Rate.constant(self.sh_rest_rate)),
+        }
+        every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
+        degrees = {degree * every: degree for degree in range(1, self.sh_degree + 1)}
+        white = scene.background == "white"
+        return Training(
+            model=model,
+            batches=ImageBatches(scene, seed),
+            loss=self.loss,
+            optimizer=Optimizer(model, groups, self.steps),
+            strategies=(
+                Unlock("color.active_degree", degrees),
+                Densify(self.densify, scene.extent, self.steps, seed, white),
+            ),
+            steps=self.steps,
+        )

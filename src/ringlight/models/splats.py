@@ -1,0 +1,97 @@
+"""A splat model: a table of Gaussians, a colour model that says what each emits, a shader, and a rasterizer."""
+
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.color.contract import ColorModel
+from ringlight.core.camera import Camera
+from ringlight.core.directions import normalize, shortest_axes
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import OPACITY_FACTOR, Channels, Rendering
+from ringlight.rasterize.contract import Rasterizer, RasterOptions
+from ringlight.shade.contract import Shader
+
+# Alpha below which a pixel shows no surface: blended depth and normals are divided by at least this.
+FAINTEST_SURFACE = 1e-4
+
+COLUMNS_PREFIX = "columns."
+"""Tensors below this name have one row a Gaussian."""
+
+
+class SplatModel(nn.Module):
+    """Anything splatted. One name per tensor everywhere: ``columns.means``, ``color.ring...``, ``shader...``."""
+
+    def __init__(
+        self,
+        gaussians: Gaussians,
+        color: ColorModel,
+        shader: Shader,
+        rasterize: Rasterizer,
+        options: RasterOptions = RasterOptions(),
+    ):
+        super().__init__()
+        self.columns = nn.ParameterDict({name: nn.Parameter(tensor) for name, tensor in gaussians.columns().items()})
+        self.color, self.shader = color, shader
+        self.rasterize, self.options = rasterize, options
+
+    @property
+    def gaussians(self) -> Gaussians:
+        """The table, sharing memory with the parameters."""
+        return Gaussians.from_columns(dict(self.columns.items()))
+
+    def __len__(self) -> int:
+        return len(self.columns["means"])
+
+    def load_columns(self, columns: Mapping[str, Tensor]) -> None:
+        """Take these columns, of any number of rows, in place of the present ones."""
+        for name, tensor in columns.items():
+            self.columns[name] = nn.Parameter(tensor.detach().clone())
+
+    def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+        """One image over ``background``."""
+        gaussians = self.gaussians
+        channels = dict(self.color.channels(gaussians, camera))
+        factor = channels.pop(OPACITY_FACTOR, None)
+        rendering = self._blend(gaussians, channels, factor, camera, background)
+        return Rendering(
+            self.shader.shade(rendering.buffers, camera), rendering.alpha, rendering.buffers, rendering.raster
+        )
+
+    @torch.no_grad()
+    def layers(self, camera: Camera) -> Channels:
+        """What the picture is made of, over black, [H W c] by name.
+
+        Always "alpha" 1, "depth" 1 (camera z of the surface, 0 where there is none) and "normal" 3 (unit, world,
+        towards the camera; 0 where there is none); the colour model adds its own ("base", "residual", ...).
+        """
+        gaussians = self.gaussians
+        factor = self.color.channels(gaussians, camera).get(OPACITY_FACTOR)
+        channels = dict(self.color.layers(gaussians, camera))
+        channels["depth"] = camera.depths(gaussians.means)[:, None]
+        channels["normal"] = shortest_axes(gaussians, camera.position)
+        rendering = self._blend(gaussians, channels, factor, camera, torch.zeros(3))
+        buffers = dict(rendering.buffers)
+        surface = rendering.alpha > FAINTEST_SURFACE
+        buffers["depth"] = torch.where(surface, buffers["depth"] / rendering.alpha.clamp_min(FAINTEST_SURFACE), 0)
+        buffers["normal"] = normalize(buffers["normal"])
+        return buffers | {"alpha": rendering.alpha}
+
+    def _blend(
+        self,
+        gaussians: Gaussians,
+        channels: Channels,
+        factor: Float[Tensor, "N 1"] | None,
+        camera: Camera,
+        background: Float[Tensor, "3"],
+    ) -> Rendering:
+        """Blend all channels in one pass; the background applies to "rgb" only."""
+        widths = [values.shape[-1] for values in channels.values()]
+        behind = [background if name == "rgb" else torch.zeros(w) for name, w in zip(channels, widths, strict=True)]
+        values = torch.cat(list(channels.values()), -1) if len(channels) > 1 else next(iter(channels.values()))
+        opacity_factor = None if factor is None else factor[:, 0]
+        raster = self.rasterize(gaussians, values, camera, torch.cat(behind), self.options, opacity_factor)
+        buffers = dict(zip(channels, raster.image.split(widths, -1), strict=True))
+        return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)
