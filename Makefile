@@ -1,0 +1,34 @@
+# Two commands do everything on a fresh machine with Python >= 3.10, a C++ compiler and make:
+#   make demo    train ringlight and 3dgs on the bundled chrome toaster, print the table, write the contact sheet
+#   make test    run the tests
+# Both set up .venv first; a second call sets nothing up again.
+SHELL := /bin/sh
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ringlight-installed
+BUILT_FROM := pyproject.toml constraints.txt CMakeLists.txt cmake/write_convention.py \
+	src/ringlight/rasterize/convention.py $(wildcard kernels/*.*pp kernels/isa/*.*pp kernels/bindings/*.*pp)
+WORKERS ?= 2
+
+.PHONY: setup demo test lint bench clean
+
+setup: $(STAMP)
+
+$(STAMP): $(BUILT_FROM) scripts/setup.sh
+	@PYTHON="$(PYTHON)" VENV="$(VENV)" STAMP="$(STAMP)" sh scripts/setup.sh
+
+demo: setup
+	@$(BIN)/ringlight demo
+
+test: setup
+	@$(BIN)/python -m pytest -n $(WORKERS)
+
+lint: setup
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
+
+bench: setup
+	@$(BIN)/ringlight bench raster && $(BIN)/ringlight bench color && $(BIN)/ringlight bench step
+
+clean:
+	rm -rf $(VENV) build

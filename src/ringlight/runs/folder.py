@@ -1,0 +1,65 @@
+"""Where a run keeps its files, and the rule that no run overwrites another."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ringlight.errors import RunError
+from ringlight.runs.record import RECORD_NAME
+
+MODEL_NAME = "model.safetensors"
+CHECKPOINT_NAME = "checkpoint.safetensors"
+REPORT_NAME = "report.json"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """``recipe.json``, ``checkpoint.safetensors``, ``model.safetensors``, ``report.json`` and ``images/``."""
+
+    path: Path
+
+    @property
+    def model(self) -> Path:
+        """The trained model."""
+        return self.path / MODEL_NAME
+
+    @property
+    def checkpoint(self) -> Path:
+        """Where the run can go on from."""
+        return self.path / CHECKPOINT_NAME
+
+    @property
+    def report(self) -> Path:
+        """The numbers."""
+        return self.path / REPORT_NAME
+
+    @property
+    def renders(self) -> Path:
+        """Test views as the model shows them, 8-bit PNG."""
+        return self.path / "images" / "test"
+
+    @property
+    def truths(self) -> Path:
+        """The same views as photographed, so that runs can be compared without the data set."""
+        return self.path / "images" / "truth"
+
+    @staticmethod
+    def create(path: Path) -> "RunFolder":
+        """A new, empty run folder. Raises RunError if it holds anything: nothing is ever overwritten."""
+        if (path / RECORD_NAME).exists():
+            raise RunError(
+                f"{path}: already holds a run; go on with it by 'ringlight train --resume {path}', or give --out NEW"
+            )
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise RunError(f"{path}: is not an empty folder; give another one with --out")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RunError(f"{path}: cannot be made ({error.strerror}); give another folder with --out") from None
+        return RunFolder(path)
+
+    @staticmethod
+    def open(path: Path) -> "RunFolder":
+        """An existing run folder. Raises RunError if there is none."""
+        if not path.is_dir():
+            raise RunError(f"{path}: no such run folder; give the folder that 'ringlight train' wrote (its --out)")
+        return RunFolder(path)

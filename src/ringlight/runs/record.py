@@ -1,0 +1,65 @@
+"""recipe.json: everything that decides a run's numbers. Torch-free."""
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RinglightError, RunError
+from ringlight.files.atomic import write_text_atomically
+from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
+from ringlight.methods.table import METHODS
+
+RECORD_NAME = "recipe.json"
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """What was asked for: the method's settings, the scene and how it was read, the seed, the back end."""
+
+    preset: str
+    recipe: Any
+    scene: Path
+    options: SceneOptions
+    seed: int
+    device: str
+    version: str
+
+    def write(self, folder: Path) -> None:
+        """Write recipe.json into the run folder, all or nothing."""
+        values = {
+            "preset": self.preset,
+            "recipe": recipe_to_dict(self.recipe),
+            "scene": str(self.scene),
+            "options": dataclasses.asdict(self.options),
+            "seed": self.seed,
+            "device": self.device,
+            "version": self.version,
+        }
+        write_text_atomically(folder / RECORD_NAME, json.dumps(values, indent=2) + "\n")
+
+    @staticmethod
+    def read(folder: Path) -> "RunRecord":
+        """The record of a run folder. Raises RunError for one that is missing, damaged or of an unknown method."""
+        path = folder / RECORD_NAME
+        try:
+            values = json.loads(path.read_text(encoding="utf-8"))
+            kind = type(METHODS[values["preset"]])
+            return RunRecord(
+                preset=values["preset"],
+                recipe=recipe_from_dict(kind, values["recipe"], str(path)),
+                scene=Path(values["scene"]),
+                options=SceneOptions(**values["options"]),
+                seed=int(values["seed"]),
+                device=str(values["device"]),
+                version=str(values["version"]),
+            )
+        except FileNotFoundError:
+            raise RunError(f"{folder}: holds no run ({RECORD_NAME} is missing); give a folder that train made") from None
+        except RinglightError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise RunError(f"{path}: cannot be understood ({reason}); start the run again with --out NEW") from None

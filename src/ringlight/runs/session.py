@@ -1,0 +1,99 @@
+"""One training run on disk: starts or resumes, saves, and ends with a model and a report."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import ringlight
+from ringlight.core.scene import Scene
+from ringlight.data.load import load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RunError
+from ringlight.files.tensor_file import read_tensors, write_tensors
+from ringlight.fit.train import Progress, Training, train
+from ringlight.methods.store import model_header, save_model, scene_facts
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.folder import RunFolder
+from ringlight.runs.record import RunRecord
+
+
+@dataclass
+class Clock:
+    """Seconds spent in training steps, without loading, evaluation and saving; resumed runs add up."""
+
+    wall: float = 0.0
+    cpu: float = 0.0
+
+
+class Session:
+    """Iterate over :meth:`steps` to train; stop asking to pause; :meth:`save` whenever you like."""
+
+    def __init__(self, folder: RunFolder, record: RunRecord, scene: Scene, training: Training, clock: Clock):
+        self.folder, self.record, self.scene = folder, record, scene
+        self.training, self.clock = training, clock
+        self._saved_at = -1
+
+    @staticmethod
+    def start(
+        out: Path, scene_path: Path, preset: str, recipe: Any, options: SceneOptions, seed: int, device: str
+    ) -> "Session":
+        """A new run. Everything that can be wrong with the request is found before the folder is made."""
+        record = RunRecord(preset, recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
+        scene = load_scene(scene_path, options)
+        training = recipe.build(scene, rasterizer_for(device), seed)
+        folder = RunFolder.create(out)
+        record.write(folder.path)
+        return Session(folder, record, scene, training, Clock())
+
+    @staticmethod
+    def resume(path: Path) -> "Session":
+        """Go on with a run where its last checkpoint was written, with the same bits as if it had never stopped.
+
+        Raises RunError if there is no checkpoint, ModelFileError if it is damaged.
+        """
+        folder = RunFolder.open(path)
+        record = RunRecord.read(path)
+        if not folder.checkpoint.exists():
+            raise RunError(f"{path}: has no checkpoint yet; start it again with --out NEW")
+        stored = read_tensors(folder.checkpoint)
+        scene = load_scene(record.scene, record.options)
+        training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
+        try:
+            training.restore(stored.tensors)
+        except (KeyError, RuntimeError, ValueError) as error:
+            raise RunError(
+                f"{folder.checkpoint}: does not fit {folder.path / 'recipe.json'} ({type(error).__name__}); "
+                "it was written by another version of ringlight: start again with --out NEW"
+            ) from None
+        clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
+        return Session(folder, record, scene, training, clock)
+
+    def steps(self) -> Iterator[Progress]:
+        """The training steps that remain; the clock runs only while a step runs."""
+        steps = train(self.training)
+        while True:
+            wall, cpu = time.perf_counter(), time.process_time()
+            progress = next(steps, None)
+            self.clock.wall += time.perf_counter() - wall
+            self.clock.cpu += time.process_time() - cpu
+            if progress is None:
+                return
+            yield progress
+
+    def save(self) -> None:
+        """Write the checkpoint and the model as it is now; nothing if that has been done at this step."""
+        if self._saved_at == self.training.step:
+            return
+        seconds = {"wall_seconds": repr(self.clock.wall), "cpu_seconds": repr(self.clock.cpu)}
+        write_tensors(self.folder.checkpoint, self.training.state(), {"program": "ringlight checkpoint"} | seconds)
+        self.save_model()
+        self._saved_at = self.training.step
+
+    def save_model(self, metrics: dict[str, object] | None = None) -> None:
+        """Write the model file, with the test views' numbers if there are any."""
+        header = model_header(
+            self.record.preset, self.record.recipe, self.training.step, scene_facts(self.scene), metrics
+        )
+        save_model(self.folder.model, self.training.model, header)
