@@ -1,0 +1,38 @@
+"""Which Gaussians a rasterizer could draw, so that a costly colour is evaluated for those only."""
+
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+
+# Standard deviations beyond which no rasterizer draws: more than the 3.33 that all of ours cut at.
+REACH_SIGMAS = 3.5
+# Pixels beyond the Gaussian's own reach, for the low-pass filter: 3.33 sqrt(0.3) is 1.8.
+REACH_PIXELS = 4.0
+# Rasterizers clamp x/z and y/z to 1.3 times the half field of view in the affine approximation; 1.5 bounds it.
+SLOPE_MARGIN = 1.5
+
+
+@torch.no_grad()
+def in_frustum(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "N"]:
+    """False only for rows that fall outside the image or behind the camera, whatever their orientation.
+
+    The projected standard deviation is at most the largest scale times the Frobenius norm of the projection's
+    Jacobian. Rows with a non-finite centre are False.
+    """
+    matrix = camera.world_to_camera.to(gaussians.means)
+    x, y, z = torch.addmm(matrix[:3, 3], gaussians.means, matrix[:3, :3].T).unbind(-1)
+    inverse = 1 / z
+    slope_x, slope_y = x * inverse, y * inverse
+    (fx, fy), (cx, cy) = camera.focal, camera.center
+    steepest_x = SLOPE_MARGIN * max(cx, camera.width - cx) / fx
+    steepest_y = SLOPE_MARGIN * max(cy, camera.height - cy) / fy
+    clamped_x = slope_x.clamp(-steepest_x, steepest_x)
+    clamped_y = slope_y.clamp(-steepest_y, steepest_y)
+    jacobian = inverse * (fx * fx * (1 + clamped_x * clamped_x) + fy * fy * (1 + clamped_y * clamped_y)).sqrt()
+    reach = REACH_SIGMAS * gaussians.log_scales.amax(-1).exp() * jacobian + REACH_PIXELS
+    off_x = (fx * slope_x + cx - camera.width / 2).abs() - camera.width / 2
+    off_y = (fy * slope_y + cy - camera.height / 2).abs() - camera.height / 2
+    return (z > 0) & (off_x <= reach) & (off_y <= reach)

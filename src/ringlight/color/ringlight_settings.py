@@ -1,0 +1,35 @@
+"""Settings of the RingLight colour model; free of torch, so that the command line can print them at once."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from ringlight.errors import RecipeError
+from ringlight.fields.ring_settings import RingSettings
+
+
+@dataclass(frozen=True)
+class RingLightSettings:
+    """Base colour per Gaussian plus a residual from the shared light field (RingLight-GS, section 3.2)."""
+
+    ring: RingSettings = field(default_factory=RingSettings)
+    """The neural tensor ring that makes the appearance features."""
+    render_hidden: int = 128
+    """Width of the two hidden layers that turn features into a residual colour."""
+    modulation_hidden: int = 128
+    """Width of the hidden layer that makes the light modulation of direction and features."""
+    light_modulation: bool = True
+    """Feed the light modulation to the residual's network; False is the paper's ablation (appendix B)."""
+    evaluation: Literal["tabulated", "exact"] = "tabulated"
+    """Heads read from tables (fast), or run at every Gaussian (the slow twin). A model belongs to the one it was
+    trained with."""
+    mask: bool = True
+    """Learn a visibility mask per Gaussian (eq. 10)."""
+    mask_threshold: float = 0.01
+    """Gaussians whose mask's sigmoid is at or below this are not drawn."""
+
+    def __post_init__(self) -> None:
+        for name in ("render_hidden", "modulation_hidden"):
+            if getattr(self, name) < 1:
+                raise RecipeError(f"color.{name} is {getattr(self, name)}; give at least 1.")
+        if not 0 <= self.mask_threshold < 1:
+            raise RecipeError(f"color.mask_threshold is {self.mask_threshold}; a sigmoid lies between 0 and 1.")

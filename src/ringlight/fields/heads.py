@@ -1,0 +1,61 @@
+"""The ring's neural heads: networks that make an R x R matrix of a coordinate or of a direction.
+
+A head is a function of one or two numbers only, so it can be run once on fixed nodes and interpolated: a table.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.fields.encoding import encoded_width, fourier_features
+from ringlight.fields.networks import PerceptronStack
+from ringlight.fields.ring_settings import RingSettings
+from ringlight.fields.tables import axis_nodes, octahedral_nodes
+
+AXES = 3
+
+
+class AxisHeads(nn.Module):
+    """f_x, f_y and f_z: each sees its own coordinate only."""
+
+    nodes: Tensor
+
+    def __init__(self, settings: RingSettings, generator: torch.Generator):
+        super().__init__()
+        hidden = settings.head_hidden
+        widths = (encoded_width(1, settings.bands), hidden, hidden, settings.rank**2)
+        self.networks = PerceptronStack(AXES, widths, generator)
+        self.bands = settings.bands
+        encoded = fourier_features(axis_nodes(settings.position_nodes)[:, None], settings.bands)
+        self.register_buffer("nodes", encoded.expand(AXES, -1, -1), persistent=False)
+
+    def forward(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "3 N D"]:
+        """The matrices at points of [-1, 1]^3, rows first, D = R^2."""
+        return self.networks(fourier_features(points.T[..., None], self.bands))
+
+    def table(self) -> Float[Tensor, "3 K D"]:
+        """The matrices at the K nodes of each axis."""
+        return self.networks(self.nodes)
+
+
+class DirectionHead(nn.Module):
+    """f_v: a unit direction to a matrix."""
+
+    nodes: Tensor
+
+    def __init__(self, settings: RingSettings, generator: torch.Generator):
+        super().__init__()
+        hidden = settings.head_hidden
+        widths = (encoded_width(3, settings.view_bands), hidden, hidden, settings.rank**2)
+        self.networks = PerceptronStack(1, widths, generator)
+        self.bands = settings.view_bands
+        encoded = fourier_features(octahedral_nodes(settings.view_nodes), settings.view_bands)
+        self.register_buffer("nodes", encoded[None], persistent=False)
+
+    def forward(self, directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N D"]:
+        """The matrices for unit directions, rows first, D = R^2."""
+        return self.networks(fourier_features(directions, self.bands)[None])[0]
+
+    def table(self) -> Float[Tensor, "K D"]:
+        """The matrices at the nodes of the octahedral map, row j * side + i for node (i, j)."""
+        return self.networks(self.nodes)[0]

@@ -1,0 +1,39 @@
+"""Settings of the neural tensor ring; free of torch, so that the command line can print them at once."""
+
+from dataclasses import dataclass
+
+from ringlight.errors import RecipeError
+
+
+@dataclass(frozen=True)
+class RingSettings:
+    """The neural tensor ring over (x, y, z, v): a_c = Trace(H_x(x) H_y(y) H_z(z) H_v(v) G_c)."""
+
+    rank: int = 16
+    """Rows and columns R of every matrix in the ring."""
+    features: int = 48
+    """Channels C of the appearance feature."""
+    bands: int = 10
+    """Fourier bands of each position coordinate."""
+    view_bands: int = 10
+    """Fourier bands of each component of the viewing direction."""
+    head_hidden: int = 128
+    """Width of the two hidden layers of each head."""
+    position_nodes: int = 1024
+    """Nodes K at which the position heads are tabulated on [-1, 1]; part of the model, because the highest band
+    is coarser than the nodes resolve: a field trained at one K and read at another is a different field."""
+    view_nodes: int = 32
+    """Nodes on each side of the octahedral map at which the direction head is tabulated; part of the model too."""
+    core_scale: float = 0.1
+    """Standard deviation of the channel core at the start."""
+
+    def __post_init__(self) -> None:
+        for name in ("rank", "features", "head_hidden"):
+            if getattr(self, name) < 1:
+                raise RecipeError(f"ring.{name} is {getattr(self, name)}; give at least 1.")
+        for name in ("bands", "view_bands"):
+            if getattr(self, name) < 0:
+                raise RecipeError(f"ring.{name} is {getattr(self, name)}; give 0 (no Fourier features) or more.")
+        for name in ("position_nodes", "view_nodes"):
+            if getattr(self, name) < 2:
+                raise RecipeError(f"ring.{name} is {getattr(self, name)}; interpolation needs at least 2 nodes.")

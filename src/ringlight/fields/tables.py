@@ -1,0 +1,47 @@
+"""Rows of a table between its nodes: linear on [-1, 1], bilinear on the octahedral square.
+
+The first and last node lie on the ends, -1 and 1. On an octahedral map the edge nodes of both halves of an edge
+then stand for the same directions, so that a tabulated function is continuous over the seams.
+"""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ringlight.core.directions import directions_from_octahedral
+
+
+def axis_nodes(count: int) -> Float[Tensor, "K"]:
+    """Evenly spaced coordinates from -1 to 1."""
+    return torch.linspace(-1, 1, count)
+
+
+def octahedral_nodes(side: int) -> Float[Tensor, "K 3"]:
+    """Unit directions of a side x side map, K = side^2; node (i, j) of the square's axes is row j * side + i."""
+    axis = axis_nodes(side)
+    second, first = torch.meshgrid(axis, axis, indexing="ij")
+    return directions_from_octahedral(torch.stack([first, second], -1).flatten(0, 1))
+
+
+def _cells(coordinates: Float[Tensor, "N"], count: int) -> tuple[Int[Tensor, "N"], Float[Tensor, "N 1"]]:
+    """The node at or below each coordinate, and how far to the next one, in [0, 1]."""
+    position = (coordinates.clamp(-1, 1) + 1) * (0.5 * (count - 1))
+    cell = position.detach().long().clamp(max=count - 2)
+    return cell, (position - cell)[:, None]
+
+
+def between_nodes(table: Float[Tensor, "K D"], coordinates: Float[Tensor, "N"]) -> Float[Tensor, "N D"]:
+    """Linear interpolation at coordinates in [-1, 1]; outside, the end rows."""
+    cell, fraction = _cells(coordinates, len(table))
+    return torch.lerp(table[cell], table[cell + 1], fraction)
+
+
+def between_map_nodes(table: Float[Tensor, "K D"], uv: Float[Tensor, "N 2"]) -> Float[Tensor, "N D"]:
+    """Bilinear interpolation on a square map with K = side^2 rows, at (u, v) in [-1, 1]^2."""
+    side = round(len(table) ** 0.5)
+    column, across = _cells(uv[:, 0], side)
+    row, down = _cells(uv[:, 1], side)
+    corner = row * side + column
+    upper = torch.lerp(table[corner], table[corner + 1], across)
+    lower = torch.lerp(table[corner + side], table[corner + side + 1], across)
+    return torch.lerp(upper, lower, down)

@@ -1,0 +1,123 @@
+import pytest
+import torch
+
+from ringlight.color.ringlight import RingLight
+from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.scene import PointCloud
+from ringlight.errors import RecipeError
+from ringlight.fields.ring_settings import RingSettings
+
+RING = RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8)
+SMALL = RingLightSettings(ring=RING, render_hidden=16, modulation_hidden=12)
+BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
+
+
+def camera() -> Camera:
+    pose = torch.eye(4)
+    pose[2, 3] = 4.0
+    return Camera(pose, (60.0, 60.0), (32.0, 32.0), 64, 64)
+
+
+def table(model: RingLight, count: int = 200, seed: int = 0, spread: float = 0.5) -> Gaussians:
+    generator = torch.Generator().manual_seed(seed)
+    positions = torch.randn(count, 3, generator=generator) * spread
+    columns = model.new_columns(PointCloud(positions, torch.rand(count, 3, generator=generator)))
+    appearance = {name: column.requires_grad_() for name, column in columns.items()}
+    return Gaussians(positions, torch.full((count, 3), -4.0), torch.randn(count, 4), torch.zeros(count), appearance)
+
+
+def test_new_columns_reproduce_the_colours():
+    model = RingLight(SMALL, BOX)
+    colors = torch.tensor([[0.0, 1.0, 0.5], [0.25, 0.75, 0.1]])
+    columns = model.new_columns(PointCloud(torch.zeros(2, 3), colors))
+    assert set(columns) == {"base", "mask_logits"}
+    back = columns["base"].sigmoid()
+    assert torch.equal((back * 255).round(), (colors * 255).round())
+    torch.testing.assert_close(back[1], colors[1])
+    assert columns["mask_logits"].tolist() == [1.0, 1.0]
+
+
+def test_warm_up_shows_the_base_colour_and_leaves_the_field_alone():
+    model = RingLight(SMALL, BOX)
+    model.lit.fill_(False)
+    gaussians = table(model)
+    channels = model.channels(gaussians, camera())
+    assert torch.equal(channels["rgb"], gaussians.appearance["base"].sigmoid())
+    channels["rgb"].sum().backward()
+    assert all(parameter.grad is None for parameter in model.parameters())
+    layers = model.layers(gaussians, camera())
+    assert not layers["residual"].any()
+    assert not layers["modulation"].any()
+
+
+def test_rows_outside_the_frustum_keep_their_base_colour():
+    model = RingLight(SMALL, BOX)
+    gaussians = table(model, spread=3.0)
+    rgb = model.channels(gaussians, camera())["rgb"]
+    base = gaussians.appearance["base"].sigmoid()
+    behind = camera().depths(gaussians.means) < 0
+    assert behind.any()
+    torch.testing.assert_close(rgb[behind], base[behind], rtol=0, atol=1e-6)
+    rgb[behind].sum().backward()
+    assert all(parameter.grad is None or not parameter.grad.any() for parameter in model.parameters())
+
+
+@pytest.mark.parametrize("evaluation", ["tabulated", "exact"])
+@pytest.mark.parametrize("light_modulation", [True, False])
+def test_every_parameter_learns(evaluation, light_modulation):
+    chosen = RingLightSettings(
+        ring=RING, render_hidden=16, modulation_hidden=12, evaluation=evaluation, light_modulation=light_modulation
+    )
+    model = RingLight(chosen, BOX)
+    gaussians = table(model)
+    channels = model.channels(gaussians, camera())
+    (channels["rgb"].square().sum() + channels["opacity_factor"].sum()).backward()
+    for name, parameter in model.named_parameters():
+        assert parameter.grad is not None, name
+        assert parameter.grad.any(), name
+    for name, column in gaussians.appearance.items():
+        assert column.grad is not None, name
+        assert column.grad.any(), name
+
+
+def test_layers_add_up_to_the_colour():
+    model = RingLight(SMALL, BOX)
+    gaussians = table(model)
+    with torch.no_grad():
+        rgb = model.channels(gaussians, camera())["rgb"]
+    layers = model.layers(gaussians, camera())
+    torch.testing.assert_close(rgb, (layers["base"] + layers["residual"]).clamp(0, 1), rtol=0, atol=1e-6)
+    assert ((layers["modulation"] >= 0) & (layers["modulation"] <= 1)).all()
+
+
+def test_positions_outside_the_box_are_clamped():
+    model = RingLight(SMALL, BOX)
+    points = model.unit_points(torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3], [50.0, -50.0, 0.2]]))
+    torch.testing.assert_close(points[:2], torch.tensor([[-1.0] * 3, [1.0] * 3]))
+    torch.testing.assert_close(points[2], torch.tensor([1.0, -1.0, 0.0]))
+
+
+def test_tables_are_kept_while_nothing_changes_and_follow_every_change():
+    model = RingLight(SMALL, BOX)
+    gaussians = table(model)
+    with torch.no_grad():
+        first = model.tables()
+        assert model.tables() is first
+        before = model.channels(gaussians, camera())["rgb"]
+        # Through numpy, as the kernels write: torch's version counter does not see it.
+        model.ring.core.numpy()[:] *= -3.0
+        assert model.tables() is not first
+        after = model.channels(gaussians, camera())["rgb"]
+        fresh = RingLight(SMALL, BOX)
+        fresh.load_state_dict(model.state_dict())
+        torch.testing.assert_close(after, fresh.channels(gaussians, camera())["rgb"])
+    assert not torch.equal(before, after)
+
+
+def test_settings_that_cannot_work_are_refused():
+    with pytest.raises(RecipeError, match="mask_threshold"):
+        RingLightSettings(mask_threshold=1.0)
+    with pytest.raises(RecipeError, match=r"ring\.rank"):
+        RingSettings(rank=0)
