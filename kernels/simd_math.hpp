@@ -1,0 +1,56 @@
+// Functions of a Vec that are written once for every instruction set. Included by simd.hpp only.
+#pragma once
+
+namespace ringlight::RINGLIGHT_ISA {
+
+RINGLIGHT_INLINE Vec operator-(Vec a) { return Vec(0.f) - a; }
+RINGLIGHT_INLINE Vec& operator+=(Vec& a, Vec b) { return a = a + b; }
+
+// On where a is neither infinite nor NaN: 0 a is then 0, and NaN otherwise.
+RINGLIGHT_INLINE Mask is_finite(Vec a) { return ge(a * Vec(0.f), Vec(0.f)); }
+
+// Value of a polynomial, coefficients from the constant upwards (Horner).
+template <int Count>
+RINGLIGHT_INLINE Vec polynomial(Vec x, const float (&coefficients)[Count]) {
+  Vec value(coefficients[Count - 1]);
+#pragma GCC unroll 16
+  for (int i = Count - 2; i >= 0; i--) value = fma(value, x, Vec(coefficients[i]));
+  return value;
+}
+
+// 2^x with relative error below 2.7e-6: minimax polynomial of degree 4 for the fraction. For inner loops.
+// The caller keeps x in [-126, 127] or ignores the lanes that are not.
+RINGLIGHT_INLINE Vec exp2_fast(Vec x) {
+  static const float coefficients[] = {1.0000026226043701f, 0.6930038332939148f, 0.2414427548646927f,
+                                       0.05201146751642227f, 0.013534165918827057f};
+  const Vec whole = floor(x);
+  return scale_by_power(polynomial(x - whole, coefficients), whole);
+}
+
+// e^x to about 2 ulp. x is clamped to +-87, where the result is still a normal number; NaN stays NaN.
+RINGLIGHT_INLINE Vec exp(Vec x) {
+  // Taylor series up to x^7 / 7!: |remainder| < 6e-9 for |x| <= ln(2) / 2.
+  static const float coefficients[] = {1.f, 1.f, 1.f / 2, 1.f / 6, 1.f / 24, 1.f / 120, 1.f / 720, 1.f / 5040};
+  const Vec clamped = max(Vec(-87.f), min(Vec(87.f), x));  // in this order min and max hand a NaN on
+  const Vec whole = round(clamped * Vec(1.44269504f));
+  // ln 2 in two parts, so that the product with `whole` is exact in the first (Cody & Waite).
+  const Vec fraction = fnma(whole, Vec(-2.12194440e-4f), fnma(whole, Vec(0.693359375f), clamped));
+  return scale_by_power(polynomial(fraction, coefficients), whole);
+}
+
+// 1 / (1 + e^-x) to about 2 ulp.
+RINGLIGHT_INLINE Vec sigmoid(Vec x) { return Vec(1.f) / (Vec(1.f) + exp(-x)); }
+
+// log2(x) to about 2 ulp (absolute error below 2e-7 near 1), for positive normal x.
+RINGLIGHT_INLINE Vec log2(Vec x) {
+  const Vec raw = mantissa(x);
+  const Mask upper = gt(raw, Vec(1.41421356f));  // centre the mantissa on 1: [0.707, 1.414]
+  const Vec centred = select(upper, raw * Vec(0.5f), raw);
+  const Vec whole = exponent(x) + keep(upper, Vec(1.f));
+  // log2(m) = 2 / ln(2) atanh(s), s = (m - 1) / (m + 1), |s| < 0.172: terms up to s^9.
+  static const float coefficients[] = {2.885390082f, 0.961796694f, 0.577078016f, 0.412198583f, 0.320598898f};
+  const Vec s = (centred - Vec(1.f)) / (centred + Vec(1.f));
+  return fma(s, polynomial(s * s, coefficients), whole);
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA
