@@ -36,6 +36,7 @@ class RingLight(nn.Module):
 
     box: Tensor
     lit: Tensor
+    training_columns = (MASK,)
 
     def __init__(self, settings: RingLightSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()
@@ -61,7 +62,7 @@ class RingLight(nn.Module):
         """
         base = gaussians.appearance[BASE]
         channels: Channels = {"rgb": self._emitted(gaussians, camera) if self.lit else base.sigmoid()}
-        if self.settings.mask:
+        if MASK in gaussians.appearance:
             channels[OPACITY_FACTOR] = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)
         return channels
 
@@ -78,6 +79,13 @@ class RingLight(nn.Module):
             lit = self._shaded(gaussians, camera, visible)
             residual[visible], modulation[visible] = lit.residual, lit.modulation
         return {"base": base, "residual": residual, "modulation": modulation}
+
+    @torch.no_grad()
+    def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
+        """Rows that the mask leaves visible; a table without masks, as model files hold it, is wanted whole."""
+        if MASK not in gaussians.appearance:
+            return torch.ones(len(gaussians), dtype=torch.bool)
+        return gaussians.appearance[MASK].sigmoid() > self.settings.mask_threshold
 
     def unit_points(self, means: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """World positions in the ring's coordinates: the box to [-1, 1]^3, clamped, detached."""

@@ -63,31 +63,27 @@ class RingLightRecipe:
     loss: PhotometricLoss = field(default_factory=lambda: PhotometricLoss(pixel="l2"))
     """What is compared with the photographs (equation 9)."""
 
-    def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
+    def model(
+        self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
+    ) -> "SplatModel":
         from ringlight.color.ringlight import RingLight
         from ringlight.models.splats import SplatModel
         from ringlight.rasterize.contract import RasterOptions
         from ringlight.shade.passthrough import PassThrough
 
         options = RasterOptions(antialiased=self.antialiased)
-        return SplatModel(gaussians, RingLight(self.light, box), PassThrough(), rasterize, options)
+        return SplatModel(gaussians, RingLight(self.light, box, seed), PassThrough(), rasterize, options)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        import torch
-
         from ringlight.color.ringlight import RingLight
-        from ringlight.core.randomness import generator
         from ringlight.data.batches import ImageBatches
         from ringlight.fit.optimizer import Optimizer
         from ringlight.fit.train import Training
         from ringlight.models.initial import gaussians_from_points
 
-        with torch.random.fork_rng(devices=[]):
-            # The networks draw their first weights from torch's global stream: give it a state of its own.
-            torch.set_rng_state(generator(seed, 0, "networks").get_state())
-            color = RingLight(self.light, scene.box)
-            gaussians = gaussians_from_points(scene.points, color)
-            model = self.model(gaussians, scene.box, rasterize)
+        gaussians = gaussians_from_points(scene.points, RingLight(self.light, scene.box))
+        model = self.model(gaussians, scene.box, rasterize, seed)
+        model.get_buffer("color.lit").fill_(False)
         return Training(
             model=model,
             batches=ImageBatches(scene, seed),

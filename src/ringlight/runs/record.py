@@ -8,7 +8,7 @@ from typing import Any
 
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RinglightError, RunError
-from ringlight.files.atomic import write_text_atomically
+from ringlight.files.atomic import write_text
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import METHODS
 
@@ -38,7 +38,7 @@ class RunRecord:
             "device": self.device,
             "version": self.version,
         }
-        write_text_atomically(folder / RECORD_NAME, json.dumps(values, indent=2) + "\n")
+        write_text(folder / RECORD_NAME, json.dumps(values, indent=2) + "\n")
 
     @staticmethod
     def read(folder: Path) -> "RunRecord":
