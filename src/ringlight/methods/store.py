@@ -1,6 +1,7 @@
 """Models on disk: a model file is a recipe plus tensors."""
 
 import platform
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import torch
 
 import ringlight
+from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import Scene
 from ringlight.errors import ModelFileError
@@ -17,6 +19,9 @@ from ringlight.methods.table import METHODS
 from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
+CAMERAS_PREFIX = "cameras."
+"""Tensors below this name hold the training cameras; rendering does not need them."""
+
 
 @dataclass(frozen=True)
 class StoredModel:
@@ -24,6 +29,8 @@ class StoredModel:
 
     model: SplatModel
     header: ModelHeader
+    cameras: tuple[Camera, ...]
+    """The training cameras: paths and exports start from them."""
 
 
 def scene_facts(scene: Scene) -> SceneFacts:
@@ -72,9 +79,9 @@ def for_rendering(model: SplatModel) -> dict[str, torch.Tensor]:
     return tensors
 
 
-def save_model(path: Path, model: SplatModel, header: ModelHeader) -> None:
-    """Write the model as one safetensors file, all or nothing. Raises ModelFileError."""
-    write_model_file(path, for_rendering(model), header)
+def save_model(path: Path, model: SplatModel, header: ModelHeader, cameras: Sequence[Camera]) -> None:
+    """Write the model and its training cameras as one safetensors file, all or nothing. Raises OutputError."""
+    write_model_file(path, for_rendering(model) | tensors_from_cameras(cameras), header)
 
 
 def load_model(path: Path, rasterize: Rasterizer) -> StoredModel:
@@ -99,8 +106,27 @@ def load_model(path: Path, rasterize: Rasterizer) -> StoredModel:
     try:
         gaussians = Gaussians.from_columns(columns)
         model = recipe.model(gaussians, torch.tensor(stored.header.scene.box), rasterize)
-        model.load_state_dict(stored.tensors)
-    except (KeyError, RuntimeError) as error:
+        cameras = cameras_from_tensors(stored.tensors)
+        model.load_state_dict({name: t for name, t in stored.tensors.items() if not name.startswith(CAMERAS_PREFIX)})
+    except (KeyError, RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[-1].strip()
         raise ModelFileError(f"{path}: its tensors do not fit its recipe ({reason}); copy the file again") from None
-    return StoredModel(model.eval(), stored.header)
+    return StoredModel(model.eval(), stored.header, cameras)
+
+
+def tensors_from_cameras(cameras: Sequence[Camera]) -> dict[str, torch.Tensor]:
+    """World-to-camera matrices [M 4 4] and (focal x, y, centre x, y, width, height) [M 6], float32, in pixels."""
+    pinholes = [[*camera.focal, *camera.center, camera.width, camera.height] for camera in cameras]
+    return {
+        f"{CAMERAS_PREFIX}world_to_camera": torch.stack([camera.world_to_camera for camera in cameras]),
+        f"{CAMERAS_PREFIX}pinholes": torch.tensor(pinholes, dtype=torch.float32),
+    }
+
+
+def cameras_from_tensors(tensors: Mapping[str, torch.Tensor]) -> tuple[Camera, ...]:
+    """Inverse of :func:`tensors_from_cameras`. Raises KeyError or ValueError for tensors that are not that."""
+    matrices, pinholes = tensors[f"{CAMERAS_PREFIX}world_to_camera"], tensors[f"{CAMERAS_PREFIX}pinholes"]
+    if matrices.shape != (len(matrices), 4, 4) or pinholes.shape != (len(matrices), 6):
+        raise ValueError("the training cameras have another shape than [M 4 4] and [M 6]")
+    rows = zip(matrices.unbind(0), pinholes.tolist(), strict=True)
+    return tuple(Camera(m.contiguous(), (p[0], p[1]), (p[2], p[3]), int(p[4]), int(p[5])) for m, p in rows)

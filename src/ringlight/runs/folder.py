@@ -11,6 +11,11 @@ CHECKPOINT_NAME = "checkpoint.safetensors"
 REPORT_NAME = "report.json"
 
 
+def picture_name(view: str) -> str:
+    """File name of a test view's picture: views in subfolders stay apart, and all are PNG."""
+    return view.replace("/", "_").replace("\\", "_") + ".png"
+
+
 @dataclass(frozen=True)
 class RunFolder:
     """``recipe.json``, ``checkpoint.safetensors``, ``model.safetensors``, ``report.json`` and ``images/``."""

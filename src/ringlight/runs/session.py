@@ -96,4 +96,5 @@ class Session:
         header = model_header(
             self.record.preset, self.record.recipe, self.training.step, scene_facts(self.scene), metrics
         )
-        save_model(self.folder.model, self.training.model, header)
+        cameras = [view.camera for view in self.scene.train]
+        save_model(self.folder.model, self.training.model, header, cameras)

@@ -1,0 +1,105 @@
+"""The command ``ringlight``: verb, then the file or folder it acts on, then options.
+
+Results go to standard output, everything else to standard error; exit code 1 for wrong input, 2 for wrong usage.
+Each verb is a module of this folder, imported only when it is asked for: ``--help`` must not wait for torch.
+"""
+
+import errno
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from typing import NoReturn
+
+from ringlight import __version__
+from ringlight.errors import RinglightError
+
+WRONG_INPUT, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A command: the module that runs it, and one line of help."""
+
+    module: str
+    help: str
+
+
+VERBS = {
+    "demo": Verb("demo", "train on a bundled scene and compare with 3DGS: start here"),
+    "train": Verb("train", "learn a scene from a folder of posed photographs"),
+    "eval": Verb("evaluate", "measure a model on held-out photographs"),
+    "render": Verb("render", "pictures or video: test views, an orbit, a path; base colour, residual, depth, ..."),
+    "compare": Verb("compare", "several runs in one table and one contact sheet"),
+    "info": Verb("info", "what a model file or run folder holds"),
+    "export": Verb("export", "write a PLY that other viewers open"),
+    "bench": Verb("bench", "speed of the rasterizer, the colour field, a training step"),
+    "doctor": Verb("doctor", "check this machine and this installation"),
+    "fetch-lpips": Verb("fetch_lpips", "download the weights of the LPIPS measure"),
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run one verb and exit."""
+    # Before torch is imported: its idle OpenMP threads would spin on the cores that our kernels use.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    sys.exit(run(list(sys.argv[1:] if arguments is None else arguments)))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one verb; returns the exit code. A user's mistake is one sentence on standard error."""
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        sys.stdout.write(_overview())
+        return 0
+    if arguments[0] in ("-V", "--version"):
+        sys.stdout.write(f"ringlight {__version__}\n")
+        return 0
+    verb = VERBS.get(arguments[0])
+    if verb is None:
+        return _complain(f"no command is called {arguments[0]!r}; {_suggestion(arguments[0])}", WRONG_USAGE)
+    try:
+        return int(import_module(f"ringlight.cli.{verb.module}").main(arguments[1:]) or 0)
+    except RinglightError as error:
+        return _complain(str(error), WRONG_INPUT)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output has gone (``| head``): nothing is wrong and nobody is left to tell.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except MemoryError:
+        return _complain("not enough memory; try --downscale 2 or a smaller --densify.max-gaussians", WRONG_INPUT)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS):
+            raise
+        return _complain(f"{error.filename or 'output'}: {error.strerror}; choose another place with --out", WRONG_INPUT)
+
+
+def _complain(sentence: str, code: int) -> int:
+    sys.stderr.write(f"ringlight: {sentence}\n")
+    return code
+
+
+def _suggestion(word: str) -> str:
+    near = get_close_matches(word, VERBS, n=1)
+    return f"perhaps you meant 'ringlight {near[0]}'" if near else "see 'ringlight --help'"
+
+
+def _overview() -> str:
+    width = max(len(name) for name in VERBS)
+    lines = [
+        f"ringlight {__version__}: 3D scenes from photographs, as Gaussians lit by one shared neural light field.",
+        "",
+        "usage: ringlight COMMAND ...        (ringlight COMMAND --help explains one)",
+        "",
+        *(f"  {name:{width}}  {verb.help}" for name, verb in VERBS.items()),
+        "",
+        "first hour:",
+        "  ringlight demo                                 two methods on a chrome toaster, side by side",
+        "  ringlight train my-photos ringlight            your own scene (COLMAP, Blender or nerfstudio folder)",
+        "  ringlight render runs/my-photos-ringlight --path orbit",
+        "",
+    ]
+    return "\n".join(lines)

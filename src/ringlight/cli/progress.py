@@ -1,0 +1,114 @@
+"""What a person sees while a run trains: a live line on a terminal, a line every few seconds in a log."""
+
+import math
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+
+from ringlight.fit.train import Progress
+from ringlight.measure.metrics import psnr
+from ringlight.runs.session import Session
+
+if TYPE_CHECKING:
+    from ringlight.cli.train import ReaderOptions
+
+LIVE_SECONDS, LOG_SECONDS = 0.25, 10.0
+SMOOTHING = 0.8
+"""Share of the old value kept in the shown training PSNR, which jumps from photograph to photograph."""
+
+
+def announce(session: Session, quiet: bool) -> None:
+    """Say what is about to be trained on what, and where it goes."""
+    if quiet:
+        return
+    from ringlight import _kernels
+
+    scene, training = session.scene, session.training
+    camera = scene.train[0].camera
+    lines = [
+        f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
+        f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
+        *(f"  {note}" for note in scene.notes),
+        f"{training.steps} steps, seed {session.record.seed}, {len(training.model)} Gaussians to start with; "
+        f"{training.model.rasterize.name} rasterizer, {_kernels.isa()}, {_kernels.threads()} threads",
+        f"writing to {session.folder.path}",
+    ]
+    sys.stderr.write("\n".join(lines) + "\n")
+
+
+def show_steps(session: Session, options: "ReaderOptions", interrupted: list[bool]) -> None:
+    """Run the remaining steps, showing, measuring and saving on the way; returns early once ``interrupted`` fills."""
+    console = Console(stderr=True)
+    live = console.is_terminal and not options.quiet
+    every = LIVE_SECONDS if live else LOG_SECONDS
+    meter = _Meter(session)
+    with _bar(console, live) as bar:
+        task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="")
+        shown = saved = time.monotonic()
+        for progress in session.steps():
+            now = time.monotonic()
+            bar.update(task, completed=progress.step)
+            if now - shown >= every or progress.step in options.eval_at:
+                _show(bar, task, meter.line(progress), live, options.quiet)
+                shown = time.monotonic()
+            if progress.step in options.eval_at and not options.quiet:
+                console.print(f"step {progress.step}: {test_psnr(session):.2f} dB on the test views")
+            if now - saved >= options.save_every:
+                session.save()
+                saved = time.monotonic()
+            if interrupted:
+                return
+
+
+def test_psnr(session: Session) -> float:
+    """Mean PSNR over the test views, dB, of the model as it is now."""
+    from ringlight.measure.evaluate import evaluate
+
+    background = session.scene.background_color
+    model = session.training.model
+    return evaluate(lambda camera: model.render(camera, background), session.scene.test, background, lpips_nets=()).psnr
+
+
+class _Meter:
+    """Turns a step into the facts shown: speed, PSNR on training views, number of Gaussians, bytes."""
+
+    def __init__(self, session: Session):
+        self.session = session
+        self.first_step, self.first_second = session.training.step, session.clock.wall
+        self.decibels = math.nan
+
+    def line(self, progress: Progress) -> str:
+        truth = progress.target.image.permute(1, 2, 0)
+        now = psnr(progress.rendering.color.detach().clamp(0, 1), truth)
+        kept = SMOOTHING if math.isfinite(self.decibels) else 0.0
+        self.decibels = (kept * self.decibels if kept else 0.0) + (1 - kept) * now
+        rate = (progress.step - self.first_step) / max(self.session.clock.wall - self.first_second, 1e-9)
+        model = self.session.training.model
+        size = sum(tensor.numel() * tensor.element_size() for tensor in model.state_dict().values())
+        return f"{rate:6.1f} it/s  {self.decibels:5.2f} dB  {len(model):,} Gaussians  {size / 1e6:.1f} MB"
+
+
+def _bar(console: Console, live: bool) -> Bar:
+    return Bar(
+        TextColumn("{task.completed:>6.0f}/{task.total:.0f}"),
+        BarColumn(bar_width=20),
+        TextColumn("{task.fields[facts]}"),
+        TextColumn("ETA"),
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=console,
+        disable=not live,
+        transient=False,
+    )
+
+
+def _show(bar: Bar, task: TaskID, line: str, live: bool, quiet: bool) -> None:
+    if live:
+        bar.update(task, facts=line)
+    elif not quiet:
+        state = bar.tasks[task]
+        sys.stderr.write(f"step {state.completed:.0f}/{state.total:.0f}  {line}\n")
+

@@ -1,0 +1,151 @@
+"""``ringlight train SCENE METHOD``: learn a scene from a folder of posed photographs."""
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from ringlight.cli.methods import Method, preset_of
+from ringlight.cli.parse import parse
+from ringlight.data.options import SceneOptions
+from ringlight.methods.table import METHODS, method_named
+
+if TYPE_CHECKING:
+    from ringlight.runs.session import Session
+
+Net = Literal["alex", "vgg"]
+
+
+@dataclass(frozen=True)
+class ReaderOptions:
+    """What is watched and kept while a run trains; none of it changes the numbers."""
+
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core. Results do not depend on it."""
+    save_every: float = 120.0
+    """Seconds between two checkpoints."""
+    eval_at: tuple[int, ...] = ()
+    """Steps after which the test views are measured on the way."""
+    lpips: tuple[Net, ...] = ("alex",)
+    """Networks for LPIPS at the end; their weights come by 'ringlight fetch-lpips'."""
+    json: bool = False
+    """Print the report as JSON on standard output instead of the table."""
+    quiet: bool = False
+    """No progress line."""
+
+
+@dataclass(frozen=True)
+class TrainArguments:
+    """Learn a scene from posed photographs.
+
+    Writes a run folder: model.safetensors, report.json, recipe.json, a checkpoint and images/. Ctrl-C finishes the
+    step and saves; ``ringlight train --resume RUN`` goes on from there.
+    """
+
+    scene: tyro.conf.Positional[Path]
+    """Folder of photographs with cameras: COLMAP, Blender/NeRF-Synthetic or nerfstudio layout."""
+    method: Method
+    options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
+    reader: Annotated[ReaderOptions, tyro.conf.arg(name="")] = field(default_factory=ReaderOptions)
+    out: Path | None = None
+    """Run folder to make; by default runs/SCENE-METHOD."""
+    seed: int = 0
+    """Same seed, same machine kind: the same bits."""
+    device: Literal["auto", "cpu", "reference", "cuda"] = "auto"
+    """Rasterizer: auto is the fastest that this machine has; reference is slow, plain torch."""
+
+
+@dataclass(frozen=True)
+class ResumeArguments:
+    """Go on with a run that was stopped, with the same bits as if it had never stopped."""
+
+    resume: Path
+    """Run folder with a checkpoint."""
+    reader: Annotated[ReaderOptions, tyro.conf.arg(name="")] = field(default_factory=ReaderOptions)
+
+
+def main(arguments: list[str]) -> int:
+    """Train, then measure; returns the exit code."""
+    if any(word == "--resume" or word.startswith("--resume=") for word in arguments):
+        wish = parse(ResumeArguments, "train", arguments)
+        _set_threads(wish.reader.threads)
+        from ringlight.runs.session import Session
+
+        return _train(Session.resume(wish.resume), wish.reader)
+    words = [word for word in arguments if not word.startswith("-")]
+    if len(words) > 1 and words[0] not in METHODS and not any(word in METHODS for word in words):
+        method_named(words[1])
+    asked = parse(TrainArguments, "train", arguments)
+    preset = preset_of(arguments, asked.method)
+    _set_threads(asked.reader.threads)
+    from ringlight.runs.session import Session
+
+    out = asked.out or free_folder(Path("runs") / f"{asked.scene.resolve().name}-{preset}")
+    session = Session.start(out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device)
+    return _train(session, asked.reader)
+
+
+def free_folder(wish: Path) -> Path:
+    """The folder, or with the first number behind it that is free."""
+    number, folder = 2, wish
+    while folder.exists():
+        folder, number = wish.with_name(f"{wish.name}-{number}"), number + 1
+    return folder
+
+
+def _set_threads(count: int) -> None:
+    import torch
+
+    from ringlight import _kernels
+
+    _kernels.set_threads(max(count, 0))
+    # torch only builds small tables: more than two threads wait for each other longer than they work.
+    torch.set_num_threads(min(_kernels.threads(), 2))
+
+
+def _train(session: "Session", options: ReaderOptions) -> int:
+    from ringlight.cli.progress import announce, show_steps
+    from ringlight.measure.table import print_table
+    from ringlight.runs.finish import measure_session
+
+    announce(session, options.quiet)
+    with _deferred_interrupt() as interrupted:
+        show_steps(session, options, interrupted)
+    session.save()
+    if session.training.step < session.training.steps:
+        sys.stderr.write(
+            f"stopped after step {session.training.step} and saved; go on with: "
+            f"ringlight train --resume {session.folder.path}\n"
+        )
+        return 130
+    report = measure_session(session, options.lpips)
+    if options.json:
+        sys.stdout.write(report.to_json() + "\n")
+    else:
+        print_table([report])
+        sys.stderr.write(f"written to {session.folder.path}; see it with: ringlight render {session.folder.path}\n")
+    return 0
+
+
+@contextmanager
+def _deferred_interrupt() -> Iterator[list[bool]]:
+    """Ctrl-C inside the block only sets a flag, so that the step under way ends; a second one acts at once."""
+    flags: list[bool] = []
+
+    def remember(number: int, frame: object) -> None:
+        if flags:
+            raise KeyboardInterrupt
+        flags.append(True)
+        sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
+
+    previous = {number: signal.signal(number, remember) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield flags
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
