@@ -2,7 +2,8 @@
 
 RinglightError
 ├── SceneError       a folder of photographs cannot be read
-├── ModelFileError   a model, checkpoint or PLY file cannot be read or written
+├── ModelFileError   a model, checkpoint or PLY file cannot be read
+├── OutputError      a file cannot be written: no space, no permission, something in the way
 ├── RunError         a run folder is missing, damaged, or holds another run
 ├── RecipeError      settings that cannot work together
 └── BackendError     a rasterizer or an optional library is missing on this machine
@@ -18,7 +19,11 @@ class SceneError(RinglightError):
 
 
 class ModelFileError(RinglightError):
-    """A model, checkpoint or PLY file cannot be read or written."""
+    """A model, checkpoint or PLY file cannot be read."""
+
+
+class OutputError(RinglightError):
+    """A file cannot be written; what stood there before is untouched."""
 
 
 class RunError(RinglightError):

@@ -1,0 +1,81 @@
+"""All or nothing: a file appears under its name complete, or the old one stays."""
+
+import errno
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from ringlight.errors import OutputError
+
+REMEDIES = {
+    errno.ENOSPC: "no space is left on the disk; free some or choose another folder",
+    errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
+    errno.EFBIG: "the file would exceed the largest size allowed here; raise that limit or choose another folder",
+    errno.EACCES: "permission is denied; choose a folder you may write to",
+    errno.EPERM: "permission is denied; choose a folder you may write to",
+    errno.EROFS: "the disk is read-only; choose another folder",
+    errno.ENOENT: "its folder does not exist; create it first",
+    errno.ENOTDIR: "part of its path is a file, not a folder; choose another path",
+    errno.ENAMETOOLONG: "its name is too long for this disk; choose a shorter one",
+}
+"""What the user can do about the usual failures, by error number."""
+
+
+@contextmanager
+def written_atomically(path: Path) -> Iterator[BinaryIO]:
+    """A file to write and seek in, which takes the name ``path`` only when the block has ended well.
+
+    The bytes go to a temporary name in the same folder (a rename never crosses disks), and both the file and
+    the folder are flushed to the disk. After any failure, an interrupt included, the temporary file is gone and
+    an old file under ``path`` is as it was. A symbolic link is followed. Raises OutputError.
+    """
+    target = Path(os.path.realpath(path))
+    _refuse_what_is_no_file(path, target)
+    temporary = target.with_name(f".ringlight-{secrets.token_hex(6)}.part")
+    try:
+        try:
+            with temporary.open("xb") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(target)
+            _flush_folder(target.parent)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        reason = REMEDIES.get(error.errno or 0, f"{error.strerror or error}; choose another path")
+        raise OutputError(f"{path}: cannot be written: {reason}") from error
+
+
+def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
+    """Let ``write`` fill the file; see :func:`written_atomically`. Raises OutputError."""
+    with written_atomically(path) as file:
+        write(file)
+
+
+def write_text(path: Path, text: str) -> None:
+    """A UTF-8 text file, all or nothing. Raises OutputError."""
+    with written_atomically(path) as file:
+        file.write(text.encode())
+
+
+def _refuse_what_is_no_file(path: Path, target: Path) -> None:
+    """A rename would replace a device by a file, and fails over a folder after all the work is done."""
+    if target.is_dir():
+        raise OutputError(f"{path}: cannot be written: it is a folder; name a file inside it")
+    if target.exists() and not target.is_file():
+        raise OutputError(f"{path}: cannot be written: it is not a regular file; name a file")
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make the rename itself survive a power cut; Windows cannot open folders and needs no such call."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,59 @@
+"""Buffers as pictures: depth, normals, signed differences and scalars, each [H W c] to [H W 3] in [0, 1]."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+LOW, HIGH = 0.02, 0.98
+"""Quantiles that become the ends of the depth scale, so that a few floaters do not flatten the picture."""
+
+FARTHEST_GRAY = 0.15
+"""The far end stays lighter than the empty background, which is black."""
+
+COVERED = 0.5
+"""Pixels with at least this much alpha decide the depth scale."""
+
+MOST_SAMPLES = 1 << 20
+"""torch.quantile refuses more than 16 million values; a regular subset serves."""
+
+Range = tuple[float, float]
+
+
+def depth_picture(
+    depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"], near_far: Range | None = None
+) -> Float[Tensor, "H W 3"]:
+    """Blended depth (the sum of weight times camera z, world units) as gray: near white, far dark, nothing black.
+
+    ``near_far`` fixes the scale, so that the pictures of a film agree; else it is :func:`depth_range`.
+    """
+    near, far = near_far or depth_range(depth, alpha)
+    distance = depth / alpha.clamp_min(1e-6)
+    share = ((distance - near) / max(far - near, 1e-12)).clamp(0, 1)
+    gray = (1 - share * (1 - FARTHEST_GRAY)) * alpha.clamp(0, 1)
+    return scalar_picture(gray)
+
+
+def depth_range(depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"]) -> Range:
+    """Near and far of the covered pixels, world units, without the outer 2 percent; (0, 1) for an empty picture."""
+    distances = (depth / alpha.clamp_min(1e-6))[alpha >= COVERED]
+    distances = distances[distances.isfinite()]
+    if not len(distances):
+        return (0.0, 1.0)
+    distances = distances[:: len(distances) // MOST_SAMPLES + 1]
+    near, far = torch.quantile(distances, torch.tensor([LOW, HIGH]).to(distances)).tolist()
+    return (near, far)
+
+
+def normal_picture(normals: Float[Tensor, "H W 3"]) -> Float[Tensor, "H W 3"]:
+    """World normals in [-1, 1] as colour: x red, y green, z blue, zero middle gray."""
+    return (0.5 + 0.5 * normals).clamp(0, 1)
+
+
+def residual_picture(difference: Float[Tensor, "H W 3"], gain: float = 1.0) -> Float[Tensor, "H W 3"]:
+    """A signed colour in [-1, 1] times ``gain`` around middle gray."""
+    return (0.5 + 0.5 * gain * difference).clamp(0, 1)
+
+
+def scalar_picture(values: Float[Tensor, "H W 1"]) -> Float[Tensor, "H W 3"]:
+    """One value in [0, 1] as gray."""
+    return values.clamp(0, 1).expand(-1, -1, 3)

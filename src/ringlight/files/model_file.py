@@ -1,0 +1,175 @@
+"""A trained model in one file: tensors by name and a header of plain facts; knows no method.
+
+Metadata of the safetensors file, all strings: ``program`` "ringlight", ``format`` a number, ``method``, ``preset``,
+``step``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+
+from torch import Tensor
+
+from ringlight.errors import ModelFileError
+from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
+
+FORMAT = 1
+"""Raised when an older program would misread the file; newer files are refused with the version to install."""
+
+PROGRAM = "ringlight"
+
+REMEDY = "copy it again from where it was made, or train again"
+
+
+@dataclass(frozen=True)
+class SceneFacts:
+    """What the model was trained on.
+
+    ``resolution`` is width and height of the training images in pixels, ``box`` the axis-aligned box [low, high]
+    and ``extent`` the camera extent in world units, ``notes`` what the loader decided.
+    """
+
+    name: str
+    source: str
+    background: str
+    resolution: tuple[int, int]
+    box: tuple[tuple[float, float, float], tuple[float, float, float]]
+    extent: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ModelHeader:
+    """Everything about a model that is not a tensor.
+
+    ``recipe`` and ``metrics`` are JSON objects; ``versions`` names "ringlight", "torch" and "python"; ``created``
+    is a time as the caller writes it, or empty, in which case equal models give equal bytes.
+    """
+
+    method: str
+    preset: str
+    recipe: dict[str, object]
+    step: int
+    scene: SceneFacts
+    metrics: dict[str, object] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    created: str = ""
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """What :func:`read_model_file` returns; the tensors are on the CPU."""
+
+    tensors: dict[str, Tensor]
+    header: ModelHeader
+
+
+def write_model_file(path: Path, tensors: Mapping[str, Tensor], header: ModelHeader) -> None:
+    """Write all or nothing; equal content gives equal bytes. Raises OutputError."""
+    write_tensors(path, tensors, _metadata_from(header))
+
+
+def read_model_file(path: Path) -> ModelFile:
+    """Tensors and header. Raises ModelFileError for a file that is cut, damaged, newer, or no model of ours."""
+    # The header first: a newer format may place its tensors in a way that this program would call damage.
+    header = read_model_header(path)
+    return ModelFile(read_tensors(path).tensors, header)
+
+
+def read_model_header(path: Path) -> ModelHeader:
+    """The header alone, without reading the tensors. Raises as :func:`read_model_file`."""
+    metadata = read_metadata(path)
+    if metadata.get("program") != PROGRAM:
+        raise ModelFileError(
+            f"{path}: is a safetensors file, but not a ringlight model; name a model.safetensors "
+            "written by 'ringlight train'"
+        )
+    _refuse_newer(path, metadata)
+    return _header_from(path, metadata)
+
+
+def _metadata_from(header: ModelHeader) -> dict[str, str]:
+    facts = {name: value if isinstance(value, str) else _json(value) for name, value in asdict(header).items()}
+    return {"program": PROGRAM, "format": str(FORMAT)} | facts
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+def _refuse_newer(path: Path, metadata: dict[str, str]) -> None:
+    number = metadata.get("format", "")
+    if not re.fullmatch(r"[0-9]{1,9}", number):
+        raise ModelFileError(f"{path}: the file is damaged: it has no format number; {REMEDY}")
+    if int(number) <= FORMAT:
+        return
+    found = re.search(r'"ringlight":\s*"([0-9][0-9A-Za-z.+-]{0,30})"', metadata.get("versions", ""))
+    install = f'pip install "ringlight>={found[1]}"' if found else "pip install --upgrade ringlight"
+    raise ModelFileError(
+        f"{path}: was written by a newer ringlight (format {number}; this one reads up to {FORMAT}); run {install}"
+    )
+
+
+def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
+    """Raises ModelFileError that names the first field that is missing or not what it should be."""
+    texts = {name: _text(path, metadata, name) for name in ("method", "preset", "created")}
+    objects = {name: _object(path, metadata, name) for name in ("recipe", "scene", "metrics", "versions")}
+    step = _text(path, metadata, "step")
+    if not re.fullmatch(r"[0-9]{1,18}", step):
+        raise _damaged(path, "step")
+    versions = {name: str(version) for name, version in objects["versions"].items()}
+    return ModelHeader(
+        method=texts["method"],
+        preset=texts["preset"],
+        recipe=objects["recipe"],
+        step=int(step),
+        scene=_scene_from(path, objects["scene"]),
+        metrics=objects["metrics"],
+        versions=versions,
+        created=texts["created"],
+    )
+
+
+def _scene_from(path: Path, facts: dict[str, object]) -> SceneFacts:
+    try:
+        known = {f.name: facts[f.name] for f in fields(SceneFacts)}
+        width, height = (int(n) for n in known["resolution"])  # type: ignore[attr-defined]
+        low, high = (_corner(corner) for corner in known["box"])  # type: ignore[attr-defined]
+        return SceneFacts(
+            name=str(known["name"]),
+            source=str(known["source"]),
+            background=str(known["background"]),
+            resolution=(width, height),
+            box=(low, high),
+            extent=float(known["extent"]),  # type: ignore[arg-type]
+            notes=tuple(str(note) for note in known["notes"]),  # type: ignore[attr-defined]
+        )
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise _damaged(path, "scene") from error
+
+
+def _corner(values: list[float]) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _text(path: Path, metadata: dict[str, str], name: str) -> str:
+    if name not in metadata:
+        raise _damaged(path, name)
+    return metadata[name]
+
+
+def _object(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
+    try:
+        value = json.loads(_text(path, metadata, name))
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, name) from error
+    if not isinstance(value, dict):
+        raise _damaged(path, name)
+    return value
+
+
+def _damaged(path: Path, name: str) -> ModelFileError:
+    return ModelFileError(f"{path}: the file is damaged: '{name}' in its header is missing or unreadable; {REMEDY}")

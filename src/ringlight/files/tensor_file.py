@@ -1,0 +1,200 @@
+"""Named tensors and string metadata in one safetensors file; used by models and checkpoints alike.
+
+The format (https://huggingface.co/docs/safetensors): eight bytes of header length, little endian; a JSON header
+``{"__metadata__": {...}, name: {"dtype", "shape", "data_offsets"}}``; the data. It is read and written here,
+because the same content must give the same bytes (the library orders metadata by chance), every size must be
+checked against the file before memory is allocated, and a damaged file must be named in one sentence.
+"""
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import torch
+from torch import Tensor
+
+from ringlight.errors import ModelFileError
+from ringlight.files.atomic import written_atomically
+
+DTYPES = {
+    "F64": torch.float64,
+    "F32": torch.float32,
+    "F16": torch.float16,
+    "BF16": torch.bfloat16,
+    "I64": torch.int64,
+    "I32": torch.int32,
+    "I16": torch.int16,
+    "I8": torch.int8,
+    "U8": torch.uint8,
+    "BOOL": torch.bool,
+}
+"""The types we write and read, by their safetensors names."""
+
+NAMES = {dtype: name for name, dtype in DTYPES.items()}
+
+METADATA = "__metadata__"
+
+LARGEST_HEADER = 100_000_000
+"""Bytes; the format's own limit, so that a damaged length cannot ask for the whole memory."""
+
+ALIGNMENT = 8
+"""The data start at a multiple of this, as the format asks, so that a reader may map every type in place."""
+
+MOST_DIMENSIONS = 16
+"""More than any tensor of ours has; torch's own limit is not checked everywhere."""
+
+REMEDY = "copy it again from where it was made, or make it again"
+
+
+@dataclass(frozen=True)
+class TensorFile:
+    """What a file holds: tensors on the CPU and strings, by name."""
+
+    tensors: dict[str, Tensor]
+    metadata: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a tensor lies: its type and shape, first and last byte counted from the start of the data."""
+
+    dtype: torch.dtype
+    shape: tuple[int, ...]
+    begin: int
+    end: int
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
+    """Write all or nothing; equal content gives equal bytes. Raises OutputError."""
+    # Wide types first, then by name: with the aligned start this keeps every tensor aligned to its own type.
+    ordered = sorted(tensors.items(), key=lambda item: (-item[1].element_size(), item[0]))
+    header: dict[str, object] = {METADATA: dict(sorted(metadata.items()))}
+    begin = 0
+    for name, tensor in ordered:
+        end = begin + tensor.numel() * tensor.element_size()
+        header[name] = {"dtype": NAMES[tensor.dtype], "shape": list(tensor.shape), "data_offsets": [begin, end]}
+        begin = end
+    encoded = json.dumps(header, separators=(",", ":")).encode()
+    encoded += b" " * (-len(encoded) % ALIGNMENT)
+    with written_atomically(path) as file:
+        file.write(struct.pack("<Q", len(encoded)))
+        file.write(encoded)
+        for _, tensor in ordered:
+            file.write(_bytes_of(tensor.detach().cpu().contiguous()))
+
+
+def read_tensors(path: Path) -> TensorFile:
+    """The whole file. Raises ModelFileError for a file that is missing, cut, damaged or something else."""
+    with _opened(path) as file:
+        metadata, places = _read_header(path, file)
+        tensors = {name: _read_tensor(path, file, place) for name, place in places.items()}
+    return TensorFile(tensors, metadata)
+
+
+def read_metadata(path: Path) -> dict[str, str]:
+    """The strings alone, without reading the tensors; the file's sizes are checked all the same."""
+    with _opened(path) as file:
+        return _read_header(path, file)[0]
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return Path(path).open("rb")
+    except FileNotFoundError as error:
+        raise ModelFileError(f"{path}: there is no such file; check the path") from error
+    except IsADirectoryError as error:
+        raise ModelFileError(f"{path}: is a folder, not a file; name a file inside it") from error
+    except OSError as error:
+        raise ModelFileError(
+            f"{path}: cannot be opened: {error.strerror}; check the path and its permissions"
+        ) from error
+
+
+def _bytes_of(tensor: Tensor) -> memoryview:
+    """The memory of a contiguous tensor, seen as bytes."""
+    return tensor.reshape(-1).view(torch.uint8).numpy().data
+
+
+def _read_tensor(path: Path, file: BinaryIO, place: _Place) -> Tensor:
+    tensor = torch.empty(place.shape, dtype=place.dtype)
+    if file.readinto(_bytes_of(tensor)) != place.end - place.begin:  # type: ignore[attr-defined]
+        raise ModelFileError(f"{path}: the file shrank while it was read; {REMEDY}")
+    return tensor
+
+
+def _read_header(path: Path, file: BinaryIO) -> tuple[dict[str, str], dict[str, _Place]]:
+    """Metadata and places in the order of the data; leaves ``file`` at the first data byte."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    if size == 0:
+        raise ModelFileError(f"{path}: the file is empty; {REMEDY}")
+    start = file.read(9)
+    # Every safetensors header begins with a brace: whatever does not is some other file, not a damaged one.
+    if len(start) == 9 and start[8:] != b"{":
+        raise ModelFileError(f"{path}: is not a safetensors file; name a model.safetensors written by ringlight")
+    length = struct.unpack("<Q", start[:8])[0] if len(start) == 9 else 1
+    if length > LARGEST_HEADER:
+        raise ModelFileError(f"{path}: the file is damaged: it announces a header of {length} bytes; {REMEDY}")
+    if len(start) < 9 or length > size - 8:
+        raise ModelFileError(f"{path}: the file is cut short inside its header; {REMEDY}")
+    file.seek(8)
+    header = _parse(path, file.read(length))
+    metadata = header.pop(METADATA, {})
+    if not isinstance(metadata, dict) or not all(isinstance(value, str) for value in metadata.values()):
+        raise ModelFileError(f"{path}: the file is damaged: its metadata are not strings; {REMEDY}")
+    places = {name: _place(path, name, entry) for name, entry in header.items()}
+    return metadata, _checked(path, places, size - 8 - length)
+
+
+def _parse(path: Path, encoded: bytes) -> dict[str, object]:
+    try:
+        header = json.loads(encoded.decode())
+    # ValueError covers bad UTF-8, bad JSON and absurd numbers; deep nesting ends in a RecursionError.
+    except (ValueError, RecursionError) as error:
+        raise ModelFileError(f"{path}: the file is damaged: its header is not JSON; {REMEDY}") from error
+    if not isinstance(header, dict):
+        raise ModelFileError(f"{path}: the file is damaged: its header is not a JSON object; {REMEDY}")
+    return header
+
+
+def _place(path: Path, name: str, entry: object) -> _Place:
+    """One entry of the header. Raises ModelFileError unless type, shape and bytes agree."""
+    fields = entry if isinstance(entry, dict) else {}
+    dtype = DTYPES.get(fields["dtype"]) if isinstance(fields.get("dtype"), str) else None
+    if dtype is None:
+        known = ", ".join(DTYPES)
+        raise ModelFileError(f"{path}: tensor {name!r} has an unknown type (known: {known}); {REMEDY}")
+    shape, offsets = _naturals(fields.get("shape")), _naturals(fields.get("data_offsets"))
+    if shape is None or offsets is None or len(offsets) != 2 or len(shape) > MOST_DIMENSIONS:
+        raise ModelFileError(f"{path}: the file is damaged: tensor {name!r} has no valid shape and place; {REMEDY}")
+    # Zeros are counted as ones against the largest index: torch cannot hold [0, 2**70] either.
+    if math.prod(max(length, 1) for length in shape) * dtype.itemsize >= 2**63:
+        raise ModelFileError(f"{path}: the file is damaged: tensor {name!r} has an absurd shape; {REMEDY}")
+    if offsets[1] - offsets[0] != math.prod(shape) * dtype.itemsize:
+        raise ModelFileError(f"{path}: the file is damaged: tensor {name!r} has the wrong number of bytes; {REMEDY}")
+    return _Place(dtype, shape, offsets[0], offsets[1])
+
+
+def _naturals(values: object) -> tuple[int, ...] | None:
+    if isinstance(values, list) and all(type(value) is int and value >= 0 for value in values):
+        return tuple(values)
+    return None
+
+
+def _checked(path: Path, places: dict[str, _Place], data_bytes: int) -> dict[str, _Place]:
+    """The places in the order of the data, which they must cover without gap or overlap."""
+    ordered = dict(sorted(places.items(), key=lambda item: (item[1].begin, item[1].end)))
+    reached = 0
+    for name, place in ordered.items():
+        if place.begin != reached:
+            raise ModelFileError(f"{path}: the file is damaged: tensor {name!r} overlaps or leaves a gap; {REMEDY}")
+        reached = place.end
+    if reached > data_bytes:
+        raise ModelFileError(f"{path}: the file is cut short: {reached - data_bytes} bytes are missing; {REMEDY}")
+    if reached < data_bytes:
+        raise ModelFileError(f"{path}: the file is damaged: {data_bytes - reached} bytes too many; {REMEDY}")
+    return ordered

@@ -1,0 +1,117 @@
+"""Pictures that leave the program: one image, numbered frames, or an H.264 film."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+from types import ModuleType
+from typing import Any, BinaryIO
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from PIL import Image
+from torch import Tensor
+
+from ringlight.errors import BackendError, OutputError
+from ringlight.files.atomic import written_atomically
+
+IMAGE_FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".webp": "WEBP"}
+
+QUALITY: dict[str, dict[str, Any]] = {"JPEG": {"quality": 95, "subsampling": 0}, "WEBP": {"lossless": True}, "PNG": {}}
+"""Encoder settings: what cannot be lossless is without visible loss."""
+
+CONSTANT_RATE_FACTOR = "17"
+"""x264's quality, 0 to 51; 17 is held to be visually lossless."""
+
+BT709 = 1
+"""The colour matrix and primaries of HD video, in the numbering of ITU-T H.273; players assume it."""
+
+LIMITED_RANGE = 1
+"""Luma from 16 to 235, FFmpeg's AVCOL_RANGE_MPEG: what players assume of yuv420p."""
+
+
+def to_8bit(image: Float[Tensor, "H W c"]) -> UInt8[np.ndarray, "H W c"]:
+    """Clamped to [0, 1], rounded to the nearest of 256 levels; what is not a number becomes black."""
+    levels = torch.nan_to_num(image.detach(), nan=0.0, posinf=1.0, neginf=0.0).clamp(0, 1) * 255
+    return levels.round().to(torch.uint8).cpu().contiguous().numpy()
+
+
+def save_image(path: Path, image: Float[Tensor, "H W c"]) -> None:
+    """Write an 8-bit image of 1 or 3 channels in [0, 1], all or nothing; the suffix names the format.
+
+    Raises OutputError.
+    """
+    kind = IMAGE_FORMATS.get(path.suffix.lower())
+    if kind is None:
+        known = ", ".join(IMAGE_FORMATS)
+        raise OutputError(f"{path}: cannot be written: unknown kind of picture; end its name in one of {known}")
+    pixels = to_8bit(image)
+    with written_atomically(path) as file:
+        Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels).save(file, kind, **QUALITY[kind])
+
+
+def write_frames(folder: Path, frames: Iterable[Float[Tensor, "H W c"]], names: Sequence[str]) -> list[Path]:
+    """One PNG a frame, named after ``names`` (slashes become underscores); the folder is made where it is missing.
+
+    Frames are consumed one at a time, so they may be rendered as they are asked for. Raises OutputError.
+    """
+    stems = [name.replace("/", "_").replace("\\", "_") for name in names]
+    if len(set(stems)) < len(stems):
+        raise OutputError(f"{folder}: cannot be written: two frames have the same name; give each its own")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be created: {error.strerror}; choose another folder") from error
+    paths = [folder / f"{stem}.png" for stem in stems]
+    for path, frame in zip(paths, frames, strict=True):
+        save_image(path, frame)
+    return paths
+
+
+def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float = 30.0) -> int:
+    """An mp4 (H.264, yuv420p, plays everywhere), all or nothing; returns the number of frames.
+
+    Frames of one size, at least one, consumed one at a time; an odd side is padded by repeating the last row or
+    column, because yuv420p shares colour between two. Raises OutputError, and BackendError without the video extra.
+    """
+    library = _video_library()
+    pictures = (_even(to_8bit(frame)) for frame in frames)
+    first = next(pictures, None)
+    if first is None:
+        raise OutputError(f"{path}: cannot be written: the film has no frames; ask for at least one")
+    with written_atomically(path) as file:
+        return _encode(library, file, chain([first], pictures), first.shape, fps)
+
+
+def _video_library() -> ModuleType:
+    try:
+        import av
+    except ImportError as error:
+        raise BackendError('films need the video extra: pip install "ringlight[video]", or write PNG frames') from error
+    return av
+
+
+def _even(pixels: UInt8[np.ndarray, "H W 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    height, width = pixels.shape[:2]
+    return np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+
+
+def _encode(
+    av: ModuleType, file: BinaryIO, pictures: Iterator[UInt8[np.ndarray, "H W 3"]], shape: tuple[int, ...], fps: float
+) -> int:
+    rate = Fraction(fps).limit_denominator(1001)
+    count = 0
+    with av.open(file, "w", format="mp4", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream("libx264", rate=rate, options={"crf": CONSTANT_RATE_FACTOR, "preset": "medium"})
+        stream.height, stream.width, stream.pix_fmt = shape[0], shape[1], "yuv420p"
+        stream.codec_context.colorspace = stream.codec_context.color_primaries = BT709
+        stream.codec_context.color_trc = BT709
+        stream.codec_context.color_range = LIMITED_RANGE
+        for pixels in pictures:
+            frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
+            frame = frame.reformat(format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED_RANGE)
+            container.mux(stream.encode(frame))
+            count += 1
+        container.mux(stream.encode(None))
+    return count

@@ -1,0 +1,99 @@
+"""A file is there complete or not at all, whatever goes wrong on the way."""
+
+import errno
+import os
+import resource
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+import pytest
+
+from ringlight.errors import OutputError
+from ringlight.files.atomic import write_atomically, write_text, written_atomically
+
+
+def failing_with(error: BaseException) -> Callable[[BinaryIO], None]:
+    def write(file: BinaryIO) -> None:
+        file.write(b"half of it")
+        raise error
+
+    return write
+
+
+def names_in(folder: Path) -> list[str]:
+    return [path.name for path in folder.iterdir()]
+
+
+def write_a_megabyte(file: BinaryIO) -> None:
+    file.write(bytes(1_000_000))
+
+
+def test_the_file_holds_what_was_written_and_nothing_else_is_left(tmp_path: Path) -> None:
+    write_text(tmp_path / "a.txt", "first")
+    write_text(tmp_path / "a.txt", "zweite Fassung: größer")
+    assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "zweite Fassung: größer"
+    assert names_in(tmp_path) == ["a.txt"]
+
+
+def test_the_writer_may_seek_back(tmp_path: Path) -> None:
+    with written_atomically(tmp_path / "a.bin") as file:
+        file.write(b"....tail")
+        file.seek(0)
+        file.write(b"head")
+    assert (tmp_path / "a.bin").read_bytes() == b"headtail"
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EIO])
+def test_a_failing_disk_leaves_the_old_file_and_is_one_sentence(tmp_path: Path, code: int) -> None:
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    with pytest.raises(OutputError, match=r"a\.bin: cannot be written: .+; .+") as caught:
+        write_atomically(path, failing_with(OSError(code, os.strerror(code))))
+    assert "\n" not in str(caught.value)
+    assert path.read_bytes() == b"old"
+    assert names_in(tmp_path) == ["a.bin"]
+
+
+def test_a_real_limit_on_the_file_size_is_such_a_failure(tmp_path: Path) -> None:
+    path = tmp_path / "a.bin"
+    path.write_bytes(b"old")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        with pytest.raises(OutputError, match="largest size allowed"):
+            write_atomically(path, write_a_megabyte)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_bytes() == b"old"
+    assert names_in(tmp_path) == ["a.bin"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("a bug")])
+def test_other_failures_pass_through_and_leave_no_trace(tmp_path: Path, error: BaseException) -> None:
+    with pytest.raises(type(error)):
+        write_atomically(tmp_path / "a.bin", failing_with(error))
+    assert names_in(tmp_path) == []
+
+
+def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OutputError, match="is a folder"):
+        write_text(tmp_path / "folder", "text")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OutputError, match="not a regular file"):
+        write_text(tmp_path / "pipe", "text")
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="folder does not exist"):
+        write_text(tmp_path / "nowhere" / "a.txt", "text")
+
+
+def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "real.txt").write_text("old")
+    (tmp_path / "link.txt").symlink_to("real.txt")
+    write_text(tmp_path / "link.txt", "new")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "real.txt").read_text() == "new"
