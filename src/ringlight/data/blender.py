@@ -1,0 +1,36 @@
+"""NeRF-Synthetic and Shiny-Blender: transforms_train.json, transforms_test.json, RGBA images.
+
+Only images that the JSON lists are read, so that normal, depth and alpha maps in the test folder do no harm;
+transforms_val.json is not used, as in the literature.
+"""
+
+from pathlib import Path
+
+from ringlight.core.scene import Scene
+from ringlight.data.capture import Capture, hold_out, scene_from
+from ringlight.data.json_fields import read_object
+from ringlight.data.options import SceneOptions
+from ringlight.data.transforms import read_frames
+
+LOOKS_FOR = "transforms_train.json"
+
+
+def recognises(folder: Path) -> bool:
+    """Whether the folder is laid out like NeRF-Synthetic."""
+    return (folder / LOOKS_FOR).is_file()
+
+
+def load(folder: Path, options: SceneOptions) -> Scene:
+    """The scene; without transforms_test.json test images are held out.
+
+    Raises:
+        SceneError: see :func:`ringlight.data.transforms.read_frames`.
+    """
+    train_file, test_file = folder / LOOKS_FOR, folder / "transforms_test.json"
+    train = read_frames(read_object(train_file), train_file)
+    if test_file.is_file():
+        test = read_frames(read_object(test_file), test_file)
+        note = "split: transforms_train.json and transforms_test.json"
+    else:
+        train, test, note = hold_out(train, options.holdout_every, train_file)
+    return scene_from(Capture("blender", train, test, notes=(note,)), folder, options)

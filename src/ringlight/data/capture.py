@@ -1,0 +1,94 @@
+"""What a format finds in a folder, and how it becomes a Scene: the part that all formats share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ringlight.core.camera import Camera
+from ringlight.core.scene import PointCloud, Scene, View, camera_extent
+from ringlight.data.images import FILTER_NOTE, Photograph, target_size
+from ringlight.data.options import SceneOptions
+from ringlight.data.points import starting_points
+from ringlight.errors import SceneError
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One image file and its camera. ``name`` is the path below the images' folder, with slashes; the camera has
+    the size of the file."""
+
+    name: str
+    path: Path
+    camera: Camera
+    has_alpha: bool
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Everything that a format module read: the split, the SfM points if there are any, and remarks for the reader."""
+
+    format: Literal["blender", "colmap", "nerfstudio"]
+    train: Sequence[Frame]
+    test: Sequence[Frame]
+    points: PointCloud | None = None
+    notes: tuple[str, ...] = ()
+
+
+def hold_out(frames: Sequence[Frame], every: int, source: Path) -> tuple[list[Frame], list[Frame], str]:
+    """Training frames, test frames (each ``every``-th by name, from the first), and the rule in words.
+
+    Raises:
+        SceneError: a split would be empty.
+    """
+    if len(frames) < 2:
+        raise SceneError(f"{source}: {len(frames)} image is too few to hold one out for testing; add photographs")
+    ordered = sorted(frames, key=lambda frame: frame.name)
+    train = [frame for index, frame in enumerate(ordered) if index % every]
+    return train, ordered[::every], f"split: every {every}th image by name, from the first, is a test image"
+
+
+def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
+    """The scene with images at the size the options ask for; nothing is decoded yet.
+
+    Raises:
+        SceneError: no image in a split.
+    """
+    for frames, kind in ((capture.train, "training"), (capture.test, "test")):
+        if not frames:
+            raise SceneError(f"{folder}: no {kind} image; add photographs, or correct the split")
+    train = tuple(_view(frame, options) for frame in capture.train)
+    test = tuple(_view(frame, options) for frame in capture.test)
+    background = _background(train + test, options)
+    cameras = [view.camera for view in train]
+    points, box, points_note = starting_points(capture.points, cameras, options)
+    notes = (*capture.notes, _size_note(capture.train, train), f"background: {background}", points_note)
+    name = folder.resolve().name or "scene"  # the root of a file system has no name
+    extent = camera_extent(cameras)
+    return Scene(name, train, test, points, extent, box, background, capture.format, str(folder), notes)
+
+
+def _view(frame: Frame, options: SceneOptions) -> View:
+    width, height = target_size(frame.camera.width, frame.camera.height, options)
+    camera = frame.camera.resized(width, height)
+    return View(frame.name, camera, Photograph(frame.path, width, height), frame.has_alpha)
+
+
+def _background(views: tuple[View, ...], options: SceneOptions) -> str:
+    if options.background != "auto":
+        return options.background
+    return "white" if any(view.has_alpha for view in views) else "photograph"
+
+
+def _size_note(frames: Sequence[Frame], views: tuple[View, ...]) -> str:
+    before = _sizes([frame.camera for frame in frames])
+    after = _sizes([view.camera for view in views])
+    if before == after:
+        return f"images: {after} pixels, as they are"
+    return f"images: {before} pixels downscaled to {after} by {FILTER_NOTE}"
+
+
+def _sizes(cameras: list[Camera]) -> str:
+    sizes = sorted({(camera.width, camera.height) for camera in cameras})
+    widest = f"{sizes[-1][0]}x{sizes[-1][1]}"
+    return widest if len(sizes) == 1 else f"{sizes[0][0]}x{sizes[0][1]} to {widest}"

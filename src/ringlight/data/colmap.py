@@ -1,0 +1,143 @@
+"""COLMAP: sparse/0 (or sparse itself, or several sub-models) and images/, binary or text.
+
+Rigs and frames (rigs.bin, frames.bin of COLMAP 3.12 and later) add nothing to images that are already posed and are
+not read. A model with points but without observations is fine.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ringlight.core.scene import PointCloud, Scene
+from ringlight.data import colmap_binary, colmap_text
+from ringlight.data.capture import Capture, Frame, hold_out, scene_from
+from ringlight.data.colmap_model import ColmapCamera, ColmapImage, pinhole
+from ringlight.data.folder import image_inside, require_none_missing
+from ringlight.data.images import read_header
+from ringlight.data.intrinsics import Intrinsics
+from ringlight.data.options import SceneOptions
+from ringlight.data.poses import camera_of, world_to_camera_from_quaternion
+from ringlight.errors import SceneError
+
+LOOKS_FOR = "sparse/0/cameras.bin"
+
+READERS = {".bin": colmap_binary, ".txt": colmap_text}
+"""Binary first: where a folder holds both, COLMAP reads binary."""
+
+
+@dataclass(frozen=True)
+class SubModel:
+    """One reconstruction: where it lies, its file suffix, and its registered images."""
+
+    folder: Path
+    suffix: str
+    images: list[ColmapImage]
+
+    def cameras(self) -> dict[int, ColmapCamera]:
+        """Cameras by id."""
+        return READERS[self.suffix].read_cameras(self.folder / f"cameras{self.suffix}")
+
+    def points(self) -> PointCloud | None:
+        """The points, or None where their file is missing."""
+        path = self.folder / f"points3D{self.suffix}"
+        return READERS[self.suffix].read_points(path) if path.is_file() else None
+
+
+def recognises(folder: Path) -> bool:
+    """Whether the folder holds a COLMAP model."""
+    return bool(_model_folders(folder))
+
+
+def load(folder: Path, options: SceneOptions) -> Scene:
+    """The scene of the largest sub-model; every n-th image by name is a test image.
+
+    Raises:
+        SceneError: damaged files, images that are missing or outside the folder, a lens that is not a pinhole.
+    """
+    models = [_sub_model(path) for path in _model_folders(folder)]
+    model = max(models, key=lambda candidate: len(candidate.images))
+    if not model.images:
+        raise SceneError(f"{model.folder}: registers no images; run the mapper with more overlapping photographs")
+    notes = _model_note(models, model)
+    images, options = _image_folder(folder, options)
+    frames = _frames(model, images, folder)
+    train, test, split = hold_out(frames, options.holdout_every, model.folder)
+    capture = Capture("colmap", train, test, model.points(), (*notes, split, f"photographs: {images.name}"))
+    return scene_from(capture, folder, options)
+
+
+def _model_folders(folder: Path) -> list[tuple[Path, str]]:
+    sparse = folder / "sparse"
+    if not sparse.is_dir():
+        return []
+    candidates = [sparse, *sorted(path for path in sparse.iterdir() if path.is_dir())]
+    found = []
+    for path in candidates:
+        suffix = next((suffix for suffix in READERS if (path / f"cameras{suffix}").is_file()), None)
+        if suffix is not None:
+            found.append((path, suffix))
+    return found
+
+
+def _sub_model(found: tuple[Path, str]) -> SubModel:
+    folder, suffix = found
+    return SubModel(folder, suffix, READERS[suffix].read_images(folder / f"images{suffix}"))
+
+
+def _model_note(models: list[SubModel], chosen: SubModel) -> tuple[str, ...]:
+    if len(models) == 1:
+        return ()
+    counts = ", ".join(f"{model.folder.name}: {len(model.images)}" for model in models)
+    return (
+        f"warning: COLMAP split the photographs into {len(models)} models ({counts} images); only the largest, "
+        f"{chosen.folder.name}, is used",
+    )
+
+
+def _image_folder(folder: Path, options: SceneOptions) -> tuple[Path, SceneOptions]:
+    """Where the photographs lie, and the options that remain: images_K is already downscaled by K."""
+    if options.downscale is not None and options.downscale > 1:
+        resized = folder / f"images_{options.downscale}"
+        if resized.is_dir():
+            return resized, replace(options, downscale=1)
+    images = folder / "images"
+    if not images.is_dir():
+        raise SceneError(f"{folder}: no folder 'images' beside 'sparse'; put the photographs there")
+    return images, options
+
+
+def _frames(model: SubModel, images: Path, folder: Path) -> list[Frame]:
+    source = model.folder / f"images{model.suffix}"
+    lenses = _lenses(model, images, folder)
+    found, missing = [], []
+    for image in model.images:
+        where = f"{source}: image {image.name!r}"
+        path = image_inside(images, image.name, where)
+        if path is None:
+            missing.append((str(source), image.name))
+        else:
+            found.append((image, path, where))
+    require_none_missing(missing, len(model.images), images)
+    return [_frame(image, lenses[image.camera_id], path, where) for image, path, where in found]
+
+
+def _lenses(model: SubModel, images: Path, folder: Path) -> dict[int, Intrinsics]:
+    """The pinholes that the images use; a camera of no image may be of any kind."""
+    source = model.folder / f"cameras{model.suffix}"
+    cameras = model.cameras()
+    remedy = (
+        f"undistort with: colmap image_undistorter --image_path {images} --input_path {model.folder} "
+        f"--output_path {folder / 'undistorted'}, and train on {folder / 'undistorted'}"
+    )
+    lenses = {}
+    for camera_id in sorted({image.camera_id for image in model.images}):
+        if camera_id not in cameras:
+            raise SceneError(f"{source}: lacks camera {camera_id}, which an image uses; copy the model again")
+        lenses[camera_id] = pinhole(cameras[camera_id], f"{source}: camera {camera_id}", remedy)
+    return lenses
+
+
+def _frame(image: ColmapImage, lens: Intrinsics, path: Path, where: str) -> Frame:
+    header = read_header(path)
+    pose = world_to_camera_from_quaternion(image.quaternion, image.translation, where)
+    camera = camera_of(pose, lens.on_image(header.width, header.height, where))
+    return Frame(image.name, path, camera, header.has_alpha)

@@ -1,0 +1,61 @@
+"""The files of a scene's folder: read whole, found by the name another file gives, and never outside the folder."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ringlight.errors import SceneError
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".webp")
+"""Tried in this order where a name comes without its suffix, or with that of the full-size image."""
+
+
+def read_bytes(path: Path) -> bytes:
+    """The whole file.
+
+    Raises:
+        SceneError: the file is missing or may not be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise SceneError(f"{path}: cannot be read ({reason}); restore the file or its permissions") from error
+
+
+def image_inside(base: Path, name: str, where: str) -> Path | None:
+    """As :func:`file_inside`, for a name that may lack its suffix (NeRF-Synthetic) or have that of another size."""
+    candidates = [name, *(name + suffix for suffix in IMAGE_SUFFIXES)]
+    stem, dot, suffix = name.rpartition(".")
+    if dot + suffix.lower() in IMAGE_SUFFIXES:
+        candidates += [stem + suffix for suffix in IMAGE_SUFFIXES]
+    return next((path for candidate in candidates if (path := file_inside(base, candidate, where))), None)
+
+
+def file_inside(base: Path, name: str, where: str) -> Path | None:
+    """The file called ``name`` below ``base``, with links resolved; None where there is no such file.
+
+    Backslashes separate folders too, as on the machine where the name was written; ``where`` says who named it.
+
+    Raises:
+        SceneError: the name leaves ``base``, or no file can have it.
+    """
+    try:
+        root = base.resolve()
+        path = (root / name.replace("\\", "/")).resolve()
+        if path.is_relative_to(root):
+            return path if path.is_file() else None
+    except (OSError, ValueError, RuntimeError) as error:  # too long, with a NUL, not unicode; a ring of links
+        raise SceneError(f"{where} names the file {name!r}, which no file can be called; correct the name") from error
+    raise SceneError(f"{where} names the file {name!r} outside {base}; move the file into that folder")
+
+
+def require_none_missing(missing: Sequence[tuple[str, str]], total: int, base: Path) -> None:
+    """Raise a SceneError about the first of the ``(where, name)`` in ``missing`` and their number, if there are any."""
+    if not missing:
+        return
+    where, name = missing[0]
+    others = "" if len(missing) == 1 else f", nor do {len(missing) - 1} others of {total}"
+    raise SceneError(
+        f"{where} names the image {name!r}, which does not exist below {base}{others}; "
+        "copy the missing images there, or remove their entries"
+    )

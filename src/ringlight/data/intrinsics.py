@@ -1,0 +1,52 @@
+"""Focal lengths and principal point, in the pixels of the image they belong to."""
+
+import math
+from dataclasses import dataclass
+
+from ringlight.errors import SceneError
+
+MAX_PIXELS = 1e8
+"""Largest focal length, offset or side believed, in pixels; anything beyond is a damaged number."""
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole without a pose: ``focal`` and ``center`` (x, y) in pixels of a ``width`` by ``height`` grid."""
+
+    focal: tuple[float, float]
+    center: tuple[float, float]
+    width: int
+    height: int
+
+    def on_image(self, width: int, height: int, where: str) -> "Intrinsics":
+        """The same pinhole in the pixels of the image at hand, which may have been resized since.
+
+        Raises:
+            SceneError: one is upright and the other lies on its side (an image that was turned).
+        """
+        if (width, height) == (self.width, self.height):
+            return self
+        if (width - height) * (self.width - self.height) < 0:
+            raise SceneError(
+                f"{where} has an image of {width}x{height} pixels and a camera of {self.width}x{self.height}, turned "
+                "by a quarter; store the image the way it was when the poses were found"
+            )
+        x, y = width / self.width, height / self.height
+        focal = (self.focal[0] * x, self.focal[1] * y)
+        return Intrinsics(focal, (self.center[0] * x, self.center[1] * y), width, height)
+
+
+def checked_intrinsics(
+    focal: tuple[float, float], center: tuple[float, float], size: tuple[float, float], where: str
+) -> Intrinsics:
+    """Intrinsics whose numbers are finite and believable; ``size`` is (width, height).
+
+    Raises:
+        SceneError: a focal length or side that is not positive, a number that is not finite or absurdly large.
+    """
+    for what, values, lowest in (("focal length", focal, 1e-3), ("image size", size, 1), ("centre", center, None)):
+        for value in values:
+            low = -MAX_PIXELS if lowest is None else lowest
+            if not (math.isfinite(value) and low <= value <= MAX_PIXELS):
+                raise SceneError(f"{where} has a {what} of {value:g} pixels; correct it or export the cameras again")
+    return Intrinsics(focal, center, round(size[0]), round(size[1]))

@@ -1,0 +1,50 @@
+"""From a folder of posed photographs to a Scene: each format is asked in turn."""
+
+from pathlib import Path
+from types import ModuleType
+
+from ringlight.core.scene import Scene
+from ringlight.data import blender, colmap, nerfstudio
+from ringlight.data.options import SceneOptions
+from ringlight.errors import SceneError
+
+FORMATS: dict[str, ModuleType] = {"colmap": colmap, "blender": blender, "nerfstudio": nerfstudio}
+"""Format modules in the order in which they are asked: each has LOOKS_FOR, recognises(folder), load(folder, options).
+"""
+
+
+def load_scene(path: str | Path, options: SceneOptions | None = None) -> Scene:
+    """The scene in a folder: cameras, lazy photographs, a split, points to start from.
+
+    >>> scene = load_scene("data/garden")                                   # COLMAP, Blender or nerfstudio
+    >>> scene = load_scene("data/garden", SceneOptions(downscale=4))        # takes images_4 if it is there
+    >>> scene.train[0].image(scene.background_color)                        # decoded now: [3 H W] in [0, 1]
+    >>> scene.notes                                                         # filter, split, origin of the points
+
+    Only headers of image files are read; pixels are decoded when a view is first asked for its image, which is also
+    when a damaged image raises.
+
+    Raises:
+        SceneError: one sentence on what cannot be read, where, and the remedy.
+    """
+    folder, options = Path(path), options or SceneOptions()
+    try:
+        if folder.is_file():
+            raise SceneError(f"{folder}: is a file, not a folder; give the folder that holds it: {folder.parent}")
+        if not folder.is_dir():
+            raise SceneError(f"{folder}: no such folder; check the path")
+        return _format_of(folder, options).load(folder, options)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise SceneError(f"{folder}: cannot be read ({reason}); check the path and its permissions") from error
+
+
+def _format_of(folder: Path, options: SceneOptions) -> ModuleType:
+    asked = FORMATS if options.format == "auto" else {options.format: FORMATS[options.format]}
+    for module in asked.values():
+        if module.recognises(folder):
+            return module
+    looked_for = ", ".join(module.LOOKS_FOR for module in asked.values())
+    other = next((name for name, module in FORMATS.items() if module.recognises(folder)), None)
+    remedy = f"it looks like --format {other}" if other else "give the folder that holds one of them"
+    raise SceneError(f"{folder}: no cameras found; looked for {looked_for}; {remedy}")

@@ -1,0 +1,80 @@
+"""nerfstudio and instant-ngp: one transforms.json, intrinsics for the file or per frame, maybe points in a PLY.
+
+instant-ngp's ``aabb_scale`` and nerfstudio's ``applied_transform`` are not needed: poses and points are stored in the
+same world, and training does not depend on its scale.
+"""
+
+from pathlib import Path
+
+from ringlight.core.scene import PointCloud, Scene
+from ringlight.data.capture import Capture, Frame, hold_out, scene_from
+from ringlight.data.folder import file_inside, image_inside
+from ringlight.data.json_fields import Fields, read_object, text, texts
+from ringlight.data.options import SceneOptions
+from ringlight.data.ply_points import read_ply_points
+from ringlight.data.transforms import read_frames
+from ringlight.errors import SceneError
+
+LOOKS_FOR = "transforms.json"
+
+DEFAULT_POINTS = "sparse_pc.ply"
+"""Where nerfstudio keeps SfM points if the JSON does not say."""
+
+Split = tuple[list[Frame], list[Frame], str]
+"""Training frames, test frames, and the rule in words."""
+
+
+def recognises(folder: Path) -> bool:
+    """Whether the folder holds a transforms.json."""
+    return (folder / LOOKS_FOR).is_file()
+
+
+def load(folder: Path, options: SceneOptions) -> Scene:
+    """The scene, split by the file's own lists of names or by holding out.
+
+    Raises:
+        SceneError: see :func:`ringlight.data.transforms.read_frames`; also a list that names no frame, and a
+            damaged or missing point file.
+    """
+    file = folder / LOOKS_FOR
+    document = read_object(file)
+    frames = read_frames(document, file)
+    train, test, note = _listed_split(document, frames, file) or hold_out(frames, options.holdout_every, file)
+    return scene_from(Capture("nerfstudio", train, test, _points(document, file), (note,)), folder, options)
+
+
+def _listed_split(document: Fields, frames: list[Frame], file: Path) -> Split | None:
+    """The split that the file states: test images, or without them validation images, are kept from training."""
+    train_names = texts(document, "train_filenames", str(file))
+    test_key = "test_filenames" if "test_filenames" in document else "val_filenames"
+    test_names = texts(document, test_key, str(file))
+    if test_names is None:
+        return None
+    test = _named(frames, test_names, test_key, file)
+    if train_names is None:
+        held_out = {frame.name for frame in test}
+        return [frame for frame in frames if frame.name not in held_out], test, f"split: {test_key} of {file.name}"
+    train = _named(frames, train_names, "train_filenames", file)
+    return train, test, f"split: train_filenames and {test_key} of {file.name}"
+
+
+def _named(frames: list[Frame], names: list[str], key: str, file: Path) -> list[Frame]:
+    by_path = {frame.path: frame for frame in frames}
+    chosen = []
+    for name in names:
+        path = image_inside(file.parent, name, f"{file}: {key}")
+        if path not in by_path:
+            raise SceneError(f"{file}: {key} names {name!r}, which no frame does; correct the list or remove it")
+        chosen.append(by_path[path])
+    return chosen
+
+
+def _points(document: Fields, file: Path) -> PointCloud | None:
+    stated = text(document, "ply_file_path", str(file))
+    name = stated or DEFAULT_POINTS
+    path = file_inside(file.parent, name, str(file))
+    if path is not None:
+        return read_ply_points(path)
+    if stated is None:
+        return None
+    raise SceneError(f"{file}: the points {name!r} do not exist; copy the file there, or remove 'ply_file_path'")

@@ -1,0 +1,44 @@
+"""How a folder of photographs becomes a scene; every field is also a flag of the command line. Imports no torch."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ringlight.errors import RecipeError
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """What to make of a folder of photographs.
+
+    Raises:
+        RecipeError: a field is outside its range.
+    """
+
+    format: Literal["auto", "blender", "colmap", "nerfstudio"] = "auto"
+    """Layout of the folder; auto takes the first of COLMAP, Blender, nerfstudio whose files are there."""
+
+    background: Literal["auto", "white", "black", "random"] = "auto"
+    """What transparent pixels are laid over; auto is white where any image has transparency, else "photograph"."""
+
+    downscale: int | None = None
+    """Divide width and height by this; takes COLMAP's images_K where it exists. Switches --max-width off."""
+
+    max_width: int = 1600
+    """Wider images are shrunk to this width, in pixels, as 3DGS does; not applied when --downscale is given."""
+
+    holdout_every: int = 8
+    """Every n-th image by name, from the first, is a test image, where the scene brings no split of its own."""
+
+    initial_points: int | None = None
+    """Random points to start from where the scene brings none: by default 100000, 50000 for images up to 400 pixels
+    a side, 20000 up to 200."""
+
+    points_seed: int = 0
+    """Seed of those random points."""
+
+    def __post_init__(self) -> None:
+        lowest = {"downscale": 1, "max_width": 1, "holdout_every": 2, "initial_points": 1, "points_seed": 0}
+        for name, least in lowest.items():
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise RecipeError(f"--{name.replace('_', '-')} is {value}: give a whole number of at least {least}")
