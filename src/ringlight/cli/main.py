@@ -74,7 +74,9 @@ def run(arguments: list[str]) -> int:
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS):
             raise
-        return _complain(f"{error.filename or 'output'}: {error.strerror}; choose another place with --out", WRONG_INPUT)
+        return _complain(
+            f"{error.filename or 'output'}: {error.strerror}; choose another place with --out", WRONG_INPUT
+        )
 
 
 def _complain(sentence: str, code: int) -> int:

@@ -6,9 +6,7 @@ import tyro
 
 from ringlight.methods.table import METHODS
 
-Method = Annotated[
-    tyro.extras.subcommand_type_from_defaults(METHODS, prefix_names=False), tyro.conf.arg(name="")
-]
+Method = Annotated[tyro.extras.subcommand_type_from_defaults(METHODS, prefix_names=False), tyro.conf.arg(name="")]
 
 
 def preset_of(arguments: list[str], recipe: Any) -> str:

@@ -111,4 +111,3 @@ def _show(bar: Bar, task: TaskID, line: str, live: bool, quiet: bool) -> None:
     elif not quiet:
         state = bar.tasks[task]
         sys.stderr.write(f"step {state.completed:.0f}/{state.total:.0f}  {line}\n")
-

@@ -1,6 +1,6 @@
 """The socket: what each Gaussian emits towards a camera."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Bool
 from torch import Tensor
@@ -11,6 +11,7 @@ from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
 
 
+@runtime_checkable
 class ColorModel(Protocol):
     """May be an ``nn.Module`` with shared parameters; per-Gaussian parameters live in the table's appearance."""
 

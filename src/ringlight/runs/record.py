@@ -57,7 +57,9 @@ class RunRecord:
                 version=str(values["version"]),
             )
         except FileNotFoundError:
-            raise RunError(f"{folder}: holds no run ({RECORD_NAME} is missing); give a folder that train made") from None
+            raise RunError(
+                f"{folder}: holds no run ({RECORD_NAME} is missing); give a folder that train made"
+            ) from None
         except RinglightError:
             raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

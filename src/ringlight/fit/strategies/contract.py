@@ -1,7 +1,7 @@
 """The socket: anything that changes a model's structure while it trains."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from torch import Tensor
 
@@ -10,6 +10,7 @@ from ringlight.fit.optimizer import Optimizer
 from ringlight.models.splats import SplatModel
 
 
+@runtime_checkable
 class Strategy(Protocol):
     """Called after each optimizer step. Keeps whatever it counts in ``state``, so that a run can resume."""
 

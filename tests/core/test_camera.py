@@ -1,0 +1,35 @@
+"""The camera's frame: OpenCV axes, pixel centres at .5, depth is z."""
+
+import math
+
+import torch
+
+from ringlight.core.camera import Camera
+
+
+def looking_at_origin(distance: float = 4.0) -> Camera:
+    matrix = torch.eye(4)
+    matrix[2, 3] = distance
+    return Camera(matrix, (100.0, 120.0), (32.0, 24.0), 64, 48)
+
+
+def test_position_and_depth():
+    camera = looking_at_origin()
+    assert torch.allclose(camera.position, torch.tensor([0.0, 0.0, -4.0]))
+    assert camera.depths(torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -5.0]])).tolist() == [5.0, -1.0]
+
+
+def test_rays_go_through_pixel_centres():
+    rays = looking_at_origin().ray_directions()
+    assert rays.shape == (48, 64, 3)
+    expected = torch.tensor([(10.5 - 32) / 100, (7.5 - 24) / 120, 1.0])
+    assert torch.allclose(rays[7, 10], expected / expected.norm(), atol=1e-6)
+    assert torch.allclose(rays.norm(dim=-1), torch.ones(48, 64), atol=1e-6)
+
+
+def test_resizing_keeps_the_field_of_view():
+    camera = looking_at_origin()
+    half = camera.resized(32, 24)
+    fov = [2 * math.atan(c.width / 2 / c.focal[0]) for c in (camera, half)]
+    assert math.isclose(*fov)
+    assert half.center == (16.0, 12.0)

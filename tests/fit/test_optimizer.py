@@ -1,0 +1,121 @@
+"""Adam is torch's Adam; moments follow rows; a parameter without a rate is refused; state round-trips."""
+
+import pytest
+import torch
+from torch import nn
+
+from ringlight.core.gaussians import Gaussians
+from ringlight.errors import RecipeError
+from ringlight.fit.optimizer import Optimizer, adam_, adam_reference_
+from ringlight.fit.rates import Adam, Rate
+
+GROUP = Adam(Rate.constant(0.01))
+
+
+class Table(nn.Module):
+    """Columns as a splat model has them, and one shared weight."""
+
+    def __init__(self, rows: int = 5):
+        super().__init__()
+        draw = torch.Generator().manual_seed(0)
+        table = Gaussians(*(torch.randn(rows, *size, generator=draw) for size in ((3,), (3,), (4,), ())))
+        self.columns = nn.ParameterDict({name: nn.Parameter(t) for name, t in table.columns().items()})
+        self.shared = nn.Linear(2, 2)
+
+
+def stepped(model: Table, optimizer: Optimizer, step: int) -> None:
+    draw = torch.Generator().manual_seed(step)
+    for parameter in model.parameters():
+        parameter.grad = torch.randn(parameter.shape, generator=draw)
+    optimizer.step(step)
+
+
+def test_kernel_and_twin_equal_torch():
+    draw = torch.Generator().manual_seed(1)
+    start = torch.randn(1001, generator=draw)
+    twin, torchs = start.clone(), start.clone().requires_grad_()
+    value, moments, twins = (
+        start.clone(),
+        [torch.zeros(1001), torch.zeros(1001)],
+        [torch.zeros(1001), torch.zeros(1001)],
+    )
+    judge = torch.optim.Adam([torchs], lr=0.01, betas=GROUP.betas, eps=GROUP.epsilon)
+    for update in range(1, 6):
+        gradient = torch.randn(1001, generator=draw)
+        adam_(value, gradient, *moments, GROUP, 0.01, update)
+        adam_reference_(twin, gradient, *twins, GROUP, 0.01, update)
+        torchs.grad = gradient
+        judge.step()
+    torch.testing.assert_close(value, torchs.detach(), rtol=0, atol=1e-6)
+    torch.testing.assert_close(twin, torchs.detach(), rtol=0, atol=1e-6)
+
+
+def test_moments_follow_rows_and_new_rows_start_at_zero():
+    model = Table()
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    stepped(model, optimizer, 1)
+    before, columns = optimizer.state(), {name: p.detach().clone() for name, p in model.columns.items()}
+    added = Gaussians.from_columns({name: p[:2] for name, p in columns.items()})
+    optimizer.edit_rows(torch.tensor([3, 0]), added)
+    after = optimizer.state()
+    for name in columns:
+        assert torch.equal(model.columns[name][:2], columns[name][[3, 0]])
+        for moment in ("mean", "square"):
+            assert torch.equal(after[f"{moment}.columns.{name}"][:2], before[f"{moment}.columns.{name}"][[3, 0]])
+            assert not after[f"{moment}.columns.{name}"][2:].any()
+
+
+def test_a_row_steps_the_same_whether_or_not_others_were_removed():
+    edited, whole = Table(), Table()
+    whole.load_state_dict(edited.state_dict())
+    optimizers = [Optimizer(model, {"*": GROUP}, steps=10) for model in (edited, whole)]
+    for step in (1, 2):
+        for model, optimizer in zip((edited, whole), optimizers, strict=True):
+            stepped(model, optimizer, step)
+    optimizers[0].edit_rows(torch.tensor([4, 2]))
+    gradients = {
+        name: torch.randn(p.shape, generator=torch.Generator().manual_seed(9)) for name, p in whole.columns.items()
+    }
+    for name in gradients:
+        whole.columns[name].grad, edited.columns[name].grad = gradients[name], gradients[name][[4, 2]]
+    for optimizer in optimizers:
+        optimizer.step(3)
+    assert all(torch.equal(edited.columns[name], whole.columns[name][[4, 2]]) for name in gradients)
+
+
+def test_replace_clears_the_moments():
+    model = Table()
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    stepped(model, optimizer, 1)
+    optimizer.replace("columns.opacity_logits", torch.full((5,), -4.0))
+    optimizer.replace("shared.weight", torch.eye(2))
+    assert torch.equal(model.columns["opacity_logits"], torch.full((5,), -4.0))
+    assert torch.equal(model.shared.weight, torch.eye(2))
+    assert not optimizer.state()["mean.columns.opacity_logits"].any()
+    assert not optimizer.state()["square.shared.weight"].any()
+
+
+def test_a_parameter_that_no_rate_matches_is_refused_by_name():
+    with pytest.raises(RecipeError, match=r"shared\.weight"):
+        Optimizer(Table(), {"columns.*": GROUP}, steps=10)
+
+
+def test_a_parameter_without_gradient_is_left_alone():
+    model = Table()
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    before = model.shared.weight.detach().clone()
+    model.columns["means"].grad = torch.ones(5, 3)
+    optimizer.step(1)
+    assert torch.equal(model.shared.weight, before)
+
+
+def test_restored_state_goes_on_bitwise():
+    model, other = Table(), Table()
+    optimizer, resumed = (Optimizer(m, {"*": Adam(Rate(0.1, 0.001))}, steps=9) for m in (model, other))
+    for step in (1, 2, 3):
+        stepped(model, optimizer, step)
+    other.load_state_dict(model.state_dict())
+    resumed.restore(optimizer.state())
+    for m, o in ((model, optimizer), (other, resumed)):
+        stepped(m, o, 4)
+    assert all(torch.equal(a, b) for a, b in zip(model.parameters(), other.parameters(), strict=True))
