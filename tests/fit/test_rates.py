@@ -7,14 +7,14 @@ from ringlight.fit.rates import GaussianRates, Rate
 
 def test_log_linear_between_its_ends():
     rate = Rate(1e-2, 1e-4)
-    assert rate.at(0) == pytest.approx(1e-2)
+    assert rate.at(0.0) == pytest.approx(1e-2)
     assert rate.at(0.5) == pytest.approx(1e-3)
-    assert rate.at(1) == pytest.approx(1e-4)
+    assert rate.at(1.0) == pytest.approx(1e-4)
 
 
 def test_progress_outside_the_run_is_clamped():
-    assert Rate(1e-2, 1e-4).at(-1) == pytest.approx(1e-2)
-    assert Rate(1e-2, 1e-4).at(2) == pytest.approx(1e-4)
+    assert Rate(1e-2, 1e-4).at(-1.0) == pytest.approx(1e-2)
+    assert Rate(1e-2, 1e-4).at(2.0) == pytest.approx(1e-4)
 
 
 def test_a_rate_of_zero_freezes():
