@@ -1,0 +1,147 @@
+"""The columns of the results table: what each shows, how it is written, what counts as better, what goes first."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ringlight.measure.report import Report
+
+Value = float | int | None
+"""What a run measured; None if it did not."""
+Measure = Callable[[Report], Value]
+
+MISSING = "-"
+UNAVAILABLE = "unavailable"
+
+LPIPS_NETS = ("vgg", "alex")
+"""In order of preference; a table shows one."""
+
+MEGABYTE = 1e6
+"""10^6 bytes, as surveys of the field count."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run, and the run of the same scene that it is compared with."""
+
+    label: str
+    report: Report
+    baseline: Report | None = None
+
+
+@dataclass(frozen=True)
+class Column:
+    """``rank``: 0 is never left out, the largest goes first on a narrow terminal. ``always``: shown though empty."""
+
+    title: str
+    rank: int
+    write: Callable[[Row], str]
+    measure: Measure | None = None
+    better: Literal["more", "less", ""] = ""
+    is_name: bool = False
+    always: bool = True
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is written, and whether it is the best of its scene."""
+
+    text: str
+    best: bool = False
+
+
+def columns(lpips_net: str) -> tuple[Column, ...]:
+    """All columns from left to right; LPIPS is the one of ``lpips_net``."""
+
+    def lpips(report: Report) -> float | None:
+        value: float | None = getattr(report, f"lpips_{lpips_net}")
+        return value
+
+    return (
+        Column("run", 0, lambda row: row.label, is_name=True),
+        Column("scene", 2, lambda row: row.report.scene, is_name=True),
+        _measured("PSNR", 0, lambda report: report.psnr, "more", _fixed(2)),
+        _difference("dPSNR", 5, lambda report: report.psnr, 2),
+        _measured("SSIM", 3, lambda report: report.ssim_same, "more", _fixed(4)),
+        _difference("dSSIM", 12, lambda report: report.ssim_same, 4),
+        _measured(f"LPIPS {lpips_net}", 6, lpips, "less", _fixed(4, missing=UNAVAILABLE)),
+        _difference("dLPIPS", 13, lpips, 4),
+        _measured("Gaussians", 8, lambda report: report.n_gaussians, "less", "{:,.0f}".format),
+        _measured("raw MB", 1, lambda report: report.bytes_raw, "less", _megabytes),
+        Column("x raw", 9, _size_ratio, always=False),
+        _measured("file MB", 11, lambda report: report.bytes_file, "less", _megabytes),
+        _measured("train", 4, lambda report: report.train_seconds, "less", _duration),
+        _measured("it/s", 10, lambda report: report.steps_per_second, "more", _rate),
+        _measured("FPS", 7, lambda report: report.fps, "more", _rate),
+    )
+
+
+def cells(shown: Sequence[Column], rows: Sequence[Row]) -> list[list[Cell]]:
+    """The rows of one scene, written; the best are marked where there is more than one to choose from."""
+    written = [_column_cells(column, rows) for column in shown]
+    return [list(row) for row in zip(*written, strict=True)]
+
+
+def _column_cells(column: Column, rows: Sequence[Row]) -> list[Cell]:
+    texts = [column.write(row) for row in rows]
+    values = [column.measure(row.report) if column.measure else None for row in rows]
+    known = [value for value in values if value is not None and not math.isnan(value)]
+    if len(known) < 2:
+        return [Cell(text) for text in texts]
+    best = max(known) if column.better == "more" else min(known)
+    # What reads the same is equally good: the digits beyond are noise. Where all read the same, nothing is best.
+    winner = texts[values.index(best)]
+    return [Cell(text, best=text == winner and len(set(texts)) > 1) for text in texts]
+
+
+def _measured(
+    title: str, rank: int, measure: Measure, better: Literal["more", "less"], write: Callable[[Value], str]
+) -> Column:
+    return Column(title, rank, lambda row: write(measure(row.report)), measure, better)
+
+
+def _difference(title: str, rank: int, measure: Measure, digits: int) -> Column:
+    """Signed difference from the baseline; nothing for the baseline itself."""
+
+    def write(row: Row) -> str:
+        mine = measure(row.report)
+        theirs = measure(row.baseline) if row.baseline else None
+        if row.baseline is row.report or mine is None or theirs is None or math.isnan(mine - theirs):
+            return MISSING
+        return f"{mine - theirs:+.{digits}f}"
+
+    return Column(title, rank, write, always=False)
+
+
+def _size_ratio(row: Row) -> str:
+    if row.baseline is None or row.baseline is row.report or row.baseline.bytes_raw == 0:
+        return MISSING
+    return f"{row.report.bytes_raw / row.baseline.bytes_raw:.2f}"
+
+
+def _fixed(digits: int, missing: str = MISSING) -> Callable[[Value], str]:
+    return lambda value: missing if value is None else f"{value:.{digits}f}"
+
+
+def _megabytes(count: Value) -> str:
+    return MISSING if count is None else f"{count / MEGABYTE:.2f}"
+
+
+def _duration(seconds: Value) -> str:
+    """ "47s", "4m07s", "2h05m"."""
+    if seconds is None or not math.isfinite(seconds):
+        return MISSING
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole}s"
+    if whole < 3600:
+        return f"{whole // 60}m{whole % 60:02d}s"
+    return f"{whole // 3600}h{whole % 3600 // 60:02d}m"
+
+
+def _rate(value: Value) -> str:
+    """Three significant digits while small, whole numbers when large."""
+    if value is None:
+        return MISSING
+    return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"

@@ -1,0 +1,114 @@
+"""Frozen dataclasses as JSON and back, strictly: a wrong or missing field is one sentence, an unknown one is skipped.
+
+JSON has no infinity and no NaN, and both occur in honest measurements (the PSNR of a perfect picture is infinite).
+They are written as the strings "inf", "-inf" and "nan"; null means that something was not measured.
+"""
+
+import json
+import math
+import types
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields, is_dataclass
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from ringlight.errors import RunError
+
+Record = TypeVar("Record")
+
+REMEDY = "measure the run again with 'ringlight eval'"
+
+NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
+
+
+def to_json(record: object) -> str:
+    """The record as valid, indented JSON in ASCII, with the fields in the order of their declaration."""
+    return json.dumps(_encode(record), indent=2, allow_nan=False) + "\n"
+
+
+def from_json(kind: type[Record], text: str, source: str) -> Record:
+    """The record that ``to_json`` wrote; fields that this version does not know are skipped.
+
+    Raises:
+        RunError: not JSON, a field without default is missing, or a field has another type; ``source`` names the file.
+    """
+    try:
+        data = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"{source}: not valid JSON ({error}); {REMEDY}") from None
+    result: Record = _decode(kind, data, "the record", source)
+    return result
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not JSON")
+
+
+def _encode(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _encode(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, dict):
+        return {key: _encode(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_encode(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
+    return value
+
+
+def _decode(kind: Any, value: Any, name: str, source: str) -> Any:
+    """``value`` as ``kind``: a dataclass, str, int, float, ``X | None``, ``dict[str, X]`` or ``tuple[X, ...]``."""
+    if get_origin(kind) in (Union, types.UnionType):
+        inner = next(option for option in get_args(kind) if option is not type(None))
+        return None if value is None else _decode(inner, value, name, source)
+    if is_dataclass(kind) and isinstance(value, dict):
+        return _decode_record(kind, value, name, source)
+    if get_origin(kind) is dict and isinstance(value, dict):
+        return {key: _decode(get_args(kind)[1], item, f"{name}.{key}", source) for key, item in value.items()}
+    if get_origin(kind) is tuple and isinstance(value, list):
+        return tuple(_decode(get_args(kind)[0], item, f"{name}[{i}]", source) for i, item in enumerate(value))
+    if kind in SCALARS:
+        try:
+            return SCALARS[kind](value)
+        except (TypeError, OverflowError):
+            pass
+    wanted = getattr(kind, "__name__", str(kind))
+    raise RunError(f"{source}: {name} is not of type {wanted}; {REMEDY}")
+
+
+def _decode_record(kind: Any, value: dict[str, Any], name: str, source: str) -> Any:
+    hints = get_type_hints(kind)
+    found = {}
+    for field in fields(kind):
+        if field.name in value:
+            found[field.name] = _decode(hints[field.name], value[field.name], field.name, source)
+        elif _is_required(field):
+            raise RunError(f"{source}: '{field.name}' is missing in {name}; {REMEDY}")
+    return kind(**found)
+
+
+def _is_required(field: Field[Any]) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    raise TypeError
+
+
+def _whole(value: Any) -> int:
+    # bool is an int in Python, but true is no count.
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    raise TypeError
+
+
+def _real(value: Any) -> float:
+    if isinstance(value, str) and value in NON_FINITE:
+        return NON_FINITE[value]
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value)
+    raise TypeError
+
+
+SCALARS: dict[type, Callable[[Any], Any]] = {str: _text, int: _whole, float: _real}

@@ -1,0 +1,89 @@
+"""Test pictures of a run on disk: 8-bit PNG, one file per view, renders and photographs in two folders."""
+
+import io
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from PIL import Image
+from torch import Tensor
+
+from ringlight.errors import RunError
+
+RENDERS = Path("images/test")
+"""Below the run folder: test views as the model shows them."""
+TRUTHS = Path("images/truth")
+"""The same views as photographed, so that runs can be compared without the data set."""
+
+MAX_PIXELS = 100_000_000
+"""No camera of today makes larger pictures; a file that claims more is not decoded."""
+
+
+def picture_name(view: str) -> str:
+    """The file name for a view. Slashes and everything else that some file system forbids are percent-encoded."""
+    return f"{quote(view, safe=' ')}.png"
+
+
+def encode_png(image: Float[Tensor, "H W 3"]) -> bytes:
+    """The picture in [0, 1] (clamped, rounded to 8 bit) as a PNG file."""
+    values = torch.nan_to_num(image.detach().cpu(), nan=0.0).clamp(0, 1).mul(255).round().byte().numpy()
+    buffer = io.BytesIO()
+    Image.fromarray(values).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def read_picture(path: Path) -> Float[Tensor, "H W 3"]:
+    """A picture in [0, 1].
+
+    Raises:
+        RunError: the file is missing, damaged, or absurdly large.
+    """
+    try:
+        with Image.open(path, formats=["PNG"]) as picture:
+            if picture.width * picture.height > MAX_PIXELS:
+                raise RunError(f"{path}: {picture.width}x{picture.height} is no test picture; {_remedy(path)}")
+            values = np.array(picture.convert("RGB"))
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise RunError(f"{path}: cannot be read as a picture ({error}); {_remedy(path)}") from None
+    return torch.from_numpy(values).float().div_(255)
+
+
+def same_picture(one: Path, other: Path) -> bool:
+    """Whether two files hold the same pixels.
+
+    Raises:
+        RunError: a file is missing or damaged.
+    """
+    try:
+        # Fast, and enough where one version of the encoder wrote both.
+        if one.read_bytes() == other.read_bytes():
+            return True
+    except OSError as error:
+        raise RunError(f"{error.filename}: cannot be read ({error.strerror}); {_remedy(one)}") from None
+    return torch.equal(read_picture(one), read_picture(other))
+
+
+def _remedy(path: Path) -> str:
+    # RUN/images/test/VIEW.png
+    return f"make it again with 'ringlight eval {path.parents[2]} --images'"
+
+
+class PictureFolder(Mapping[str, Tensor]):
+    """Pictures of one folder by the name of their view, decoded at each access; only those that exist."""
+
+    def __init__(self, folder: Path, views: Iterable[str]) -> None:
+        paths = {view: folder / picture_name(view) for view in views}
+        self.paths = {view: path for view, path in paths.items() if path.is_file()}
+
+    def __getitem__(self, view: str) -> Tensor:
+        """The picture [H W 3] in [0, 1]; raises RunError if its file is damaged."""
+        return read_picture(self.paths[view])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.paths)
+
+    def __len__(self) -> int:
+        return len(self.paths)

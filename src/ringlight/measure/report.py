@@ -1,0 +1,115 @@
+"""The record of one run: what was trained, how well it shows held-out views, what it costs. One JSON file per run."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ringlight.errors import RunError
+from ringlight.measure import json_record
+from ringlight.measure.machine import Machine
+
+REPORT_NAME = "report.json"
+
+# Two thousand test views take about 1 MB; more than this is not a report, and is not read into memory.
+MAX_REPORT_BYTES = 64_000_000
+
+
+@dataclass(frozen=True)
+class ImageScore:
+    """The measures of one test view; conventions in ``measure/metrics.py``. None: not measured."""
+
+    name: str
+    psnr: float
+    psnr_u8: float
+    ssim_same: float
+    ssim_valid: float
+    lpips_alex: float | None = None
+    lpips_vgg: float | None = None
+    lpips_vgg_01: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Everything one run states about itself. None: not measured, or not known for a model from elsewhere."""
+
+    method: str
+    preset: str
+    version: str
+    """Of ringlight."""
+    commit: str | None
+    """Of ringlight's checkout; None for an installed copy."""
+    seed: int | None
+    dataset: str
+    """Format of the scene: "blender", "colmap", "nerfstudio", ..."""
+    scene: str
+    split: str
+    """Which views were held out, in words."""
+    resolution: str
+    """Of the test views: "400x400", or the smallest and largest, "976x541..980x545"."""
+    background: str
+    notes: tuple[str, ...]
+    """What the loader decided: downscaling and its filter, sub-model, ..."""
+    iterations: int | None
+
+    psnr: float
+    """dB, mean over images, float."""
+    psnr_u8: float
+    """The same on images rounded to 8 bit."""
+    psnr_pooled: float
+    """dB of the squared error pooled over all test images."""
+    ssim_same: float
+    ssim_valid: float
+    lpips_alex: float | None
+    lpips_vgg: float | None
+    lpips_vgg_01: float | None
+    """VGG on [0, 1] without rescaling: wrong, but what most tables of the 3DGS family print."""
+    lpips_note: str
+    """Why a LPIPS is missing and how to get it; empty if the wanted ones were measured."""
+
+    n_gaussians: int
+    bytes_raw: int
+    """Everything rendering needs, floats at 32 bit: the sum of ``bytes_by_part``."""
+    bytes_by_part: dict[str, int]
+    bytes_file: int | None
+    """The model file on disk."""
+    train_seconds: float | None
+    """Wall clock with densification, without data loading and test renders."""
+    train_cpu_seconds: float | None
+    steps_per_second: float | None
+    fps: float | None
+    fps_note: str
+    """What ``fps`` times, and on what device."""
+    machine: Machine
+    images: tuple[ImageScore, ...]
+
+    def to_json(self) -> str:
+        """Valid JSON; infinite numbers are the strings "inf" and "-inf", undefined ones "nan"."""
+        return json_record.to_json(self)
+
+    @staticmethod
+    def from_json(text: str, source: str = REPORT_NAME) -> "Report":
+        """The report that ``to_json`` wrote, by this version or a newer one.
+
+        Raises:
+            RunError: not JSON, or a field is missing or of another type; ``source`` is the name used in the sentence.
+        """
+        return json_record.from_json(Report, text, source)
+
+
+def read_report(run: Path) -> Report:
+    """The report of a run folder.
+
+    Raises:
+        RunError: there is no report, or it cannot be read.
+    """
+    path = run / REPORT_NAME
+    if not run.is_dir():
+        raise RunError(f"{run}: no such run folder; give the folder that 'ringlight train' wrote (its --out)")
+    if not path.is_file():
+        raise RunError(f"{run}: holds no {REPORT_NAME}; make one with 'ringlight eval {run}'")
+    try:
+        if path.stat().st_size > MAX_REPORT_BYTES:
+            raise RunError(f"{path}: larger than any report; make a new one with 'ringlight eval {run}'")
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunError(f"{path}: cannot be read ({error}); make a new one with 'ringlight eval {run}'") from None
+    return Report.from_json(text, str(path))

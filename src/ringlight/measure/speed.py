@@ -1,0 +1,105 @@
+"""Speed: frames per second of a render call, and what this machine can do at best."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import torch
+
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Rendering
+
+MATRIX_SIDE = 1024
+"""2 GFLOP a product: milliseconds on any machine, and long enough to reach full speed."""
+
+COPY_BYTES = 128 * 2**20
+"""Larger than the last-level cache of most processors, so that memory is measured."""
+
+
+@dataclass(frozen=True)
+class FrameRate:
+    """How fast a model shows pictures; ``note`` says what was timed. Seconds are medians over passes, per frame."""
+
+    fps: float
+    wall_seconds: float
+    cpu_seconds: float
+    note: str
+
+
+def frames_per_second(
+    render: Callable[[Camera], Rendering],
+    cameras: Sequence[Camera],
+    *,
+    warmup_passes: int = 1,
+    passes: int = 3,
+    max_seconds: float = 30.0,
+) -> FrameRate:
+    """Time the render call alone, all cameras one after the other, without gradients.
+
+    No pass is begun after ``max_seconds``, but one is always timed, so that a slow back end gets its number too.
+    CUDA work is waited for before each reading of the clock. There must be at least one camera.
+    """
+    begun = time.perf_counter()
+    times: list[tuple[float, float]] = []
+    with torch.no_grad():
+        device = render(cameras[0]).color.device
+        for _ in range(warmup_passes):
+            _one_pass(render, cameras, device)
+        while not times or (len(times) < passes and time.perf_counter() - begun < max_seconds):
+            times.append(_one_pass(render, cameras, device))
+    wall, cpu = (median(column) / len(cameras) for column in zip(*times, strict=True))
+    size = f"{cameras[0].width}x{cameras[0].height}"
+    note = (
+        f"render call only, {len(cameras)} views of {size}, one at a time, median of {len(times)} passes "
+        f"after {warmup_passes} to warm up, on {_device_name(device)}"
+    )
+    return FrameRate(1 / wall, wall, cpu, note)
+
+
+def peak_gflops(repeats: int = 9) -> float:
+    """GFLOP/s of torch's float32 matrix product (1024 cubed) on this machine's CPU, median."""
+    a, b = torch.ones(MATRIX_SIDE, MATRIX_SIDE), torch.ones(MATRIX_SIDE, MATRIX_SIDE)
+    out = torch.empty_like(a)
+    seconds = _median_seconds(lambda: torch.mm(a, b, out=out), repeats)
+    return 2 * MATRIX_SIDE**3 / seconds / 1e9
+
+
+def copy_bandwidth(repeats: int = 9) -> float:
+    """GB/s of a copy within main memory, bytes read plus bytes written, median."""
+    source = torch.ones(COPY_BYTES // 4)
+    target = torch.empty_like(source)
+    return 2 * COPY_BYTES / _median_seconds(lambda: target.copy_(source), repeats) / 1e9
+
+
+def _one_pass(
+    render: Callable[[Camera], Rendering], cameras: Sequence[Camera], device: torch.device
+) -> tuple[float, float]:
+    """Wall and CPU seconds for all cameras once."""
+    _wait_for(device)
+    wall, cpu = time.perf_counter(), time.process_time()
+    for camera in cameras:
+        render(camera)
+    _wait_for(device)
+    return max(time.perf_counter() - wall, 1e-9), time.process_time() - cpu
+
+
+def _wait_for(device: torch.device) -> None:
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+
+
+def _device_name(device: torch.device) -> str:
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    return f"the CPU ({torch.get_num_threads()} torch threads)"
+
+
+def _median_seconds(work: Callable[[], object], repeats: int) -> float:
+    work()
+    seconds = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - begun)
+    return median(seconds)

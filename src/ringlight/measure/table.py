@@ -1,0 +1,135 @@
+"""Reports as one table: on a terminal of any width, and as markdown. Numbers are never wrapped or cut."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, ConsoleOptions
+from rich.table import Table
+from rich.text import Text
+
+from ringlight.measure.columns import LPIPS_NETS, MISSING, Cell, Column, Row, cells, columns
+from ringlight.measure.report import Report
+
+MIN_NAME_WIDTH = 16
+"""Names are cut to this many characters before a column of numbers is left out."""
+
+GAP = 2
+"""Blanks between columns."""
+
+CUT = ".."
+"""Ends a name that was cut; ASCII, because a terminal may know nothing else."""
+
+
+@dataclass(frozen=True)
+class ResultsTable:
+    """Runs, each with its label, grouped by scene; prints itself with rich, as wide as the terminal allows.
+
+    ``baseline`` is the label that the other runs of the same scene are compared with. The best value of each scene
+    is marked, where runs differ.
+    """
+
+    runs: Sequence[tuple[str, Report]]
+    baseline: str | None = None
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
+        """Rich's protocol: leaves out the least important columns that do not fit."""
+        grid = self._grid()
+        scenes = {report.scene for _, report in self.runs}
+        if len(scenes) == 1:
+            grid = grid.without("scene")
+            yield Text(f"scene {scenes.pop()}", style="bold")
+        yield grid.fitted(options.max_width)
+        for note in self.notes():
+            yield Text(note, style="dim")
+
+    def markdown(self) -> str:
+        """All columns as a GitHub table, the best values of each scene in bold; ends with the notes."""
+        grid = self._grid()
+        lines = [
+            _markdown_line([column.title for column in grid.columns]),
+            _markdown_line([":--" if column.is_name else "--:" for column in grid.columns]),
+        ]
+        for row in grid.rows():
+            texts = [cell.text.replace("|", "\\|") for cell in row]
+            lines.append(_markdown_line([f"**{t}**" if c.best else t for t, c in zip(texts, row, strict=True)]))
+        return "\n".join([*lines, *(f"\n{note}" for note in self.notes())]) + "\n"
+
+    def notes(self) -> tuple[str, ...]:
+        """What a reader must know beside the numbers, one sentence each."""
+        remedies = {report.lpips_note for _, report in self.runs if report.lpips_note}
+        compared = any(label == self.baseline for label, _ in self.runs) and len(self.runs) > 1
+        difference = f"dPSNR and other differences are from {self.baseline}." if compared else ""
+        return tuple(note for note in (difference, *sorted(remedies)) if note)
+
+    def _grid(self) -> "_Grid":
+        baselines = {report.scene: report for label, report in reversed(self.runs) if label == self.baseline}
+        shown = columns(_common_lpips([report for _, report in self.runs]))
+        scenes: dict[str, list[Row]] = {}
+        for label, report in self.runs:
+            scenes.setdefault(report.scene, []).append(Row(label, report, baselines.get(report.scene)))
+        grid = _Grid(shown, [cells(shown, rows) for rows in scenes.values()])
+        silent = [
+            c.title for i, c in enumerate(shown) if not c.always and all(r[i].text == MISSING for r in grid.rows())
+        ]
+        for title in silent:
+            grid = grid.without(title)
+        return grid
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Written cells: columns, and for each scene its rows."""
+
+    columns: Sequence[Column]
+    scenes: Sequence[Sequence[Sequence[Cell]]]
+
+    def rows(self) -> list[Sequence[Cell]]:
+        return [row for rows in self.scenes for row in rows]
+
+    def without(self, title: str) -> "_Grid":
+        kept = [index for index, column in enumerate(self.columns) if column.title != title]
+        scenes = [[[row[index] for index in kept] for row in rows] for rows in self.scenes]
+        return _Grid([self.columns[index] for index in kept], scenes)
+
+    def widths(self) -> list[int]:
+        texts = [[column.title, *(row[i].text for row in self.rows())] for i, column in enumerate(self.columns)]
+        return [max(map(len, column)) for column in texts]
+
+    def fitted(self, width: int) -> Table:
+        """The table in ``width`` characters: names are cut first, then the least important columns go."""
+        widths = self.widths()
+        excess = sum(widths) + GAP * (len(widths) - 1) - width
+        for index in sorted(range(len(widths)), key=lambda i: -widths[i]):
+            if self.columns[index].is_name:
+                spared = max(0, min(excess, widths[index] - MIN_NAME_WIDTH))
+                widths[index], excess = widths[index] - spared, excess - spared
+        last = max(self.columns, key=lambda column: column.rank)
+        if excess > 0 and last.rank > 0:
+            return self.without(last.title).fitted(width)
+        return self._table(widths)
+
+    def _table(self, widths: list[int]) -> Table:
+        # The box puts one blank between columns; the padding makes up the rest.
+        table = Table(box=SIMPLE_HEAD, padding=(0, GAP - 1, 0, 0), pad_edge=False, show_edge=False)
+        for column, width in zip(self.columns, widths, strict=True):
+            table.add_column(column.title, justify="left" if column.is_name else "right", no_wrap=True, width=width)
+        for rows in self.scenes:
+            for row in rows:
+                table.add_row(*(_styled(cell, width) for cell, width in zip(row, widths, strict=True)))
+            table.add_section()
+        return table
+
+
+def _styled(cell: Cell, width: int) -> Text:
+    text = cell.text if len(cell.text) <= width else cell.text[: width - len(CUT)] + CUT
+    return Text(text, style="bold green" if cell.best else "dim" if cell.text == MISSING else "")
+
+
+def _markdown_line(texts: list[str]) -> str:
+    return "| " + " | ".join(texts) + " |"
+
+
+def _common_lpips(reports: Sequence[Report]) -> str:
+    """The net that most runs have measured, so that the column compares; in doubt the first of ``LPIPS_NETS``."""
+    return max(LPIPS_NETS, key=lambda net: sum(getattr(report, f"lpips_{net}") is not None for report in reports))

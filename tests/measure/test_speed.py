@@ -1,0 +1,45 @@
+"""Speed: what is timed, how often, and that a slow back end gets its number."""
+
+import torch
+
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Rendering
+from ringlight.measure.speed import copy_bandwidth, frames_per_second, peak_gflops
+
+CAMERA = Camera(torch.eye(4), (10.0, 10.0), (4.0, 3.0), 8, 6)
+
+
+class Counter:
+    """Renders black and remembers how often, and whether gradients were on."""
+
+    def __init__(self):
+        self.calls, self.with_gradients = 0, False
+
+    def __call__(self, camera):
+        self.calls += 1
+        self.with_gradients |= torch.is_grad_enabled()
+        return Rendering(torch.zeros(camera.height, camera.width, 3), torch.zeros(camera.height, camera.width, 1))
+
+
+def test_all_cameras_are_timed_after_warming_up():
+    render = Counter()
+    rate = frames_per_second(render, [CAMERA] * 4, warmup_passes=2, passes=3)
+    assert render.calls == 1 + (2 + 3) * 4
+    assert not render.with_gradients
+    assert rate.fps > 0
+    assert rate.wall_seconds == 1 / rate.fps
+    assert rate.cpu_seconds >= 0
+    assert "4 views of 8x6" in rate.note
+    assert "3 passes" in rate.note
+
+
+def test_one_pass_is_timed_however_slow():
+    render = Counter()
+    rate = frames_per_second(render, [CAMERA], warmup_passes=0, passes=5, max_seconds=0.0)
+    assert render.calls == 2
+    assert "1 passes" in rate.note
+
+
+def test_the_machine_has_some_speed():
+    assert peak_gflops(repeats=1) > 0
+    assert copy_bandwidth(repeats=1) > 0

@@ -1,0 +1,107 @@
+"""The results table: whole numbers at any width, the best marked, differences from the baseline."""
+
+import io
+import math
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+from samples import NO_LPIPS, sample_report
+
+from ringlight.measure.table import ResultsTable
+
+RUNS = (
+    ("3dgs", sample_report()),
+    ("ringlight", sample_report(psnr=25.9, ssim_same=0.931, bytes_raw=950_000, n_gaussians=10_000, fps=55.04)),
+    ("3dgs", sample_report(scene="carpaint_200", psnr=24.42)),
+    ("ringlight", sample_report(scene="carpaint_200", psnr=25.95)),
+)
+
+
+def printed(table: ResultsTable, width: int, **options) -> str:
+    text = io.StringIO()
+    Console(file=text, width=width, **options).print(table)
+    return text.getvalue()
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 200])
+def test_it_fits_and_no_number_is_cut(width):
+    lines = printed(ResultsTable(RUNS, "3dgs"), width).splitlines()
+    assert max(map(len, lines)) <= width
+    rows = [line.split() for line in lines if line.startswith(("3dgs ", "ringlight "))]
+    assert len(rows) == 4
+    psnr = lines[0].split().index("PSNR")
+    assert [row[psnr] for row in rows] == ["22.13", "25.90", "24.42", "25.95"]
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=4), st.integers(70, 160))
+def test_extreme_numbers_stay_whole(values, width):
+    runs = [
+        (f"run{i}", sample_report(psnr=v if abs(v) < 1e4 else math.copysign(math.inf, v))) for i, v in enumerate(values)
+    ]
+    rows = [
+        line
+        for line in printed(ResultsTable(runs, "run0"), width).splitlines()
+        if line.startswith("run") and "PSNR" not in line
+    ]
+    assert [row.split()[1] for row in rows] == [f"{report.psnr:.2f}" for _, report in runs]
+
+
+def test_eighty_columns_keep_what_matters_and_a_wide_terminal_shows_all():
+    narrow = printed(ResultsTable(RUNS[:2], "3dgs"), 80)
+    for title in ("PSNR", "dPSNR", "SSIM", "LPIPS", "raw MB", "train"):
+        assert title in narrow
+    wide = printed(ResultsTable(RUNS[:2], "3dgs"), 160)
+    for title in ("dSSIM", "Gaussians", "x raw", "file MB", "it/s", "FPS"):
+        assert title in wide
+
+
+def test_missing_lpips_says_how_to_get_it():
+    text = printed(ResultsTable(RUNS[:1]), 120)
+    assert "unavailable" in text
+    assert NO_LPIPS in text
+
+
+def test_the_best_of_each_scene_is_marked_and_ties_are_equal():
+    lines = ResultsTable(RUNS, "3dgs").markdown().splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "_200" in line]
+    psnr = [row[2] for row in rows]
+    assert psnr == ["22.13", "**25.90**", "24.42", "**25.95**"]
+    # All runs of carpaint have the same SSIM: nothing stands out.
+    assert rows[2][4] == rows[3][4] == "0.8801"
+
+
+def test_differences_are_from_the_baseline_of_the_same_scene():
+    lines = ResultsTable(RUNS, "3dgs").markdown().splitlines()
+    titles = [cell.strip() for cell in lines[0].strip("|").split("|")]
+    rows = [
+        dict(zip(titles, (c.strip() for c in line.strip("|").split("|")), strict=True))
+        for line in lines
+        if "_200" in line
+    ]
+    assert [row["dPSNR"] for row in rows] == ["-", "+3.77", "-", "+1.53"]
+    assert [row["x raw"] for row in rows] == ["-", "0.14", "-", "1.00"]
+
+
+def test_without_a_baseline_there_are_no_differences():
+    assert "dPSNR" not in ResultsTable(RUNS).markdown()
+    assert "Differences" not in printed(ResultsTable(RUNS), 120)
+
+
+def test_the_lpips_net_is_the_one_most_runs_have():
+    alex = sample_report(lpips_alex=0.12, lpips_note="")
+    both = sample_report(lpips_alex=0.1, lpips_vgg=0.2, lpips_note="")
+    assert "LPIPS alex" in ResultsTable([("a", alex), ("b", both)]).markdown()
+    assert "LPIPS vgg" in ResultsTable([("a", both), ("b", both)]).markdown()
+
+
+def test_a_long_name_is_cut_but_stays_on_one_line():
+    text = printed(ResultsTable([("a-very-long-name-of-a-run-that-somebody-chose", sample_report())]), 80)
+    assert re.search(r"^a-very-long.*\.\. +22\.13", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.4, "0s"), (59.6, "1m00s"), (247, "4m07s"), (7500, "2h05m")])
+def test_durations(seconds, text):
+    assert text in ResultsTable([("a", sample_report(train_seconds=float(seconds)))]).markdown()
