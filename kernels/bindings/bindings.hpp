@@ -6,7 +6,8 @@ namespace ringlight {
 
 void bind_threads(nanobind::module_& module);  // thread pool: parallel.hpp
 void bind_raster(nanobind::module_& module);   // rasterizer: project, sort, blend and their gradients
-void bind_fit(nanobind::module_& module);      // losses, Adam, spherical harmonics, densification statistics
+void bind_fit(nanobind::module_& module);      // losses, Adam, densification statistics
+void bind_sh(nanobind::module_& module);       // colour from spherical harmonics
 void bind_field(nanobind::module_& module);    // the tensor-ring light field
 
 }  // namespace ringlight

@@ -1,0 +1,65 @@
+#include <nanobind/ndarray.h>
+
+#include <stdexcept>
+
+#include "bindings.hpp"
+#include "dispatch.hpp"
+#include "sh.hpp"
+
+namespace nb = nanobind;
+
+namespace ringlight {
+namespace {
+
+using Points = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Rest = nb::ndarray<const float, nb::shape<-1, 15, 3>, nb::c_contig, nb::device::cpu>;
+using Position = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+using Upstream = nb::ndarray<const float, nb::shape<-1, 3>, nb::device::cpu>;
+using PointsOut = nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using RestOut = nb::ndarray<float, nb::shape<-1, 15, 3>, nb::c_contig, nb::device::cpu>;
+
+Harmonics as_table(const Points& means, const Points& constant, const Rest& rest, const Position& position,
+                   int degree) {
+  if (constant.shape(0) != means.shape(0) || rest.shape(0) != means.shape(0))
+    throw std::invalid_argument("sh: all columns must have the same number of rows");
+  if (degree < 0 || degree > 3) throw std::invalid_argument("sh: the degree must be 0 to 3");
+  const float* p = position.data();
+  return {means.data(), constant.data(), rest.data(), means.shape(0), {p[0], p[1], p[2]}, degree};
+}
+
+void colors(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
+            const PointsOut& out) {
+  const Harmonics table = as_table(means, constant, rest, position, degree);
+  if (out.shape(0) != table.count) throw std::invalid_argument("sh_colors: colors must have one row per Gaussian");
+  const nb::gil_scoped_release unlocked;
+  (current_isa() == Isa::v4 ? v4::sh_colors : v3::sh_colors)(table, out.data());
+}
+
+void gradient(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
+              const Upstream& upstream, const PointsOut& by_means, const PointsOut& by_constant,
+              const RestOut& by_rest) {
+  const Harmonics table = as_table(means, constant, rest, position, degree);
+  if (upstream.shape(0) != table.count || by_means.shape(0) != table.count || by_constant.shape(0) != table.count ||
+      by_rest.shape(0) != table.count)
+    throw std::invalid_argument("sh_gradient: all gradients must have one row per Gaussian");
+  if (table.count > 0 && upstream.stride(1) != 1)
+    throw std::invalid_argument("sh_gradient: the three floats of an upstream row must be adjacent");
+  const ColorGradient by_color{upstream.data(), upstream.stride(0)};
+  const HarmonicsGradient out{by_means.data(), by_constant.data(), by_rest.data()};
+  const nb::gil_scoped_release unlocked;
+  (current_isa() == Isa::v4 ? v4::sh_gradient : v3::sh_gradient)(table, by_color, out);
+}
+
+}  // namespace
+
+void bind_sh(nb::module_& module) {
+  module.def("sh_colors", &colors, nb::arg("means").noconvert(), nb::arg("constant").noconvert(),
+             nb::arg("rest").noconvert(), nb::arg("position").noconvert(), nb::arg("degree"),
+             nb::arg("colors").noconvert(), "Fill colors [N 3], clamped at black, towards a camera at position [3].");
+  module.def("sh_gradient", &gradient, nb::arg("means").noconvert(), nb::arg("constant").noconvert(),
+             nb::arg("rest").noconvert(), nb::arg("position").noconvert(), nb::arg("degree"),
+             nb::arg("upstream").noconvert(), nb::arg("by_means").noconvert(), nb::arg("by_constant").noconvert(),
+             nb::arg("by_rest").noconvert(), "Overwrite by_* with the gradients of sh_colors, every row.");
+}
+
+}  // namespace ringlight

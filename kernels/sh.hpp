@@ -1,0 +1,41 @@
+// Colour from spherical harmonics (src/ringlight/core/sh_basis.py) towards a camera, and its gradient.
+#pragma once
+#include <cstddef>
+
+namespace ringlight {
+
+constexpr int SH_REST = 45;  // coefficients after the constant ones: 15 harmonics by 3 colours
+
+// N rows as they lie in the table. Only the harmonics up to `degree` (0 to 3) are read.
+struct Harmonics {
+  const float* means;     // [N 3] world units
+  const float* constant;  // [N 3]
+  const float* rest;      // [N 15 3]
+  std::size_t count;
+  float position[3];      // the camera, world units
+  int degree;
+};
+
+// dL/d(colour): rows of three floats, `stride` floats apart.
+struct ColorGradient {
+  const float* data;
+  std::ptrdiff_t stride;
+};
+
+// Overwritten, every row: [N 3], [N 3], [N 15 3]; zero for harmonics above the degree.
+struct HarmonicsGradient {
+  float* means;
+  float* constant;
+  float* rest;
+};
+
+namespace v3 {
+void sh_colors(const Harmonics& table, float* colors);
+void sh_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient);
+}
+namespace v4 {
+void sh_colors(const Harmonics& table, float* colors);
+void sh_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient);
+}
+
+}  // namespace ringlight

@@ -1,0 +1,36 @@
+"""Signatures of the compiled module. Arrays are contiguous float32 CPU tensors; outputs are made by the caller."""
+
+from typing import Any
+
+from torch import Tensor
+
+def isa() -> str: ...
+def set_threads(count: int) -> None: ...
+def threads() -> int: ...
+def adam(
+    value: Tensor,
+    gradient: Tensor,
+    mean: Tensor,
+    square: Tensor,
+    rate: float,
+    beta1: float,
+    beta2: float,
+    epsilon: float,
+    step: int,
+) -> None: ...
+def accumulate_pull(
+    gradient: Tensor, radii: Tensor, scale_x: float, scale_y: float, pull: Tensor, views: Tensor
+) -> None: ...
+def sh_colors(means: Tensor, constant: Tensor, rest: Tensor, position: Tensor, degree: int, colors: Tensor) -> None: ...
+def sh_gradient(
+    means: Tensor,
+    constant: Tensor,
+    rest: Tensor,
+    position: Tensor,
+    degree: int,
+    upstream: Tensor,
+    by_means: Tensor,
+    by_constant: Tensor,
+    by_rest: Tensor,
+) -> None: ...
+def __getattr__(name: str) -> Any: ...

@@ -1,0 +1,96 @@
+"""Spherical harmonics per Gaussian: the colour of 3DGS (Kerbl et al. 2023, section 5 and appendix)."""
+
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
+
+from ringlight.core.camera import Camera
+from ringlight.core.directions import view_directions
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Channels
+from ringlight.core.scene import PointCloud
+from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_sh, sh_basis, sh_from_rgb
+
+try:
+    from ringlight import _kernels
+except ImportError:
+    _kernels = None
+
+REST_COUNT = basis_count(MAX_DEGREE) - 1
+
+
+class SphericalHarmonics(nn.Module):
+    """Columns "sh_dc" [N 3], the constant coefficient, and "sh_rest" [N 15 3], so that each has its own rate.
+
+    ``active_degree`` grows during training (3DGS: one per 1,000 steps); it is saved with the model and stays on the
+    CPU. Harmonics above it are neither read nor given a gradient.
+    """
+
+    active_degree: Tensor
+    training_columns: tuple[str, ...] = ()
+
+    def __init__(self, degree: int = MAX_DEGREE):
+        super().__init__()
+        self.register_buffer("active_degree", torch.tensor(degree))
+
+    def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
+        """The points' own colours, the same from every side."""
+        rest = torch.zeros(len(points.colors), REST_COUNT, 3)
+        return {"sh_dc": sh_from_rgb(points.colors), "sh_rest": rest}
+
+    def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
+        dc, rest = gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
+        colors = _NativeColors.apply if _runs_native(gaussians.means, dc, rest) else sh_colors_reference
+        return {"rgb": colors(gaussians.means, dc, rest, camera.position, int(self.active_degree))}
+
+    def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
+        """The colour without a view, and what the view adds (signed)."""
+        base = rgb_from_sh(gaussians.appearance["sh_dc"])
+        return {"base": base.clamp_min(0), "residual": self.channels(gaussians, camera)["rgb"] - base}
+
+    def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
+        """Every row is shown."""
+        return torch.ones(len(gaussians), dtype=torch.bool)
+
+
+def sh_colors_reference(
+    means: Float[Tensor, "N 3"],
+    dc: Float[Tensor, "N 3"],
+    rest: Float[Tensor, "N 15 3"],
+    position: Float[Tensor, "3"],
+    degree: int,
+) -> Float[Tensor, "N 3"]:
+    """Slow twin of the native kernel: colour towards a camera at ``position``, clamped at black, any float dtype."""
+    basis = sh_basis(view_directions(means, position.to(means)), degree)[:, 1:]
+    seen = torch.einsum("nk,nkc->nc", basis, rest[:, : basis.shape[1]])
+    return (GREY + C0 * dc + seen).clamp_min(0)
+
+
+def _runs_native(*tensors: Tensor) -> bool:
+    usable = (tensor.dtype == torch.float32 and tensor.is_cpu and tensor.is_contiguous() for tensor in tensors)
+    return _kernels is not None and all(usable)
+
+
+class _NativeColors(torch.autograd.Function):
+    """Colours and their gradients to means, dc and rest in one pass over the table each."""
+
+    @staticmethod
+    def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, position: Tensor, degree: int) -> Tensor:
+        colors = torch.empty_like(means)
+        _kernels.sh_colors(means.detach(), dc.detach(), rest.detach(), position, degree, colors)
+        ctx.save_for_backward(means, dc, rest, position)
+        ctx.degree = degree
+        return colors
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, Tensor, Tensor, None, None]:
+        means, dc, rest, position = ctx.saved_tensors
+        if upstream.stride(1) != 1:
+            upstream = upstream.contiguous()
+        by_means, by_dc, by_rest = torch.empty_like(means), torch.empty_like(dc), torch.empty_like(rest)
+        _kernels.sh_gradient(means, dc, rest, position, ctx.degree, upstream, by_means, by_dc, by_rest)
+        return by_means, by_dc, by_rest, None, None
