@@ -109,8 +109,10 @@ def _set_threads(count: int) -> None:
 
 
 def _train(session: "Session", options: ReaderOptions) -> int:
+    from rich.console import Console
+
     from ringlight.cli.progress import announce, show_steps
-    from ringlight.measure.table import print_table
+    from ringlight.measure.table import ResultsTable
     from ringlight.runs.finish import measure_session
 
     announce(session, options.quiet)
@@ -125,9 +127,9 @@ def _train(session: "Session", options: ReaderOptions) -> int:
         return 130
     report = measure_session(session, options.lpips)
     if options.json:
-        sys.stdout.write(report.to_json() + "\n")
+        sys.stdout.write(report.to_json())
     else:
-        print_table([report])
+        Console().print(ResultsTable([(report.preset, report)]))
         sys.stderr.write(f"written to {session.folder.path}; see it with: ringlight render {session.folder.path}\n")
     return 0
 

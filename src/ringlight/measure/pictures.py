@@ -1,9 +1,7 @@
-"""Test pictures of a run on disk: 8-bit PNG, one file per view, renders and photographs in two folders."""
+"""Pictures of test views, read from a run folder: one 8-bit PNG per view, decoded when they are looked at."""
 
-import io
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 import torch
@@ -12,27 +10,10 @@ from PIL import Image
 from torch import Tensor
 
 from ringlight.errors import RunError
-
-RENDERS = Path("images/test")
-"""Below the run folder: test views as the model shows them."""
-TRUTHS = Path("images/truth")
-"""The same views as photographed, so that runs can be compared without the data set."""
+from ringlight.measure.picture_names import picture_name
 
 MAX_PIXELS = 100_000_000
 """No camera of today makes larger pictures; a file that claims more is not decoded."""
-
-
-def picture_name(view: str) -> str:
-    """The file name for a view. Slashes and everything else that some file system forbids are percent-encoded."""
-    return f"{quote(view, safe=' ')}.png"
-
-
-def encode_png(image: Float[Tensor, "H W 3"]) -> bytes:
-    """The picture in [0, 1] (clamped, rounded to 8 bit) as a PNG file."""
-    values = torch.nan_to_num(image.detach().cpu(), nan=0.0).clamp(0, 1).mul(255).round().byte().numpy()
-    buffer = io.BytesIO()
-    Image.fromarray(values).save(buffer, format="PNG")
-    return buffer.getvalue()
 
 
 def read_picture(path: Path) -> Float[Tensor, "H W 3"]:

@@ -17,12 +17,13 @@ from ringlight.files.atomic import write_text
 from ringlight.files.video import save_image
 from ringlight.measure.evaluate import Scores, evaluate
 from ringlight.measure.machine import machine, source_commit
+from ringlight.measure.picture_names import picture_name
 from ringlight.measure.report import Report
 from ringlight.measure.size import bytes_by_part
 from ringlight.measure.speed import frames_per_second
 from ringlight.methods.store import for_rendering
 from ringlight.models.splats import SplatModel
-from ringlight.runs.folder import RunFolder, picture_name
+from ringlight.runs.folder import RunFolder
 from ringlight.runs.session import Session
 
 Tell = Callable[[int, int], None]

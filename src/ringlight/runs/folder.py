@@ -4,16 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.errors import RunError
+from ringlight.measure.picture_names import RENDERS, TRUTHS
 from ringlight.runs.record import RECORD_NAME
 
 MODEL_NAME = "model.safetensors"
 CHECKPOINT_NAME = "checkpoint.safetensors"
 REPORT_NAME = "report.json"
-
-
-def picture_name(view: str) -> str:
-    """File name of a test view's picture: views in subfolders stay apart, and all are PNG."""
-    return view.replace("/", "_").replace("\\", "_") + ".png"
 
 
 @dataclass(frozen=True)
@@ -40,12 +36,12 @@ class RunFolder:
     @property
     def renders(self) -> Path:
         """Test views as the model shows them, 8-bit PNG."""
-        return self.path / "images" / "test"
+        return self.path / RENDERS
 
     @property
     def truths(self) -> Path:
         """The same views as photographed, so that runs can be compared without the data set."""
-        return self.path / "images" / "truth"
+        return self.path / TRUTHS
 
     @staticmethod
     def create(path: Path) -> "RunFolder":
