@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
+from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from types import ModuleType
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import torch
@@ -81,7 +82,9 @@ def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float
     if first is None:
         raise OutputError(f"{path}: cannot be written: the film has no frames; ask for at least one")
     with written_atomically(path) as file:
-        return _encode(library, file, chain([first], pictures), first.shape, fps)
+        film, count = _encoded(library, _of_one_size(path, chain([first], pictures), first.shape), first.shape, fps)
+        file.write(film)
+    return count
 
 
 def _video_library() -> ModuleType:
@@ -97,12 +100,22 @@ def _even(pixels: UInt8[np.ndarray, "H W 3"]) -> UInt8[np.ndarray, "h w 3"]:
     return np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
 
 
-def _encode(
-    av: ModuleType, file: BinaryIO, pictures: Iterator[UInt8[np.ndarray, "H W 3"]], shape: tuple[int, ...], fps: float
-) -> int:
+def _of_one_size(
+    path: Path, pictures: Iterable[UInt8[np.ndarray, "H W 3"]], shape: tuple[int, ...]
+) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
+    for picture in pictures:
+        if picture.shape != shape:
+            raise OutputError(f"{path}: cannot be written: the frames of a film must have one size; scale them alike")
+        yield picture
+
+
+def _encoded(
+    av: ModuleType, pictures: Iterable[UInt8[np.ndarray, "H W 3"]], shape: tuple[int, ...], fps: float
+) -> tuple[memoryview, int]:
+    """The film's bytes and number of frames. In memory, because PyAV prints and drops errors of a file it writes to."""
     rate = Fraction(fps).limit_denominator(1001)
-    count = 0
-    with av.open(file, "w", format="mp4", options={"movflags": "faststart"}) as container:
+    count, file = 0, BytesIO()
+    with av.open(file, "w", format="mp4") as container:
         stream = container.add_stream("libx264", rate=rate, options={"crf": CONSTANT_RATE_FACTOR, "preset": "medium"})
         stream.height, stream.width, stream.pix_fmt = shape[0], shape[1], "yuv420p"
         stream.codec_context.colorspace = stream.codec_context.color_primaries = BT709
@@ -114,4 +127,4 @@ def _encode(
             container.mux(stream.encode(frame))
             count += 1
         container.mux(stream.encode(None))
-    return count
+    return file.getbuffer(), count
