@@ -88,9 +88,8 @@ def _rows_to_draw(
     geometry: Gaussians, channels: Tensor, camera: Camera, options: RasterOptions, factor: Tensor
 ) -> Int[Tensor, "K"]:
     """Rows that are finite and fall on the image, nearest first, equal depths in the order of the table."""
-    finite = channels.isfinite().all(1) & factor.isfinite()
-    for column in geometry.columns().values():
-        finite &= column.isfinite().reshape(len(column), -1).all(1)
+    columns = (geometry.means, geometry.log_scales, geometry.quats, geometry.opacity_logits[:, None], channels)
+    finite = torch.cat([*columns, factor[:, None]], 1).isfinite().all(1)
     projection = project(geometry, camera, options, factor)
     rows = (finite & projection.on_image(camera, options.near)).nonzero()[:, 0]
     return rows[projection.depths[rows].argsort(stable=True)]

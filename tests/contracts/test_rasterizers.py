@@ -1,0 +1,302 @@
+"""What every rasterizer must do, parametrised over all of them; the float64 reference judges."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from contracts.raster_cases import Case, Outcome, certain_pixels, judge, random_case, random_cotangents, run
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.contract import Rasterizer, RasterOptions
+
+# Float32 rounds at 6e-8; an alpha passes through a projection of some twenty steps and an exponential (polynomial in
+# kernels, 3e-6), a pixel blends up to eighty of them.
+IMAGE_TOLERANCE = 2e-5
+# Of the largest gradient in the column. Thin Gaussians lose digits in the conic, which its gradient divides by.
+GRADIENT_TOLERANCE = 1e-4
+
+
+@pytest.fixture(params=["reference", "cpu"])
+def rasterizer(request: pytest.FixtureRequest) -> Rasterizer:
+    if request.param == "cpu":
+        pytest.importorskip("ringlight._kernels", reason="needs the compiled module")
+        pytest.importorskip("ringlight.rasterize.cpu", reason="needs the CPU back end")
+    return rasterizer_for(request.param)
+
+
+def assert_close(found: Tensor, expected: Tensor, tolerance: float, what: str):
+    """Largest difference as a share of the largest expected value."""
+    assert found.shape == expected.shape, what
+    assert found.isfinite().all(), f"{what} is not finite"
+    scale = max(expected.abs().max().item(), 1e-6) if expected.numel() else 1.0
+    error = (found.double() - expected).abs().max().item() / scale if expected.numel() else 0.0
+    assert error < tolerance, f"{what}: off by {error:.1e} of its largest value"
+
+
+def assert_same_outcome(found: Outcome, expected: Outcome, sure: Tensor):
+    assert_close(found.raster.image[sure], expected.raster.image[sure], IMAGE_TOLERANCE, "image")
+    assert_close(found.raster.alpha[sure], expected.raster.alpha[sure], IMAGE_TOLERANCE, "alpha")
+    assert found.gradients.keys() == expected.gradients.keys()
+    for name, gradient in expected.gradients.items():
+        assert_close(found.gradients[name], gradient, GRADIENT_TOLERANCE, f"gradient of {name}")
+
+
+def check_against_reference(rasterizer: Rasterizer, case: Case, seed: int = 0):
+    cotangents = random_cotangents(case, seed)
+    found, expected = run(rasterizer, case, *cotangents), judge(case, *cotangents)
+    assert_same_outcome(found, expected, certain_pixels(case))
+    ours, theirs = found.raster.footprint, expected.raster.footprint
+    assert_close(ours.means2d_gradient, theirs.means2d_gradient, GRADIENT_TOLERANCE, "means2d gradient")
+    if case.options.absgrad:
+        assert_close(ours.absolute_gradient, theirs.absolute_gradient, GRADIENT_TOLERANCE, "absolute gradient")
+    both = ours.visible & theirs.visible
+    assert_close(ours.means2d[both], theirs.means2d[both], IMAGE_TOLERANCE, "means2d")
+    # A radius is rounded up to whole pixels: float32 may round the other way.
+    assert ((ours.radii - theirs.radii)[both].abs() <= 1).all()
+    unseen = ~ours.visible
+    assert all((gradient[unseen] == 0).all() for gradient in found.gradients.values())
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4, 5, 8, 16, 20])
+@pytest.mark.parametrize("antialiased", [False, True])
+def test_equals_the_reference_for_any_number_of_channels(rasterizer, channels: int, antialiased: bool):
+    check_against_reference(rasterizer, random_case(channels, channels=channels, antialiased=antialiased))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (32, 32), (33, 31), (64, 5), (7, 70), (130, 97)])
+@pytest.mark.parametrize("with_factor", [False, True])
+def test_equals_the_reference_for_any_image_size(rasterizer, size: tuple[int, int], with_factor: bool):
+    check_against_reference(rasterizer, random_case(size[0], size=size, with_factor=with_factor))
+
+
+@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    seed=st.integers(0, 2**31),
+    count=st.integers(1, 300),
+    channels=st.integers(1, 9),
+    width=st.integers(1, 70),
+    height=st.integers(1, 70),
+    antialiased=st.booleans(),
+    with_factor=st.booleans(),
+)
+def test_equals_the_reference_on_random_scenes(
+    rasterizer, seed: int, count: int, channels: int, width: int, height: int, antialiased: bool, with_factor: bool
+):
+    check_against_reference(rasterizer, random_case(seed, count, channels, (width, height), antialiased, with_factor))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        RasterOptions(max_alpha=0.99),
+        RasterOptions(eps2d=0.1),
+        RasterOptions(near=3.0),
+        RasterOptions(absgrad=False, antialiased=True, eps2d=0.05),
+    ],
+    ids=["max_alpha", "eps2d", "near", "eps2d-antialiased"],
+)
+def test_every_option_is_obeyed(rasterizer, options: RasterOptions):
+    case = replace(random_case(5), options=options)
+    assert not torch.equal(judge(case, *random_cotangents(case, 0)).raster.image, judge_with_defaults(case))
+    check_against_reference(rasterizer, case)
+
+
+def judge_with_defaults(case: Case) -> Tensor:
+    return judge(replace(case, options=RasterOptions()), *random_cotangents(case, 0)).raster.image
+
+
+def test_an_opaque_stack_stops_before_the_gaussian_that_would_go_too_far(rasterizer):
+    """Thirty opaque discs behind one another: all that is behind the stop has exactly no gradient."""
+    count = 30
+    means = torch.cat([torch.zeros(count, 2), torch.linspace(2, 4, count)[:, None]], 1)
+    generator = torch.Generator().manual_seed(2)
+    draw = lambda *shape: torch.randn(*shape, generator=generator)  # noqa: E731
+    gaussians = Gaussians(means, 0.5 + 0.15 * draw(count, 3), draw(count, 4), torch.full((count,), 2.3))
+    camera = Camera(torch.eye(4), (40.0, 40.0), (16.0, 16.0), 32, 32)
+    case = Case(gaussians, draw(count, 3), camera, torch.ones(3), RasterOptions(absgrad=True))
+    check_against_reference(rasterizer, case)
+    outcome = run(rasterizer, case, *random_cotangents(case, 1))
+    assert (outcome.gradients["channels"][-5:] == 0).all()
+    assert (outcome.gradients["means"][-5:] == 0).all()
+
+
+def test_no_rows_show_the_background(rasterizer):
+    case = random_case(0, count=1)
+    empty = replace(
+        case,
+        gaussians=Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0)),
+        channels=torch.zeros(0, 3),
+    )
+    outcome = run(rasterizer, empty, *random_cotangents(empty, 0))
+    assert_shows_background(outcome, empty)
+
+
+def test_rows_behind_the_camera_show_the_background_and_get_zero_gradient(rasterizer):
+    case = random_case(0, with_factor=True)
+    points = torch.randn(80, 3, generator=torch.Generator().manual_seed(1))
+    points[:, 2] = -points[:, 2].abs()
+    rotation, shift = case.camera.world_to_camera[:3, :3], case.camera.world_to_camera[:3, 3]
+    case = replace(case, gaussians=replace(case.gaussians, means=(points - shift) @ rotation))
+    outcome = run(rasterizer, case, *random_cotangents(case, 0))
+    assert_shows_background(outcome, case)
+    assert not outcome.raster.footprint.visible.any()
+
+
+def assert_shows_background(outcome: Outcome, case: Case):
+    image, alpha = outcome.raster.image, outcome.raster.alpha
+    assert torch.equal(image, case.background.expand(image.shape))
+    assert (alpha == 0).all()
+    assert all((gradient == 0).all() for gradient in outcome.gradients.values())
+
+
+def test_one_giant_gaussian_covers_the_image(rasterizer):
+    gaussians = Gaussians(
+        torch.tensor([[0.1, 0.2, 3.0]]), torch.full((1, 3), 6.0), torch.ones(1, 4), torch.tensor([0.4])
+    )
+    camera = Camera(torch.eye(4), (90.0, 80.0), (40.0, 50.0), 100, 90)
+    case = Case(gaussians, torch.tensor([[0.2, 0.5, 0.9]]), camera, torch.zeros(3), RasterOptions(absgrad=True))
+    by_image, by_alpha = random_cotangents(case, 0)
+    found, expected = run(rasterizer, case, by_image, by_alpha), judge(case, by_image, by_alpha)
+    assert_close(found.raster.image, expected.raster.image, IMAGE_TOLERANCE, "image")
+    for name in ("channels", "opacity_logits"):
+        assert_close(found.gradients[name], expected.gradients[name], GRADIENT_TOLERANCE, name)
+    # Its surface is flat across the image: what is left of the geometry's gradients is rounding.
+    assert all(gradient.isfinite().all() for gradient in found.gradients.values())
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize("column", ["means", "log_scales", "quats", "opacity_logits", "channels", "opacity_factor"])
+def test_rows_that_are_not_finite_are_not_drawn_and_get_zero_gradient(rasterizer, column: str, bad: float):
+    case = random_case(11, with_factor=True)
+    spoiled = torch.tensor([0, 7, 31, 79])
+    good = torch.ones(80, dtype=torch.bool).index_fill_(0, spoiled, False)
+    clean = replace(
+        case,
+        gaussians=case.gaussians.rows(good),
+        channels=case.channels[good],
+        opacity_factor=case.opacity_factor[good],
+    )
+    tables = case.gaussians.columns() | {"channels": case.channels, "opacity_factor": case.opacity_factor}
+    tables[column].view(80, -1)[spoiled, 0] = bad
+    cotangents = random_cotangents(clean, 0)
+    found, expected = run(rasterizer, case, *cotangents), run(rasterizer, clean, *cotangents)
+    torch.testing.assert_close(found.raster.image, expected.raster.image, rtol=0, atol=1e-6)
+    assert not found.raster.footprint.visible[spoiled].any()
+    assert (found.raster.footprint.means2d_gradient[spoiled] == 0).all()
+    for name, gradient in found.gradients.items():
+        assert (gradient[spoiled] == 0).all(), name
+        assert_close(gradient[good], expected.gradients[name].double(), GRADIENT_TOLERANCE, name)
+
+
+def test_scales_that_overflow_are_not_drawn(rasterizer):
+    case = random_case(12)
+    case.gaussians.log_scales[3] = 200.0
+    outcome = run(rasterizer, case, *random_cotangents(case, 0))
+    assert outcome.raster.image.isfinite().all()
+    assert all(gradient.isfinite().all() for gradient in outcome.gradients.values())
+
+
+def test_a_zero_quaternion_is_no_rotation(rasterizer):
+    case = random_case(13)
+    identity = replace(case, gaussians=replace(case.gaussians, quats=torch.tensor([1.0, 0, 0, 0]).repeat(80, 1)))
+    zero = replace(case, gaussians=replace(case.gaussians, quats=torch.zeros(80, 4)))
+    cotangents = random_cotangents(identity, 0)
+    expected, found = run(rasterizer, identity, *cotangents), run(rasterizer, zero, *cotangents)
+    torch.testing.assert_close(found.raster.image, expected.raster.image, rtol=0, atol=1e-6)
+    assert (found.gradients["quats"] == 0).all()
+    assert_close(found.gradients["means"], expected.gradients["means"].double(), GRADIENT_TOLERANCE, "means")
+
+
+def test_quaternions_of_any_length_turn_alike(rasterizer):
+    case = random_case(14)
+    longer = replace(case, gaussians=replace(case.gaussians, quats=case.gaussians.quats * 7))
+    cotangents = random_cotangents(case, 0)
+    found, expected = run(rasterizer, longer, *cotangents), run(rasterizer, case, *cotangents)
+    sure = certain_pixels(case)
+    assert_close(found.raster.image[sure], expected.raster.image[sure].double(), IMAGE_TOLERANCE, "image")
+    assert_close(found.gradients["quats"] * 7, expected.gradients["quats"].double(), GRADIENT_TOLERANCE, "quats")
+
+
+def test_the_background_shows_where_the_gaussians_do_not(rasterizer):
+    case = random_case(15)
+    black = replace(case, background=torch.zeros(3))
+    cotangents = random_cotangents(case, 0)
+    over, alone = run(rasterizer, case, *cotangents).raster, run(rasterizer, black, *cotangents).raster
+    assert torch.equal(over.alpha, alone.alpha)
+    assert_close(over.image, (alone.image + (1 - alone.alpha) * case.background).double(), IMAGE_TOLERANCE, "image")
+
+
+@pytest.mark.parametrize("only", ["image", "alpha"])
+def test_image_and_alpha_pass_gradients_alone(rasterizer, only: str):
+    case = random_case(16, channels=4)
+    by_image, by_alpha = random_cotangents(case, 0)
+    by_image, by_alpha = (by_image, 0 * by_alpha) if only == "image" else (0 * by_image, by_alpha)
+    found, expected = run(rasterizer, case, by_image, by_alpha), judge(case, by_image, by_alpha)
+    assert_same_outcome(found, expected, certain_pixels(case))
+
+
+def test_an_output_without_a_gradient_is_no_obstacle(rasterizer):
+    case = random_case(16)
+    means = case.gaussians.means.clone().requires_grad_()
+    table = replace(case.gaussians, means=means)
+    for output in ("image", "alpha"):
+        raster = rasterizer(table, case.channels, case.camera, case.background)
+        means.grad = None
+        getattr(raster, output).sum().backward()
+        assert means.grad.abs().sum() > 0
+        assert raster.footprint.absolute_gradient is None
+
+
+def test_depth_may_be_a_channel_and_passes_gradients_to_the_means_twice(rasterizer):
+    case = random_case(17)
+    by_image, by_alpha = random_cotangents(replace(case, channels=torch.zeros(80, 1)), 0)
+
+    def gradient(rasterizer: Rasterizer, case: Case) -> Tensor:
+        means = case.gaussians.means.clone().requires_grad_()
+        depths = case.camera.depths(means)[:, None]
+        background = torch.zeros(1).to(means)
+        raster = rasterizer(replace(case.gaussians, means=means), depths, case.camera, background)
+        torch.autograd.backward([raster.image, raster.alpha], [by_image.to(means), by_alpha.to(means)])
+        return means.grad
+
+    exact = gradient(rasterizer_for("reference"), case.to(torch.float64))
+    assert_close(gradient(rasterizer, case), exact, GRADIENT_TOLERANCE, "means")
+
+
+def test_the_order_of_the_rows_does_not_matter(rasterizer):
+    case = random_case(18, with_factor=True)
+    order = torch.randperm(80, generator=torch.Generator().manual_seed(3))
+    moved = replace(
+        case,
+        gaussians=case.gaussians.rows(order),
+        channels=case.channels[order],
+        opacity_factor=case.opacity_factor[order],
+    )
+    cotangents = random_cotangents(case, 0)
+    found, expected = run(rasterizer, moved, *cotangents), run(rasterizer, case, *cotangents)
+    assert torch.equal(found.raster.image, expected.raster.image)
+    for name, gradient in expected.gradients.items():
+        assert_close(found.gradients[name], gradient[order].double(), 1e-5, name)
+
+
+def test_the_same_call_gives_the_same_bits(rasterizer):
+    case = random_case(19, channels=5, size=(70, 50))
+    first, second = (run(rasterizer, case, *random_cotangents(case, 0)) for _ in range(2))
+    assert torch.equal(first.raster.image, second.raster.image)
+    assert all(torch.equal(first.gradients[name], second.gradients[name]) for name in first.gradients)
+
+
+def test_inputs_stay_as_they_were(rasterizer):
+    case = random_case(20, with_factor=True)
+    before = case.to(torch.float64)
+    run(rasterizer, case, *random_cotangents(case, 0))
+    after = case.to(torch.float64)
+    assert all(
+        torch.equal(a, b) for a, b in zip(*(c.gaussians.columns().values() for c in (before, after)), strict=True)
+    )
+    assert torch.equal(before.channels, after.channels)
