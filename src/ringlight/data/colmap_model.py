@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from ringlight.core.scene import PointCloud
 from ringlight.data.intrinsics import Intrinsics, checked_intrinsics
+from ringlight.data.poses import MAX_COORDINATE
 from ringlight.errors import SceneError
 
 
@@ -94,8 +95,7 @@ def pinhole(camera: ColmapCamera, where: str, remedy: str) -> Intrinsics:
 
 
 def cloud_of(rows: Float[np.ndarray, "P 6"]) -> PointCloud:
-    """A point cloud of rows x y z, red green blue in 0..255; rows that float32 cannot hold are left out."""
-    with np.errstate(over="ignore"):
-        narrow = rows.astype(np.float32)
-    narrow = narrow[np.isfinite(narrow).all(1)]
-    return PointCloud(torch.from_numpy(narrow[:, :3].copy()), torch.from_numpy(narrow[:, 3:] / 255).clamp(0, 1))
+    """A point cloud of rows x y z, red green blue in 0..255; rows with numbers beyond belief are left out."""
+    usable = rows[(np.abs(rows) <= MAX_COORDINATE).all(1)]  # which no NaN is
+    positions, colors = usable[:, :3].astype(np.float32), usable[:, 3:].astype(np.float32)
+    return PointCloud(torch.from_numpy(positions), torch.from_numpy(colors / 255).clamp(0, 1))

@@ -54,8 +54,7 @@ def require_none_missing(missing: Sequence[tuple[str, str]], total: int, base: P
     if not missing:
         return
     where, name = missing[0]
-    others = "" if len(missing) == 1 else f", nor do {len(missing) - 1} others of {total}"
     raise SceneError(
-        f"{where} names the image {name!r}, which does not exist below {base}{others}; "
-        "copy the missing images there, or remove their entries"
+        f"{where} names the image {name!r}, which does not exist below {base} ({len(missing)} of {total} images "
+        "missing); copy the missing images there, or remove their entries"
     )

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from ringlight.core.scene import PointCloud
 from ringlight.data.folder import read_bytes
+from ringlight.data.poses import MAX_COORDINATE
 from ringlight.errors import SceneError
 
 TYPES = {
@@ -40,7 +41,7 @@ class Header:
 def read_ply_points(path: Path) -> PointCloud:
     """The vertices' x y z and, if present, red green blue (integers of any width, or floats in [0, 1]); else mid grey.
 
-    Vertices whose position is not finite are left out.
+    Vertices whose position or colour is not finite, or whose position is beyond belief, are left out.
 
     Raises:
         SceneError: not a PLY file, one whose first element is not ``vertex`` with x y z, or one that is cut.
@@ -48,11 +49,12 @@ def read_ply_points(path: Path) -> PointCloud:
     data = read_bytes(path)
     header = _read_header(data, path)
     columns = _ascii_columns(data, header, path) if header.is_ascii else _binary_columns(data, header, path)
-    with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold becomes infinite and is dropped
-        positions = np.stack([columns[axis].astype(np.float32) for axis in "xyz"], -1)
+    with np.errstate(invalid="ignore"):  # a signalling NaN says so when it is converted
+        positions = np.stack([columns[axis] for axis in "xyz"], -1).astype(np.float64)
         colors = _colors(columns, header)
-    usable = np.isfinite(positions).all(1) & np.isfinite(colors).all(1)
-    return PointCloud(torch.from_numpy(positions[usable]), torch.from_numpy(colors[usable].clip(0, 1)))
+    usable = (np.abs(positions) <= MAX_COORDINATE).all(1) & np.isfinite(colors).all(1)  # NaN is neither
+    colors = colors[usable].clip(0, 1).astype(np.float32)
+    return PointCloud(torch.from_numpy(positions[usable].astype(np.float32)), torch.from_numpy(colors))
 
 
 def _read_header(data: bytes, path: Path) -> Header:
@@ -103,10 +105,10 @@ def _ascii_columns(data: bytes, header: Header, path: Path) -> dict[str, np.ndar
 
 def _colors(columns: dict[str, np.ndarray], header: Header) -> Float[np.ndarray, "P 3"]:
     if not set(COLOR_NAMES) <= set(columns):
-        return np.full((header.count, 3), 0.5, np.float32)
+        return np.full((header.count, 3), 0.5)
     channels = []
     for name in COLOR_NAMES:
         declared = header.dtype[name]
         full = np.iinfo(declared).max if declared.kind in "iu" else 1
-        channels.append(columns[name].astype(np.float32) / np.float32(full))
+        channels.append(columns[name].astype(np.float64) / full)
     return np.stack(channels, -1)

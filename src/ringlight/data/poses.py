@@ -9,7 +9,7 @@ from ringlight.data.intrinsics import Intrinsics
 from ringlight.errors import SceneError
 
 MAX_COORDINATE = 1e9
-"""Largest camera coordinate, scene units: squares and their sums stay far inside float32."""
+"""Largest coordinate believed of a camera or point, scene units: squares and their sums stay far inside float32."""
 
 RIGID_TOLERANCE = 1e-2
 """Largest departure of a squared singular value from 1: rounding to three digits passes, a shear or a wrong row does
@@ -49,10 +49,12 @@ def world_to_camera_from_quaternion(
         SceneError: non-finite, a zero quaternion, or a camera farther than :data:`MAX_COORDINATE` away.
     """
     numbers = np.concatenate([quaternion, translation])
-    length = np.abs(quaternion).max()
-    if not np.isfinite(numbers).all() or np.abs(translation).max() > MAX_COORDINATE or length < 1e-6:
+    largest = np.abs(quaternion).max()
+    if not np.isfinite(numbers).all() or np.abs(translation).max() > MAX_COORDINATE or largest < 1e-6:
         raise SceneError(f"{where} has a pose that is not finite or has no direction; run the mapper again")
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    # Divided first: squares of damaged numbers near 1e300 would leave the range of float64.
+    direction = quaternion / largest
+    w, x, y, z = direction / np.linalg.norm(direction)
     rotation = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -34,7 +34,7 @@ AMBIENT, HIGHLIGHT, SHININESS = 0.35, 0.6, 24.0
 RING_RADIUS, RING_ELEVATION = 3.0, 0.45
 """Where the cameras stand: distance from the origin in world units, elevation in radians."""
 
-FIELD_OF_VIEW = 0.75
+FIELD_OF_VIEW = 0.9
 """Radians, both ways."""
 
 SAMPLES = 3

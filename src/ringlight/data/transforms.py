@@ -69,8 +69,8 @@ def read_intrinsics(fields: Fields, header: ImageHeader, where: str) -> Intrinsi
         SceneError: no focal length, a lens with distortion or another projection, unusable numbers.
     """
     _require_pinhole(fields, where)
-    width = number(fields, "w", where) or header.width
-    height = number(fields, "h", where) or header.height
+    width = _side(fields, "w", header.width, where)
+    height = _side(fields, "h", header.height, where)
     focal_x, focal_y = _focal(fields, "x", width, where), _focal(fields, "y", height, where)
     either = focal_x if focal_x is not None else focal_y
     if either is None:
@@ -79,6 +79,11 @@ def read_intrinsics(fields: Fields, header: ImageHeader, where: str) -> Intrinsi
     center_x, center_y = number(fields, "cx", where), number(fields, "cy", where)
     center = (width / 2 if center_x is None else center_x, height / 2 if center_y is None else center_y)
     return checked_intrinsics(focal, center, (width, height), where).on_image(header.width, header.height, where)
+
+
+def _side(fields: Fields, name: str, of_image: int, where: str) -> float:
+    stated = number(fields, name, where)
+    return float(of_image) if stated is None else stated
 
 
 def _focal(fields: Fields, axis: str, side: float, where: str) -> float | None:

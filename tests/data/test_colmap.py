@@ -1,0 +1,310 @@
+"""COLMAP folders: binary and text agree, cameras project points where COLMAP saw them, damage is one sentence."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scene_folders import (
+    FOCAL,
+    colmap_names,
+    result_or_sentence,
+    write_colmap,
+    write_colmap_binary,
+    write_colmap_text,
+    write_image,
+    write_photographs,
+)
+
+from ringlight.core.scene import Scene
+from ringlight.data.load import load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.errors import SceneError
+from shared_data import shared
+
+CUTS = [HealthCheck.function_scoped_fixture]
+
+
+def assert_same(first: Scene, second: Scene) -> None:
+    for a, b in zip((*first.train, *first.test), (*second.train, *second.test), strict=True):
+        assert a.name == b.name
+        assert torch.equal(a.camera.world_to_camera, b.camera.world_to_camera)
+        assert (a.camera.focal, a.camera.center) == (b.camera.focal, b.camera.center)
+    assert torch.equal(first.points.positions, second.points.positions)
+    assert torch.equal(first.points.colors, second.points.colors)
+
+
+def test_binary_and_text_are_the_same_scene(tmp_path: Path):
+    assert_same(load_scene(write_colmap(tmp_path / "a")), load_scene(write_colmap(tmp_path / "b", text=True)))
+
+
+def test_images_are_split_by_name_with_their_folders(tmp_path: Path):
+    scene = load_scene(write_colmap(tmp_path))
+    ordered = sorted(colmap_names(9))
+    assert [view.name for view in scene.test] == [ordered[0], ordered[8]]
+    assert [view.name for view in scene.train] == ordered[1:8]
+    assert len(scene.points.positions) == 6
+
+
+def test_a_pose_is_world_to_camera(tmp_path: Path):
+    scene = load_scene(write_colmap(tmp_path))
+    camera = next(view.camera for view in (*scene.train, *scene.test) if view.name == "left/003.png")
+    sine, cosine = np.sin(0.3), np.cos(0.3)
+    expected = torch.tensor([[cosine, 0, sine, 0.6], [0, 1, 0, 0], [-sine, 0, cosine, 4], [0, 0, 0, 1]])
+    assert torch.allclose(camera.world_to_camera, expected.float(), atol=1e-6)
+
+
+def test_the_model_may_lie_in_sparse_itself(tmp_path: Path):
+    write_photographs(tmp_path / "images")
+    write_colmap_text(tmp_path / "sparse")
+    assert len(load_scene(tmp_path).train) == 7
+
+
+def test_of_several_models_the_largest_is_used_with_a_warning(tmp_path: Path):
+    write_colmap(tmp_path)
+    write_colmap_binary(tmp_path / "sparse" / "0", count=2)
+    write_colmap_text(tmp_path / "sparse" / "1", count=9)
+    write_colmap_binary(tmp_path / "sparse" / "10", count=4)
+    scene = load_scene(tmp_path)
+    assert len(scene.train) + len(scene.test) == 9
+    assert any(note.startswith("warning:") and "0: 2, 1: 9, 10: 4 images" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "parameters"),
+    [
+        ("SIMPLE_PINHOLE", 0, (FOCAL, 8.0, 6.0)),
+        ("SIMPLE_RADIAL", 2, (FOCAL, 8.0, 6.0, 0.0)),
+        ("OPENCV", 4, (FOCAL, FOCAL, 8.0, 6.0, 0.0, 0.0, 0.0, 0.0)),
+        ("FULL_OPENCV", 6, (FOCAL, FOCAL, 8.0, 6.0, *[0.0] * 8)),
+    ],
+)
+@pytest.mark.parametrize("text", [False, True])
+def test_models_without_distortion_are_pinholes(tmp_path: Path, name: str, number: int, parameters: tuple, text: bool):
+    scene = load_scene(write_colmap(tmp_path, camera=(name, number, parameters), text=text))
+    assert scene.train[0].camera.focal == (FOCAL, FOCAL)
+    assert scene.train[0].camera.center == (8.0, 6.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "parameters"),
+    [
+        ("SIMPLE_RADIAL", 2, (FOCAL, 8.0, 6.0, 0.01)),
+        ("OPENCV", 4, (FOCAL, FOCAL, 8.0, 6.0, 0.0, 0.0, 0.0, 1e-4)),
+        ("OPENCV_FISHEYE", 5, (FOCAL, FOCAL, 8.0, 6.0, 0.0, 0.0, 0.0, 0.0)),
+        ("SIMPLE_FISHEYE", 14, (FOCAL, 8.0, 6.0)),
+    ],
+)
+@pytest.mark.parametrize("text", [False, True])
+def test_other_lenses_are_refused_with_the_command(
+    tmp_path: Path, name: str, number: int, parameters: tuple, text: bool
+):
+    folder = write_colmap(tmp_path, camera=(name, number, parameters), text=text)
+    command = f"colmap image_undistorter --image_path {folder}/images --input_path {folder}/sparse/0 --output_path"
+    with pytest.raises(SceneError, match=f"camera 7 has the camera model '{name}'.*{command}"):
+        load_scene(folder)
+
+
+def test_an_unknown_model_is_refused(tmp_path: Path):
+    with pytest.raises(SceneError, match="camera model number 99"):
+        load_scene(write_colmap(tmp_path / "a", camera=("", 99, (1.0,))))
+    with pytest.raises(SceneError, match="'PANORAMA'"):
+        load_scene(write_colmap(tmp_path / "b", camera=("PANORAMA", 0, (1.0,)), text=True))
+
+
+@pytest.mark.parametrize("parameters", [(np.nan, 20.0, 8.0, 6.0), (20.0, np.inf, 8.0, 6.0), (0.0, 0.0, 8.0, 6.0)])
+def test_a_focal_length_that_cannot_be_is_refused(tmp_path: Path, parameters: tuple):
+    with pytest.raises(SceneError, match="camera 7 has a focal length"):
+        load_scene(write_colmap(tmp_path, camera=("PINHOLE", 1, parameters)))
+
+
+def test_the_camera_is_scaled_to_the_image(tmp_path: Path):
+    write_colmap(tmp_path)
+    write_photographs(tmp_path / "images", size=(8, 6))
+    camera = load_scene(tmp_path).train[0].camera
+    assert (camera.width, camera.height, camera.focal, camera.center) == (8, 6, (10.0, 10.0), (4.0, 3.0))
+
+
+def test_downscale_takes_the_resized_folder_if_there_is_one(tmp_path: Path):
+    write_colmap(tmp_path)
+    write_photographs(tmp_path / "images_2", size=(8, 6))
+    halved = load_scene(tmp_path, SceneOptions(downscale=2))
+    assert "photographs: images_2" in halved.notes
+    assert any("as they are" in note for note in halved.notes)
+    quartered = load_scene(tmp_path, SceneOptions(downscale=4))
+    assert "photographs: images" in quartered.notes
+    assert any("downscaled to 4x3 by Lanczos" in note for note in quartered.notes)
+    assert halved.train[0].camera.focal == (10.0, 10.0)
+    assert quartered.train[0].camera.focal == (5.0, 5.0)
+    assert quartered.train[0].load().shape == (3, 4, 3)
+
+
+def test_a_resized_folder_may_have_another_type_of_image(tmp_path: Path):
+    write_colmap(tmp_path)
+    for name in colmap_names(9):
+        write_image((tmp_path / "images_2" / name).with_suffix(".JPG"), (8, 6))
+    assert load_scene(tmp_path, SceneOptions(downscale=2)).train[0].load().shape == (6, 8, 3)
+
+
+def test_missing_images_are_counted(tmp_path: Path):
+    write_colmap(tmp_path)
+    for name in colmap_names(9)[2:5]:
+        (tmp_path / "images" / name).unlink()
+    with pytest.raises(SceneError, match=r"'right/002\.png', which does not exist .*3 of 9 images missing"):
+        load_scene(tmp_path)
+
+
+def test_a_missing_folder_or_file_is_named(tmp_path: Path):
+    write_colmap_binary(tmp_path / "sparse" / "0")
+    with pytest.raises(SceneError, match="no folder 'images'"):
+        load_scene(tmp_path)
+    (tmp_path / "sparse" / "0" / "images.bin").unlink()
+    with pytest.raises(SceneError, match=r"images\.bin: cannot be read"):
+        load_scene(tmp_path)
+
+
+def test_a_model_of_no_images_is_refused(tmp_path: Path):
+    with pytest.raises(SceneError, match="registers no images"):
+        load_scene(write_colmap(tmp_path, count=0))
+
+
+@pytest.mark.parametrize("points", [0, 3])
+def test_too_few_points_become_random_ones(tmp_path: Path, points: int):
+    write_photographs(tmp_path / "images")
+    write_colmap_binary(tmp_path / "sparse", points=points)
+    scene = load_scene(tmp_path, SceneOptions(initial_points=50))
+    assert len(scene.points.positions) == 50
+    (tmp_path / "sparse" / "points3D.bin").unlink()
+    assert len(load_scene(tmp_path, SceneOptions(initial_points=50)).points.positions) == 50
+
+
+def test_an_image_name_that_leaves_the_folder_is_refused(tmp_path: Path):
+    write_colmap(tmp_path, text=True)
+    file = tmp_path / "sparse" / "0" / "images.txt"
+    file.write_text(file.read_text().replace("left/003.png", "../../003.png"))
+    with pytest.raises(SceneError, match="outside"):
+        load_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "numbers", ["nan 0 0 0 0 0 4", "0 0 0 0 0 0 4", "1 0 0 0 0 inf 4", "1 0 0 0 1e300 0 4", "0 0 0 0 0 0 0"]
+)
+def test_a_pose_that_cannot_be_is_refused_with_its_image(tmp_path: Path, numbers: str):
+    write_colmap(tmp_path, text=True)
+    file = tmp_path / "sparse" / "0" / "images.txt"
+    file.write_text(file.read_text().replace("1.0 0.0 0.0 0.0 0.0 0.0 4.0", numbers))
+    with pytest.raises(SceneError, match=r"image 'right/000\.png' has a pose"):
+        load_scene(tmp_path)
+
+
+@pytest.mark.parametrize("file", ["cameras.bin", "images.bin", "points3D.bin"])
+def test_a_binary_file_cut_at_any_byte_is_one_sentence(tmp_path: Path, file: str):
+    folder = write_colmap(tmp_path, count=2)
+    path = folder / "sparse" / "0" / file
+    whole = path.read_bytes()
+    for length in range(len(whole)):
+        path.write_bytes(whole[:length])
+        with pytest.raises(SceneError, match=file.replace(".", r"\.")) as caught:
+            load_scene(folder)
+        assert "\n" not in str(caught.value)
+    path.write_bytes(whole + b"\0")
+    with pytest.raises(SceneError, match="1 bytes follow"):
+        load_scene(folder)
+
+
+@pytest.mark.parametrize("file", ["cameras.bin", "images.bin", "points3D.bin"])
+@pytest.mark.parametrize("count", [3, 2**31, 2**63, 2**64 - 1])
+def test_an_absurd_count_allocates_nothing(tmp_path: Path, file: str, count: int):
+    folder = write_colmap(tmp_path, count=2)
+    path = folder / "sparse" / "0" / file
+    path.write_bytes(struct.pack("<Q", count) + path.read_bytes()[8 : 8 + 51 * 2])
+    with pytest.raises(SceneError, match=r"copy the file again"):
+        load_scene(folder)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=CUTS)
+@given(
+    file=st.sampled_from(["cameras", "images", "points3D"]),
+    suffix=st.sampled_from([".bin", ".txt"]),
+    place=st.floats(0, 1, exclude_max=True),
+    value=st.integers(0, 255) | st.none(),
+)
+def test_a_damaged_file_is_a_scene_or_one_sentence(
+    tmp_path: Path, file: str, suffix: str, place: float, value: int | None
+):
+    folder = tmp_path / suffix
+    path = folder / "sparse" / "0" / (file + suffix)
+    write = write_colmap_text if suffix == ".txt" else write_colmap_binary
+    if not folder.exists():
+        write_photographs(folder / "images", 3)
+    write(path.parent, 3)
+    data = bytearray(path.read_bytes())
+    index = int(place * len(data))
+    if value is None:
+        data = data[:index]
+    else:
+        data[index] = value
+    path.write_bytes(data)
+    result = result_or_sentence(lambda: load_scene(folder, SceneOptions(initial_points=10)))
+    assert isinstance(result, Scene) or "\n" not in result
+
+
+def test_numbers_near_the_end_of_their_range_do_no_harm(tmp_path: Path):
+    write_colmap(tmp_path, text=True)
+    file = tmp_path / "sparse" / "0" / "images.txt"
+    plain = load_scene(tmp_path)
+    file.write_text(file.read_text().replace("1.0 0.0 0.0 0.0", "-1e300 0 0 0"))
+    assert_same(load_scene(tmp_path), plain)
+    points = file.with_name("points3D.txt")
+    points.write_text(points.read_text().replace("1 0.0 ", "1 1e38 "))
+    assert len(load_scene(tmp_path).points.positions) == 5
+
+
+def test_text_without_its_last_records_is_refused(tmp_path: Path):
+    folder = write_colmap(tmp_path, text=True)
+    path = folder / "sparse" / "0" / "points3D.txt"
+    path.write_text("\n".join(path.read_text().split("\n")[:3]) + "\n")
+    with pytest.raises(SceneError, match="says that it holds 6 records but holds 2"):
+        load_scene(folder)
+
+
+def observations(path: Path) -> dict[str, list[tuple[float, float, int]]]:
+    """By image name: x, y in pixels and point id of every observation that has a point; a reader of its own."""
+    data, found = path.read_bytes(), {}
+    (count,), place = struct.unpack_from("<Q", data), 8
+    for _ in range(count):
+        end = data.index(b"\0", place + 64)
+        (seen,) = struct.unpack_from("<Q", data, end + 1)
+        rows = [struct.unpack_from("<ddq", data, end + 9 + 24 * index) for index in range(seen)]
+        found[data[place + 64 : end].decode()] = [row for row in rows if row[2] >= 0]
+        place = end + 9 + 24 * seen
+    return found
+
+
+def point_ids(path: Path) -> list[int]:
+    data = path.read_bytes()
+    (count,), place, ids = struct.unpack_from("<Q", data), 8, []
+    for _ in range(count):
+        ids.append(struct.unpack_from("<Q", data, place)[0])
+        place += 51 + 8 * struct.unpack_from("<Q", data, place + 43)[0]
+    return ids
+
+
+def test_points_project_to_where_colmap_saw_them():
+    folder = shared("data/family_24")
+    scene = load_scene(folder)
+    seen = observations(folder / "sparse" / "0" / "images.bin")
+    row_of = {point: row for row, point in enumerate(point_ids(folder / "sparse" / "0" / "points3D.bin"))}
+    assert len(row_of) == len(scene.points.positions)
+    for view in (*scene.train, *scene.test):
+        camera, marks = view.camera, seen[view.name]
+        points = scene.points.positions[[row_of[point] for _, _, point in marks]]
+        local = points @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
+        assert (local[:, 2] > 0).all()
+        pixels = local[:, :2] / local[:, 2:] * torch.tensor(camera.focal) + torch.tensor(camera.center)
+        errors = (pixels - torch.tensor([[x, y] for x, y, _ in marks])).norm(dim=1)
+        assert errors.median() < 1
+        assert errors.mean() < 2

@@ -1,0 +1,123 @@
+"""Photographs: lazy, 8 bit, one filter, and damage that raises one sentence."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from scene_folders import write_blender, write_image
+
+from ringlight.data.images import Photograph, read_header, target_size
+from ringlight.data.load import load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.errors import SceneError
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (SceneOptions(), (1600, 1067)),
+        (SceneOptions(max_width=4000), (3000, 2000)),
+        (SceneOptions(max_width=100), (100, 67)),
+        (SceneOptions(downscale=1), (3000, 2000)),
+        (SceneOptions(downscale=4), (750, 500)),
+        (SceneOptions(downscale=7), (429, 286)),
+        (SceneOptions(downscale=5000), (1, 1)),
+    ],
+)
+def test_sizes(options: SceneOptions, expected: tuple[int, int]):
+    assert target_size(3000, 2000, options) == expected
+
+
+def test_pixels_are_those_of_the_file_and_are_kept(tmp_path: Path):
+    write_image(tmp_path / "a.png", mode="RGBA")
+    photograph = Photograph(tmp_path / "a.png", 16, 12)
+    pixels = photograph()
+    assert pixels.dtype == np.uint8
+    assert np.array_equal(pixels, np.array(Image.open(tmp_path / "a.png")))
+    assert photograph() is pixels
+
+
+def test_nothing_is_decoded_before_it_is_asked_for(tmp_path: Path):
+    folder = write_blender(tmp_path)
+    path = folder / "train" / "r_1.png"
+    path.write_bytes(path.read_bytes()[:100])
+    scene = load_scene(folder)
+    scene.train[0].image(torch.ones(3))
+    with pytest.raises(SceneError, match=r"r_1\.png: not a readable image \(.*copy or export the image again"):
+        scene.train[1].image(torch.ones(3))
+    path.unlink()
+    with pytest.raises(SceneError, match=r"r_1\.png"):
+        scene.train[1].image(torch.ones(3))
+
+
+def decode(path: Path) -> np.ndarray:
+    header = read_header(path)
+    return Photograph(path, header.width, header.height)()
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP"])
+def test_an_image_cut_anywhere_is_one_sentence(tmp_path: Path, kind: str):
+    buffer = io.BytesIO()
+    pixels = np.random.default_rng(0).integers(0, 256, (9, 11, 3), dtype=np.uint8)
+    Image.fromarray(pixels).save(buffer, kind)
+    path, whole = tmp_path / "a.png", buffer.getvalue()
+    # The last bytes close the container; pixels may be complete without them.
+    for length in range(0, len(whole) - 40, 3):
+        path.write_bytes(whole[:length])
+        with pytest.raises(SceneError, match=r"a\.png: not a readable image") as caught:
+            decode(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_other_kinds_of_images_are_read_as_colours(tmp_path: Path):
+    grey = Image.fromarray(np.full((4, 5), 77, np.uint8))
+    for kind, channels in (("L", 3), ("LA", 4), ("P", 3), ("CMYK", 3)):
+        path = tmp_path / f"{kind}.{'tif' if kind == 'CMYK' else 'png'}"
+        grey.convert(kind).save(path)
+        assert read_header(path).has_alpha == (channels == 4)
+        assert Photograph(path, 5, 4)().shape == (4, 5, channels)
+        assert (Photograph(path, 5, 4)()[..., :3] == 77).all()
+
+
+def test_a_palette_with_a_transparent_entry_has_alpha(tmp_path: Path):
+    palette = Image.new("P", (5, 4), 0)
+    palette.putpalette([10, 20, 30, 40, 50, 60])
+    palette.save(tmp_path / "p.png", transparency=0)
+    assert read_header(tmp_path / "p.png").has_alpha
+    assert (Photograph(tmp_path / "p.png", 5, 4)()[..., 3] == 0).all()
+
+
+def test_sixteen_bit_grey_is_refused(tmp_path: Path):
+    Image.fromarray(np.full((4, 5), 40_000, np.uint16)).save(tmp_path / "deep.png")
+    with pytest.raises(SceneError, match="8-bit RGB"):
+        read_header(tmp_path / "deep.png")
+
+
+def test_shrinking_is_antialiased(tmp_path: Path):
+    stripes = np.zeros((32, 32, 3), np.uint8)
+    stripes[:, ::2] = 255
+    Image.fromarray(stripes).save(tmp_path / "stripes.png")
+    shrunk = Photograph(tmp_path / "stripes.png", 8, 8)()
+    assert np.abs(shrunk[:, 1:-1].astype(int) - 127).max() <= 3
+
+
+def test_hidden_colours_do_not_bleed_into_visible_ones(tmp_path: Path):
+    pixels = np.zeros((32, 32, 4), np.uint8)
+    pixels[:, :15] = (255, 0, 0, 255)
+    pixels[:, 15:] = (0, 255, 0, 0)
+    Image.fromarray(pixels).save(tmp_path / "edge.png")
+    shrunk = Photograph(tmp_path / "edge.png", 8, 8)()
+    visible = shrunk[shrunk[..., 3] > 20]
+    assert (visible[:, 1] <= 4).all()
+    assert (visible[:, 0] >= 250).all()
+
+
+def test_views_have_the_size_of_their_pixels(tmp_path: Path):
+    scene = load_scene(write_blender(tmp_path), SceneOptions(max_width=7))
+    view = scene.train[0]
+    assert view.load().shape == (view.camera.height, view.camera.width, 4) == (5, 7, 4)
+    assert view.camera.center == pytest.approx((3.5, 2.5))
+    assert any("16x12 pixels downscaled to 7x5 by Lanczos" in note for note in scene.notes)
