@@ -3,6 +3,9 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
+// How many Vecs the register file holds.
+constexpr int VEC_REGISTERS = 8;
+
 struct Vec {
   __m256 low, high;
   Vec() = default;

@@ -3,6 +3,9 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
+// How many Vecs the register file holds.
+constexpr int VEC_REGISTERS = 32;
+
 struct Vec {
   __m512 v;
   Vec() = default;

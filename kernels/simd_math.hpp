@@ -41,6 +41,15 @@ RINGLIGHT_INLINE Vec exp(Vec x) {
 // 1 / (1 + e^-x) to about 2 ulp.
 RINGLIGHT_INLINE Vec sigmoid(Vec x) { return Vec(1.f) / (Vec(1.f) + exp(-x)); }
 
+// tanh(x) to about 2 ulp: odd polynomial (Chebyshev fit, relative error 1e-7) near zero, exponential beyond.
+RINGLIGHT_INLINE Vec tanh(Vec x) {
+  static const float coefficients[] = {-0.3333333f, 0.13332783f, -0.0538525f, 0.021003641f, -0.006104948f};
+  const Vec square = x * x;
+  const Vec near = fma(x * square, polynomial(square, coefficients), x);
+  const Vec far = Vec(1.f) - Vec(2.f) / (exp(x + x) + Vec(1.f));
+  return select(lt(square, Vec(0.390625f)), near, far);  // |x| < 0.625
+}
+
 // log2(x) to about 2 ulp (absolute error below 2e-7 near 1), for positive normal x.
 RINGLIGHT_INLINE Vec log2(Vec x) {
   const Vec raw = mantissa(x);

@@ -1,7 +1,140 @@
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
 #include "bindings.hpp"
+#include "dispatch.hpp"
+#include "ring.hpp"
+
+namespace nb = nanobind;
 
 namespace ringlight {
+namespace {
 
-void bind_field(nanobind::module_&) {}
+using Array = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
+using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+void check(bool right, const char* message) {
+  if (!right) throw std::invalid_argument(message);
+}
+
+RingShape shape_from(const std::vector<int>& sizes) {
+  check(sizes.size() == 6, "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes");
+  const RingShape shape{sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5]};
+  check(shape.rank >= 1 && shape.rank <= RING_MAX_RANK, "ring: rank out of range");
+  check(shape.features >= 1 && shape.features <= RING_MAX_FEATURES, "ring: features out of range");
+  check(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
+  check(shape.modulation_hidden >= 0 && shape.modulation_hidden <= RING_MAX_HIDDEN,
+        "ring: modulation_hidden out of range");
+  check(shape.nodes >= 2 && shape.view_nodes >= 2, "ring: tables need two nodes");
+  return shape;
+}
+
+std::vector<std::size_t> parameter_sizes(const RingShape& shape) {
+  const std::size_t hidden = shape.render_hidden;
+  std::vector<std::size_t> sizes{3 * axis_size(shape), view_size(shape), shape.features * matrix_size(shape)};
+  const auto layer = [&](std::size_t outputs, std::size_t inputs) {
+    sizes.push_back(outputs * inputs);
+    sizes.push_back(outputs);
+  };
+  if (modulated(shape)) {
+    layer(shape.modulation_hidden, modulation_inputs(shape));
+    layer(1, shape.modulation_hidden);
+  }
+  layer(hidden, render_inputs(shape));
+  layer(hidden, hidden);
+  layer(3, hidden);
+  return sizes;
+}
+
+// axes, view, core, then weight and bias of each layer: modulation (unless without), render.
+template <class Float, class Arrays>
+RingParameters<Float> parameters_from(const RingShape& shape, const Arrays& arrays) {
+  const std::vector<std::size_t> sizes = parameter_sizes(shape);
+  check(arrays.size() == sizes.size(), "ring: wrong number of parameters");
+  for (std::size_t i = 0; i < sizes.size(); i++)
+    check(arrays[i].size() == sizes[i], "ring: a parameter has the wrong size");
+  RingParameters<Float> parameters{arrays[0].data(), arrays[1].data(), arrays[2].data(), {}, {}};
+  std::size_t next = 3;
+  const auto take = [&](RingLayer<Float>& layer) {
+    layer = {arrays[next].data(), arrays[next + 1].data()};
+    next += 2;
+  };
+  if (modulated(shape))
+    for (auto& layer : parameters.modulation) take(layer);
+  for (auto& layer : parameters.render) take(layer);
+  return parameters;
+}
+
+RingScene scene_from(const Input& means, const Input& base, const Rows& visible, const Input& frame) {
+  RingScene scene{means.data(), base.data(), means.size() / 3, visible.data(), visible.size(), {}, {}, {}};
+  check(means.size() == 3 * scene.count && base.size() == 3 * scene.count, "ring: means and base must be [N 3]");
+  check(frame.size() == 9, "ring: frame is the camera's position and the box's low and high corner");
+  for (int c = 0; c < 3; c++) {
+    scene.camera[c] = frame.data()[c];
+    scene.low[c] = frame.data()[3 + c];
+    scene.high[c] = frame.data()[6 + c];
+  }
+  for (std::size_t i = 0; i < scene.visible_count; i++)
+    check(static_cast<std::size_t>(scene.visible[i]) < scene.count, "ring: a visible row is not in the table");
+  return scene;
+}
+
+void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base, Rows visible,
+             Input frame, Array color, std::optional<Array> residual, std::optional<Array> modulation) {
+  const RingShape shape = shape_from(sizes);
+  const auto weights = parameters_from<const float>(shape, parameters);
+  const RingScene scene = scene_from(means, base, visible, frame);
+  check(color.size() == 3 * scene.count, "ring: color must be [N 3]");
+  check(!residual || residual->size() == 3 * scene.count, "ring: residual must be [N 3]");
+  check(!modulation || modulation->size() == scene.count, "ring: modulation must be [N 1]");
+  const RingOutputs outputs{color.data(), residual ? residual->data() : nullptr,
+                            modulation ? modulation->data() : nullptr};
+  const nb::gil_scoped_release unlocked;
+  (current_isa() == Isa::v4 ? v4::ring_forward : v3::ring_forward)(shape, weights, scene, outputs);
+}
+
+void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
+              Rows visible, Input frame, Input color_gradient, const std::vector<Array>& gradients,
+              Array base_gradient, Array workspace) {
+  const RingShape shape = shape_from(sizes);
+  const auto weights = parameters_from<const float>(shape, parameters);
+  const auto sums = parameters_from<float>(shape, gradients);
+  const RingScene scene = scene_from(means, base, visible, frame);
+  check(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
+        "ring: gradients of color and base must be [N 3]");
+  const bool wide = current_isa() == Isa::v4;
+  check(workspace.size() >= (wide ? v4::ring_workspace : v3::ring_workspace)(shape, scene.visible_count),
+        "ring: the workspace is too small");
+  const nb::gil_scoped_release unlocked;
+  (wide ? v4::ring_backward : v3::ring_backward)(shape, weights, scene, color_gradient.data(), sums,
+                                                 base_gradient.data(), workspace.data());
+}
+
+std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
+  const RingShape shape = shape_from(sizes);
+  return (current_isa() == Isa::v4 ? v4::ring_workspace : v3::ring_workspace)(shape, visible_count);
+}
+
+}  // namespace
+
+void bind_field(nb::module_& module) {
+  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters"), nb::arg("means").noconvert(),
+             nb::arg("base").noconvert(), nb::arg("visible").noconvert(), nb::arg("frame").noconvert(),
+             nb::arg("color").noconvert(), nb::arg("residual").noconvert() = nb::none(),
+             nb::arg("modulation").noconvert() = nb::none(), "Colours of the visible rows by the light field.");
+  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters"), nb::arg("means").noconvert(),
+             nb::arg("base").noconvert(), nb::arg("visible").noconvert(), nb::arg("frame").noconvert(),
+             nb::arg("color_gradient").noconvert(), nb::arg("gradients").noconvert(),
+             nb::arg("base_gradient").noconvert(), nb::arg("workspace").noconvert(),
+             "Gradients of all parameters and of the base colours' logits.");
+  module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
+             "Floats of workspace that ring_backward needs.");
+}
 
 }  // namespace ringlight

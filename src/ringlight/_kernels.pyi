@@ -1,5 +1,6 @@
 """Signatures of the compiled module. Arrays are contiguous float32 CPU tensors; outputs are made by the caller."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from torch import Tensor
@@ -33,4 +34,28 @@ def sh_gradient(
     by_constant: Tensor,
     by_rest: Tensor,
 ) -> None: ...
+def ring_forward(
+    shape: Sequence[int],
+    parameters: Sequence[Tensor],
+    means: Tensor,
+    base: Tensor,
+    visible: Tensor,
+    frame: Tensor,
+    color: Tensor,
+    residual: Tensor | None = None,
+    modulation: Tensor | None = None,
+) -> None: ...
+def ring_backward(
+    shape: Sequence[int],
+    parameters: Sequence[Tensor],
+    means: Tensor,
+    base: Tensor,
+    visible: Tensor,
+    frame: Tensor,
+    color_gradient: Tensor,
+    gradients: Sequence[Tensor],
+    base_gradient: Tensor,
+    workspace: Tensor,
+) -> None: ...
+def ring_workspace(shape: Sequence[int], visible_count: int) -> int: ...
 def __getattr__(name: str) -> Any: ...

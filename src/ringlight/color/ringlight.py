@@ -6,6 +6,7 @@ from torch import Tensor, nn
 
 from ringlight.color.frustum import in_frustum
 from ringlight.color.render_module import LitColor, RenderModule
+from ringlight.color.ring_kernel import LitRows, RingParameters, kernel_takes, light, light_layers, ring_parameters
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.color.table_memory import TableMemory
 from ringlight.color.visibility_mask import straight_through_mask
@@ -72,13 +73,10 @@ class RingLight(nn.Module):
 
         Residual and modulation are zero where the camera cannot see, and everywhere during the warm-up.
         """
-        base = gaussians.appearance[BASE].sigmoid()
-        residual, modulation = torch.zeros_like(base), torch.zeros_like(base[:, :1])
-        if self.lit:
-            visible = in_frustum(gaussians, camera)
-            lit = self._shaded(gaussians, camera, visible)
-            residual[visible], modulation[visible] = lit.residual, lit.modulation
-        return {"base": base, "residual": residual, "modulation": modulation}
+        base = gaussians.appearance[BASE]
+        nothing = LitColor(base.sigmoid(), torch.zeros_like(base), torch.zeros_like(base[:, :1]))
+        lit = self._layers(gaussians, camera) if self.lit else nothing
+        return {"base": nothing.color, "residual": lit.residual, "modulation": lit.modulation}
 
     @torch.no_grad()
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
@@ -99,18 +97,45 @@ class RingLight(nn.Module):
         return self._memory.recall(self.ring.parameters(), self.ring.tables)
 
     def _emitted(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
-        visible = in_frustum(gaussians, camera)
-        lit = self._shaded(gaussians, camera, visible)
-        color = gaussians.appearance[BASE].sigmoid()
-        return color.index_put((visible.nonzero()[:, 0],), lit.color)
+        parameters = self._kernel_parameters(gaussians)
+        if parameters is None:
+            return self.twin(gaussians, camera).color
+        return light(self._lit_rows(gaussians, camera), gaussians.appearance[BASE], parameters)
 
-    def _shaded(self, gaussians: Gaussians, camera: Camera, visible: Bool[Tensor, "N"]) -> LitColor:
-        """Colour of the visible rows, in torch: the slow twin of the kernel."""
-        means = gaussians.means.detach()[visible]
+    def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
+        parameters = self._kernel_parameters(gaussians)
+        if parameters is None:
+            return self.twin(gaussians, camera)
+        return light_layers(self._lit_rows(gaussians, camera), gaussians.appearance[BASE], parameters)
+
+    def _kernel_parameters(self, gaussians: Gaussians) -> RingParameters | None:
+        """What the kernel needs, or None where it does not apply: exact heads, another type, device or size."""
+        if self.settings.evaluation == "exact":
+            return None
+        tables = self.tables()
+        return ring_parameters(tables, self.shading) if kernel_takes(tables, self.shading, gaussians.means) else None
+
+    def _lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
+        visible = in_frustum(gaussians, camera).nonzero()[:, 0].int()
+        frame = torch.cat([camera.position[None], self.box])
+        return LitRows(gaussians.means.detach().contiguous(), visible, frame)
+
+    def twin(self, gaussians: Gaussians, camera: Camera) -> LitColor:
+        """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.
+
+        Residual and modulation are zero where the camera cannot see.
+        """
+        visible = in_frustum(gaussians, camera).nonzero()[:, 0]
+        means, base = gaussians.means.detach()[visible], gaussians.appearance[BASE].sigmoid()
         directions = view_directions(means, camera.position.to(means))
         points = self.unit_points(means)
         if self.settings.evaluation == "exact":
             features = self.ring.exact(points, directions)
         else:
             features = self.ring.tabulated(points, directions, self.tables())
-        return self.shading(features, directions, gaussians.appearance[BASE][visible].sigmoid())
+        lit = self.shading(features, directions, base[visible])
+        return LitColor(
+            base.index_put((visible,), lit.color),
+            torch.zeros_like(base).index_put((visible,), lit.residual),
+            torch.zeros_like(base[:, :1]).index_put((visible,), lit.modulation),
+        )

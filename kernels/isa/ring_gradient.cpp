@@ -1,0 +1,267 @@
+// The backward pass of the light field. Rows whose colour got no gradient, because something opaque is in front of
+// them, are skipped: their share is exactly zero. The others are dealt to a fixed number of shards, each with sums of
+// its own, which are added in order: the same bits for any number of threads.
+#include <cstdlib>
+#include <cstring>
+
+#include "parallel.hpp"
+#include "ring.hpp"
+#include "ring_batch.hpp"
+#include "ring_sums.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr std::size_t BASE_GRAIN = 16384;  // floats a piece of the base colours
+
+// The transposed layers: from the gradient of what a layer returned to that of what it was given.
+struct GradientPanels {
+  Panels core, modulation[2], render[3];
+};
+
+GradientPanels pack_transposed(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
+  const auto packed = [&](const float* weight, int outputs, int inputs, int skipped) {
+    float* to = arena.take(static_cast<std::size_t>(outputs) * (inputs - skipped));
+    return to ? pack(weight + skipped, 1, inputs, nullptr, inputs - skipped, outputs, to) : Panels{};
+  };
+  const int hidden = shape.render_hidden;
+  GradientPanels panels;
+  panels.core = packed(from.core, shape.features, static_cast<int>(matrix_size(shape)), 0);
+  if (modulated(shape)) {
+    // the direction's gradient is not wanted
+    panels.modulation[0] = packed(from.modulation[0].weight, shape.modulation_hidden, modulation_inputs(shape), 3);
+    panels.modulation[1] = packed(from.modulation[1].weight, 1, shape.modulation_hidden, 0);
+  }
+  panels.render[0] = packed(from.render[0].weight, hidden, render_inputs(shape), 0);
+  panels.render[1] = packed(from.render[1].weight, hidden, hidden, 0);
+  panels.render[2] = packed(from.render[2].weight, 3, hidden, 0);
+  return panels;
+}
+
+// Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
+struct BatchGradient {
+  float *color, *base, *hidden[2], *inputs, *features, *product, *rows;
+  float *left, *right, *result;  // matrices of the ring, [R^2][16]
+};
+
+void lay_out_gradient(BatchGradient& gradient, const RingShape& shape, Arena& arena) {
+  const std::size_t matrix = matrix_size(shape);
+  const std::size_t hidden = shape.render_hidden > shape.modulation_hidden ? shape.render_hidden
+                                                                           : shape.modulation_hidden;
+  std::size_t widest = matrix > hidden ? matrix : hidden;
+  const std::size_t inputs = 3 + render_inputs(shape);
+  if (inputs > widest) widest = inputs;
+  gradient.color = arena.take(3 * GROUP);
+  gradient.base = arena.take(3 * GROUP);
+  for (float*& place : gradient.hidden) place = arena.take(hidden * GROUP);
+  gradient.inputs = arena.take(inputs * GROUP);
+  gradient.features = arena.take(static_cast<std::size_t>(shape.features) * GROUP);
+  gradient.product = arena.take(matrix * GROUP);
+  gradient.rows = arena.take(padded(static_cast<int>(widest)) * static_cast<std::size_t>(GROUP));
+  float** const matrices[] = {&gradient.left, &gradient.right, &gradient.result};
+  for (float** place : matrices) *place = arena.take(matrix * LANES);
+}
+
+struct Backward {
+  const RingShape& shape;
+  const RingParameters<const float>& parameters;
+  const RingScene& scene;
+  RingPanels panels;
+  GradientPanels transposed;
+  const float* color_gradient;
+  float* base_gradient;
+};
+
+// dL/dcolor of the group, zero in lanes that do not count, to dL/d(base), the sum's part, and dL/d(render's output).
+void start_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient) {
+  for (int c = 0; c < 3; c++)
+    for (int lane = 0; lane < GROUP; lane++)
+      gradient.color[c * GROUP + lane] =
+          lane < batch.count ? pass.color_gradient[3 * static_cast<std::size_t>(batch.rows[lane]) + c] : 0.f;
+  for (int i = 0; i < 3 * GROUP; i += LANES) {
+    const Vec residual = load(batch.residual + i), sum = load(batch.base + i) + residual;
+    const Vec passed = keep(both(ge(sum, Vec(0.f)), ge(Vec(1.f), sum)), load(gradient.color + i));
+    store(gradient.base + i, passed);
+    store(gradient.color + i, passed * fnma(residual, residual, Vec(1.f)));
+  }
+}
+
+// Through the render network; leaves dL/d(a, m, b) in gradient.inputs.
+void render_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
+  const int hidden = pass.shape.render_hidden;
+  const float* of_output = gradient.color;
+  for (int layer = 2; layer > 0; layer--) {
+    to_rows(batch.render_hidden[layer - 1], hidden, gradient.rows);
+    add_layer_gradient(sums.render[layer], of_output, gradient.rows);
+    dense(pass.transposed.render[layer], of_output, gradient.hidden[layer - 1]);
+    rectify_gradient(gradient.hidden[layer - 1], batch.render_hidden[layer - 1], hidden);
+    of_output = gradient.hidden[layer - 1];
+  }
+  to_rows(batch.activated, render_inputs(pass.shape), gradient.rows);
+  add_layer_gradient(sums.render[0], of_output, gradient.rows);
+  dense(pass.transposed.render[0], of_output, gradient.inputs);
+}
+
+// Adds the light modulation's part to dL/da in gradient.inputs.
+void modulation_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
+  const RingShape& shape = pass.shape;
+  float* of_scalar = gradient.inputs + shape.features * GROUP;
+  for (int i = 0; i < GROUP; i += LANES) {
+    const Vec m = load(batch.modulation + i);
+    store(of_scalar + i, load(of_scalar + i) * m * (Vec(1.f) - m));
+  }
+  float* of_hidden = gradient.hidden[0];
+  to_rows(batch.modulation_hidden, shape.modulation_hidden, gradient.rows);
+  add_layer_gradient(sums.modulation[1], of_scalar, gradient.rows);
+  dense(pass.transposed.modulation[1], of_scalar, of_hidden);
+  rectify_gradient(of_hidden, batch.modulation_hidden, shape.modulation_hidden);
+  to_rows(batch.inputs, modulation_inputs(shape), gradient.rows);
+  add_layer_gradient(sums.modulation[0], of_hidden, gradient.rows);
+  dense(pass.transposed.modulation[0], of_hidden, gradient.features);
+  for (int i = 0; i < shape.features * GROUP; i += LANES)
+    store(gradient.inputs + i, load(gradient.inputs + i) + load(gradient.features + i));
+}
+
+// From dL/d(H_x H_y H_z H_v) to the tables, sixteen Gaussians at a time.
+void ring_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
+  const int rank = pass.shape.rank, width = rank * rank;
+  const auto matrix = [rank](const float* values) {
+    return LaneMatrix<const float>{values, rank * LANES, LANES};
+  };
+  const auto result = [rank](float* values) { return LaneMatrix<float>{values, rank * LANES, LANES}; };
+  for (int half = 0; half < 2; half++) {
+    const RingHalf& ring = batch.halves[half];
+    const auto spread = [&](int axis, const float* lanes) {
+      add_to_table(AxisTable{width, ring.axes[axis]}, sums.axes + axis * axis_size(pass.shape), lanes);
+    };
+    const LaneMatrix<const float> of_product{gradient.product + half * LANES, rank * GROUP, GROUP};
+    product(rank, matrix(ring.xyz).transposed(), of_product, result(gradient.result));
+    add_to_table(MapTable{width, pass.shape.view_nodes, ring.across, ring.down}, sums.view, gradient.result);
+    product(rank, of_product, matrix(ring.view).transposed(), result(gradient.left));
+    product(rank, matrix(ring.xy).transposed(), matrix(gradient.left), result(gradient.result));
+    spread(2, gradient.result);
+    product(rank, matrix(gradient.left), matrix(ring.z).transposed(), result(gradient.right));
+    product(rank, matrix(ring.x).transposed(), matrix(gradient.right), result(gradient.result));
+    spread(1, gradient.result);
+    product(rank, matrix(gradient.right), matrix(ring.y).transposed(), result(gradient.result));
+    spread(0, gradient.result);
+  }
+}
+
+void write_base_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient) {
+  const float* of_input = gradient.inputs + (render_inputs(pass.shape) - 3) * GROUP;
+  for (int i = 0; i < 3 * GROUP; i += LANES) {
+    const Vec base = load(batch.base + i);
+    store(gradient.base + i, (load(gradient.base + i) + load(of_input + i)) * base * (Vec(1.f) - base));
+  }
+  for (int lane = 0; lane < batch.count; lane++)
+    for (int c = 0; c < 3; c++)
+      pass.base_gradient[3 * static_cast<std::size_t>(batch.rows[lane]) + c] = gradient.base[c * GROUP + lane];
+}
+
+void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
+  const RingShape& shape = pass.shape;
+  start_gradient(pass, batch, gradient);
+  render_gradient(pass, batch, gradient, sums);
+  write_base_gradient(pass, batch, gradient);
+  if (modulated(shape)) modulation_gradient(pass, batch, gradient, sums);
+  for (int i = 0; i < shape.features * GROUP; i += LANES) {
+    const Vec activated = load(batch.activated + i);
+    store(gradient.features + i, load(gradient.inputs + i) * fnma(activated, activated, Vec(1.f)));
+  }
+  to_rows(batch.product, static_cast<int>(matrix_size(shape)), gradient.rows);
+  add_layer_gradient(sums.core, gradient.features, gradient.rows);
+  dense(pass.transposed.core, gradient.features, gradient.product);
+  ring_gradient(pass, batch, gradient, sums);
+}
+
+// Base colours alone: right for every row that is not lit, and zero where the colour got no gradient.
+void write_unlit_gradients(const RingScene& scene, const float* color_gradient, float* base_gradient) {
+  parallel_ranges(3 * scene.count, BASE_GRAIN, [=](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; i += LANES) {
+      const int count = end - i < LANES ? static_cast<int>(end - i) : LANES;
+      const Vec base = sigmoid(load_first(scene.base + i, count));
+      store_first(base_gradient + i, load_first(color_gradient + i, count) * base * (Vec(1.f) - base), count);
+    }
+  });
+}
+
+std::size_t list_active(const RingScene& scene, const float* color_gradient, std::int32_t* active) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < scene.visible_count; i++) {
+    const float* gradient = color_gradient + 3 * static_cast<std::size_t>(scene.visible[i]);
+    active[count] = scene.visible[i];
+    count += gradient[0] != 0 || gradient[1] != 0 || gradient[2] != 0;
+  }
+  return count;
+}
+
+void run_shard(const Backward& pass, const std::int32_t* active, std::size_t begin, std::size_t end, float* zeroed) {
+  Arena memory{zeroed};
+  const ShardSums sums = lay_out_sums(pass.shape, memory);
+  std::memset(zeroed, 0, memory.used * sizeof(float));
+  Batch batch;
+  BatchGradient gradient;
+  Arena needed{nullptr};
+  lay_out(batch, pass.shape, true, needed);
+  lay_out_gradient(gradient, pass.shape, needed);
+  Arena scratch{static_cast<float*>(std::aligned_alloc(64, needed.used * sizeof(float)))};
+  lay_out(batch, pass.shape, true, scratch);
+  lay_out_gradient(gradient, pass.shape, scratch);
+  for (std::size_t first = begin; first < end; first += GROUP) {
+    const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
+    start(batch, pass.shape, pass.scene, active + first, count);
+    multiply_ring(batch, pass.shape, pass.parameters);
+    shade(batch, pass.shape, pass.panels);
+    backpropagate(pass, batch, gradient, sums);
+  }
+  std::free(scratch.block);
+}
+
+// What the backward pass needs beside the shards: the list of active rows and the packed weights.
+struct Plan {
+  std::int32_t* active;
+  Arena weights;
+};
+
+Plan plan(const RingShape& shape, std::size_t visible_count, Arena& memory) {
+  auto* active = reinterpret_cast<std::int32_t*>(memory.take(visible_count));
+  Arena counter{nullptr};
+  pack_layers(shape, {}, counter);
+  pack_transposed(shape, {}, counter);
+  return {active, {memory.take(counter.used)}};
+}
+
+}  // namespace
+
+std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count) {
+  Arena memory{nullptr}, of_shard{nullptr};
+  plan(shape, visible_count, memory);
+  lay_out_sums(shape, of_shard);
+  return memory.used + of_shard.used * ring_shards(visible_count);
+}
+
+void ring_backward(const RingShape& shape, const RingParameters<const float>& parameters, const RingScene& scene,
+                   const float* color_gradient, const RingParameters<float>& gradients, float* base_gradient,
+                   float* workspace) {
+  write_unlit_gradients(scene, color_gradient, base_gradient);
+  Arena memory{workspace};
+  auto [active, weights] = plan(shape, scene.visible_count, memory);
+  const std::size_t count = list_active(scene, color_gradient, active);
+  const RingPanels panels = pack_layers(shape, parameters, weights);
+  const GradientPanels transposed = pack_transposed(shape, parameters, weights);
+  const Backward pass{shape, parameters, scene, panels, transposed, color_gradient, base_gradient};
+  Arena of_shard{nullptr};
+  lay_out_sums(shape, of_shard);
+  const int shards = ring_shards(count);
+  float* const sums = memory.take(of_shard.used * shards);
+  const std::size_t share = (count + shards - 1) / shards;
+  const std::int32_t* const rows = active;
+  parallel_for(shards, [&, rows](std::size_t shard) {
+    const std::size_t begin = shard * share, end = begin + share < count ? begin + share : count;
+    run_shard(pass, rows, begin, end, sums + shard * of_shard.used);
+  });
+  add_up_shards(shape, {sums, of_shard.used, shards}, gradients);
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

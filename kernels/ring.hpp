@@ -1,0 +1,84 @@
+// RingLight's light field: from a Gaussian's centre and base colour to its colour (RingLight-GS, eq. 5, 7 and 8).
+//
+//   a = tanh(core . vec(H_x H_y H_z H_v)), H_x, H_y, H_z between the nodes of tables on [-1, 1], H_v of an octahedral map
+//   m = sigmoid(modulation(v, a)),  r = tanh(render(a, m, b)),  color = clamp(b + r, 0, 1),  b = sigmoid(base)
+//
+// Nothing is kept between forward and backward: the backward pass recomputes, for rows with a gradient only.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+
+namespace ringlight {
+
+// The largest sizes that the kernels take.
+constexpr int RING_MAX_RANK = 32, RING_MAX_FEATURES = 64, RING_MAX_HIDDEN = 128;
+
+struct RingShape {
+  int rank, features;
+  int render_hidden, modulation_hidden;  // modulation_hidden 0: no light modulation
+  int nodes, view_nodes;                 // of each axis; on each side of the octahedral map
+};
+
+// static: every instruction set has its own copy, see simd.hpp.
+static inline std::size_t matrix_size(const RingShape& shape) {
+  return static_cast<std::size_t>(shape.rank) * shape.rank;
+}
+static inline std::size_t axis_size(const RingShape& shape) { return shape.nodes * matrix_size(shape); }
+static inline std::size_t view_size(const RingShape& shape) {
+  return static_cast<std::size_t>(shape.view_nodes) * shape.view_nodes * matrix_size(shape);
+}
+static inline bool modulated(const RingShape& shape) { return shape.modulation_hidden > 0; }
+static inline int modulation_inputs(const RingShape& shape) { return 3 + shape.features; }
+static inline int render_inputs(const RingShape& shape) { return shape.features + modulated(shape) + 3; }
+
+// [outputs inputs] and [outputs].
+template <class Float>
+struct RingLayer {
+  Float *weight, *bias;
+};
+
+// Parameters, or where their gradients go.
+template <class Float>
+struct RingParameters {
+  Float *axes, *view, *core;  // [3 nodes R^2], [view_nodes^2 R^2] with row j * side + i for node (i, j), [C R^2]
+  RingLayer<Float> modulation[2], render[3];
+};
+
+struct RingScene {
+  const float *means, *base;     // [count 3] world, [count 3] logits
+  std::size_t count;
+  const std::int32_t* visible;   // the rows that are lit
+  std::size_t visible_count;
+  float camera[3], low[3], high[3];  // world: the optical centre, the box that [-1, 1]^3 covers
+};
+
+// All [count 3] but modulation [count 1]; residual and modulation may be null. Rows that are not lit get their base
+// colour, and nothing in the other two.
+struct RingOutputs {
+  float *color, *residual, *modulation;
+};
+
+// Shards of the backward pass: more rows than a few thousand each, so that the sums of one, which hold a copy of the
+// tables, pay. A function of the rows alone, because the order of summation must not depend on the machine.
+static inline int ring_shards(std::size_t active_count) {
+  constexpr std::size_t MOST = 8, ROWS = 4096;
+  const std::size_t wanted = (active_count + ROWS - 1) / ROWS;
+  return static_cast<int>(wanted < 1 ? 1 : wanted < MOST ? wanted : MOST);
+}
+
+namespace v3 {
+void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&);
+void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, const float* color_gradient,
+                   const RingParameters<float>& gradients, float* base_gradient, float* workspace);
+// Floats of workspace that ring_backward needs for this many visible rows.
+std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count);
+}
+namespace v4 {
+void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&);
+void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, const float* color_gradient,
+                   const RingParameters<float>& gradients, float* base_gradient, float* workspace);
+// Floats of workspace that ring_backward needs for this many visible rows.
+std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count);
+}
+
+}  // namespace ringlight

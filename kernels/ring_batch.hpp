@@ -1,0 +1,166 @@
+// One group of Gaussians on its way through the light field: the forward pass with everything that the backward pass
+// needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
+#pragma once
+#include "lane_layers.hpp"
+#include "lane_matrices.hpp"
+#include "lane_tables.hpp"
+#include "ring.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+
+// Hands out consecutive parts of one block of memory; with a null block it only counts.
+struct Arena {
+  float* block;
+  std::size_t used = 0;
+
+  float* take(std::size_t count) {
+    float* part = block ? block + used : nullptr;
+    used += (count + LANES - 1) / LANES * LANES;
+    return part;
+  }
+};
+
+// The dense layers in the order of use.
+struct RingPanels {
+  Panels core, modulation[2], render[3];
+};
+
+static inline RingPanels pack_layers(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
+  const auto packed = [&](const RingLayer<const float>& layer, int outputs, int inputs) {
+    float* to = arena.take(static_cast<std::size_t>(outputs) * inputs);
+    return to ? pack(layer.weight, inputs, 1, layer.bias, outputs, inputs, to) : Panels{};
+  };
+  const int matrix = static_cast<int>(matrix_size(shape)), hidden = shape.render_hidden;
+  RingPanels panels;
+  panels.core = packed({from.core, nullptr}, shape.features, matrix);
+  if (modulated(shape)) {
+    panels.modulation[0] = packed(from.modulation[0], shape.modulation_hidden, modulation_inputs(shape));
+    panels.modulation[1] = packed(from.modulation[1], 1, shape.modulation_hidden);
+  }
+  panels.render[0] = packed(from.render[0], hidden, render_inputs(shape));
+  panels.render[1] = packed(from.render[1], hidden, hidden);
+  panels.render[2] = packed(from.render[2], 3, hidden);
+  return panels;
+}
+
+// Sixteen Gaussians' ring: where they fall in the tables, and the matrices [R^2][16].
+struct RingHalf {
+  Cells axes[3], across, down;
+  float *x, *y, *z, *view;  // H_x, H_y, H_z, H_v
+  float *xy, *xyz;          // H_x H_y, H_x H_y H_z
+};
+
+struct Batch {
+  std::int32_t rows[GROUP];  // of the table of Gaussians; the last one is repeated in an incomplete group
+  int count;                 // how many of them count
+  RingHalf halves[2];
+  float* product;            // H_x H_y H_z H_v, [R^2][GROUP] like everything below
+  float* inputs;             // v 3, a C, m 1 (if modulated), b 3: the networks' inputs overlap
+  float *activated, *modulation, *base;  // a, m and b therein
+  float *modulation_hidden, *render_hidden[2];
+  float* residual;
+};
+
+// With keep_ring, both halves keep their matrices; else they share the memory.
+static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring, Arena& arena) {
+  const std::size_t matrix = matrix_size(shape) * LANES;
+  for (int half = 0; half < 2; half++) {
+    RingHalf& ring = batch.halves[half];
+    if (half && !keep_ring) {
+      const RingHalf& shared = batch.halves[0];
+      ring.x = shared.x, ring.y = shared.y, ring.z = shared.z, ring.view = shared.view;
+      ring.xy = shared.xy, ring.xyz = shared.xyz;
+      continue;
+    }
+    float** const matrices[] = {&ring.x, &ring.y, &ring.z, &ring.view, &ring.xy, &ring.xyz};
+    for (float** place : matrices) *place = arena.take(matrix);
+  }
+  batch.product = arena.take(matrix * 2);
+  batch.inputs = arena.take(static_cast<std::size_t>(GROUP) * (3 + render_inputs(shape)));
+  batch.activated = batch.inputs + 3 * GROUP;
+  batch.modulation = batch.activated + shape.features * GROUP;
+  batch.base = batch.modulation + (modulated(shape) ? GROUP : 0);
+  batch.modulation_hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.modulation_hidden);
+  for (float*& hidden : batch.render_hidden) hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.render_hidden);
+  batch.residual = arena.take(GROUP * 3);
+}
+
+// Gathers the rows: base colour and viewing direction into the networks' inputs, places in the tables.
+static inline void start(Batch& batch, const RingShape& shape, const RingScene& scene, const std::int32_t* rows,
+                         int count) {
+  batch.count = count;
+  alignas(64) float means[3][GROUP];
+  for (int lane = 0; lane < GROUP; lane++) {
+    const std::int32_t row = rows[lane < count ? lane : count - 1];
+    batch.rows[lane] = row;
+    for (int c = 0; c < 3; c++) {
+      means[c][lane] = scene.means[3 * static_cast<std::size_t>(row) + c];
+      batch.base[c * GROUP + lane] = scene.base[3 * static_cast<std::size_t>(row) + c];
+    }
+  }
+  for (int half = 0; half < 2; half++) {
+    const int first = half * LANES;
+    Vec offset[3], squared(0.f), extent(0.f);
+    for (int c = 0; c < 3; c++) {
+      float* base = batch.base + c * GROUP + first;
+      store(base, sigmoid(load(base)));
+      const Vec mean = load(means[c] + first);
+      const Vec scale(2.f / (scene.high[c] - scene.low[c]));
+      locate((mean - Vec(scene.low[c])) * scale - Vec(1.f), shape.nodes, batch.halves[half].axes[c]);
+      offset[c] = mean - Vec(scene.camera[c]);
+      squared = fma(offset[c], offset[c], squared);
+    }
+    const Vec inverse = Vec(1.f) / sqrt(max(squared, Vec(1e-24f)));  // core/directions.py: SMALLEST_LENGTH squared
+    for (int c = 0; c < 3; c++) {
+      offset[c] = offset[c] * inverse;
+      store(batch.inputs + c * GROUP + first, offset[c]);
+      extent = extent + abs(offset[c]);
+    }
+    // The octahedral square: the lower hemisphere folds over the diagonals (core/directions.py).
+    const Vec flat = Vec(1.f) / max(extent, Vec(1e-12f)), x = offset[0] * flat, y = offset[1] * flat;
+    const Mask upper = ge(offset[2], Vec(0.f));
+    const auto sign = [](Vec a) { return select(ge(a, Vec(0.f)), Vec(1.f), Vec(-1.f)); };
+    locate(select(upper, x, (Vec(1.f) - abs(y)) * sign(x)), shape.view_nodes, batch.halves[half].across);
+    locate(select(upper, y, (Vec(1.f) - abs(x)) * sign(y)), shape.view_nodes, batch.halves[half].down);
+  }
+}
+
+// The ring's product for both halves.
+static inline void multiply_ring(Batch& batch, const RingShape& shape, const RingParameters<const float>& parameters) {
+  const int rank = shape.rank, width = rank * rank;
+  const auto matrix = [rank](float* values) { return LaneMatrix<float>{values, rank * LANES, LANES}; };
+  const auto read_only = [rank](const float* values) {
+    return LaneMatrix<const float>{values, rank * LANES, LANES};
+  };
+  for (int half = 0; half < 2; half++) {
+    RingHalf& ring = batch.halves[half];
+    float* const heads[3] = {ring.x, ring.y, ring.z};
+    for (int axis = 0; axis < 3; axis++)
+      read_table(AxisTable{width, ring.axes[axis]}, parameters.axes + axis * axis_size(shape), heads[axis]);
+    read_table(MapTable{width, shape.view_nodes, ring.across, ring.down}, parameters.view, ring.view);
+    product(rank, read_only(ring.x), read_only(ring.y), matrix(ring.xy));
+    product(rank, read_only(ring.xy), read_only(ring.z), matrix(ring.xyz));
+    product(rank, read_only(ring.xyz), read_only(ring.view), {batch.product + half * LANES, rank * GROUP, GROUP});
+  }
+}
+
+// From the ring's product to the residual colour.
+static inline void shade(Batch& batch, const RingShape& shape, const RingPanels& panels) {
+  dense(panels.core, batch.product, batch.activated);
+  for (int i = 0; i < shape.features * GROUP; i += LANES)
+    store(batch.activated + i, tanh(load(batch.activated + i)));
+  if (modulated(shape)) {
+    dense(panels.modulation[0], batch.inputs, batch.modulation_hidden);
+    rectify(batch.modulation_hidden, shape.modulation_hidden);
+    dense(panels.modulation[1], batch.modulation_hidden, batch.modulation);
+    for (int i = 0; i < GROUP; i += LANES) store(batch.modulation + i, sigmoid(load(batch.modulation + i)));
+  }
+  dense(panels.render[0], batch.activated, batch.render_hidden[0]);
+  rectify(batch.render_hidden[0], shape.render_hidden);
+  dense(panels.render[1], batch.render_hidden[0], batch.render_hidden[1]);
+  rectify(batch.render_hidden[1], shape.render_hidden);
+  dense(panels.render[2], batch.render_hidden[1], batch.residual);
+  for (int i = 0; i < 3 * GROUP; i += LANES) store(batch.residual + i, tanh(load(batch.residual + i)));
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

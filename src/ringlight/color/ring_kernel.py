@@ -1,0 +1,101 @@
+"""Autograd glue over the fused light-field kernel: tables and weights in, colours out, nothing kept in between."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int32
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.color.render_module import LitColor, RenderModule
+from ringlight.fields.tensor_ring import RingTables
+
+# The sizes that kernels/ring.hpp takes.
+MAX_RANK, MAX_FEATURES, MAX_HIDDEN = 32, 64, 128
+
+
+@dataclass(frozen=True)
+class LitRows:
+    """Which Gaussians are lit, and from where.
+
+    ``visible`` numbers the rows that the light field reaches; the others show their base colour. ``frame`` holds
+    the camera's position and the low and high corner of the box that the ring covers, world units.
+    """
+
+    means: Float[Tensor, "N 3"]
+    visible: Int32[Tensor, "V"]
+    frame: Float[Tensor, "3 3"]
+
+
+@dataclass(frozen=True)
+class RingParameters:
+    """What the kernel needs of a model: ``shape`` as kernels/ring.hpp has it, and the tensors in its order."""
+
+    shape: list[int]
+    tensors: list[Tensor]
+
+
+def kernel_takes(tables: RingTables, shading: RenderModule, means: Tensor) -> bool:
+    """Whether the kernel can do it: float32 on the CPU, and no size beyond its limits."""
+    widths = [layer.out_features for layer in shading.modules() if isinstance(layer, torch.nn.Linear)]
+    fits = tables.axes.shape[-1] <= MAX_RANK**2 and len(tables.core) <= MAX_FEATURES and max(widths) <= MAX_HIDDEN
+    kinds = {(tensor.dtype, tensor.device.type) for tensor in (tables.axes, tables.core, means)}
+    return fits and kinds == {(torch.float32, "cpu")}
+
+
+def ring_parameters(tables: RingTables, shading: RenderModule) -> RingParameters:
+    """Gathers tables and weights; the order is that of ``parameters_from`` in kernels/bindings/bind_field.cpp."""
+    nodes, matrix = tables.axes.shape[1:]
+    modulation = [] if shading.modulation is None else list(shading.modulation.parameters())
+    render = list(shading.render.parameters())
+    modulation_hidden = len(modulation[0]) if modulation else 0
+    view_nodes = round(len(tables.view) ** 0.5)
+    shape = [round(matrix**0.5), len(tables.core), len(render[0]), modulation_hidden, nodes, view_nodes]
+    return RingParameters(shape, [tables.axes, tables.view, tables.core, *modulation, *render])
+
+
+class _LightField(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, rows: LitRows, shape: list[int], base: Tensor, *parameters: Tensor) -> Tensor:
+        color = torch.empty_like(base)
+        _kernels.ring_forward(shape, parameters, rows.means, base, rows.visible, rows.frame, color)
+        ctx.rows, ctx.shape = rows, shape
+        ctx.save_for_backward(base, *parameters)
+        return color
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx: Any, color_gradient: Tensor) -> tuple[Tensor | None, ...]:
+        base, *parameters = ctx.saved_tensors
+        rows: LitRows = ctx.rows
+        gradients = [torch.empty_like(parameter) for parameter in parameters]
+        base_gradient = torch.empty_like(base)
+        workspace = torch.empty(_kernels.ring_workspace(ctx.shape, len(rows.visible)))
+        _kernels.ring_backward(
+            ctx.shape, parameters, rows.means, base, rows.visible, rows.frame,
+            color_gradient.contiguous(), gradients, base_gradient, workspace,
+        )  # fmt: skip
+        return None, None, base_gradient, *gradients
+
+
+def light(rows: LitRows, base: Float[Tensor, "N 3"], parameters: RingParameters) -> Float[Tensor, "N 3"]:
+    """Colours in [0, 1], differentiable in the base colours' logits ``base`` and in all parameters.
+
+    The same bits for any number of threads. The gradient of rows whose colour got none is not computed.
+    """
+    tensors = [tensor.contiguous() for tensor in parameters.tensors]
+    color: Tensor = _LightField.apply(rows, parameters.shape, base.contiguous(), *tensors)
+    return color
+
+
+@torch.no_grad()
+def light_layers(rows: LitRows, base: Float[Tensor, "N 3"], parameters: RingParameters) -> LitColor:
+    """Colour, residual and modulation without gradient; the last two are zero in rows that are not lit."""
+    tensors = [tensor.detach().contiguous() for tensor in parameters.tensors]
+    color, residual, modulation = torch.empty_like(base), torch.zeros_like(base), torch.zeros_like(base[:, :1])
+    _kernels.ring_forward(
+        parameters.shape, tensors, rows.means, base.detach().contiguous(), rows.visible, rows.frame,
+        color, residual, modulation,
+    )  # fmt: skip
+    return LitColor(color, residual, modulation)

@@ -1,0 +1,220 @@
+"""The fused light field against its torch twin in float64, in value and in every gradient.
+
+ReLU and clamp have kinks where float32 and float64 may take different sides; examples that come within KINK of one
+are left out, so that the comparison is between equal functions.
+"""
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from torch import Tensor, nn
+
+from ringlight import _kernels
+from ringlight.color.ring_kernel import kernel_takes
+from ringlight.color.ringlight import RingLight
+from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.scene import PointCloud
+from ringlight.fields.ring_settings import RingSettings
+
+KINK = 2e-6
+VALUE_TOLERANCE = 1e-5
+"""Absolute, of colours in [0, 1]; single precision through seven chained products gives some 1e-6."""
+GRADIENT_TOLERANCE = 1e-3
+"""Of the largest entry of each gradient: the sums cancel, most at large ranks (1e-4 seen at rank 32)."""
+
+BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
+
+
+@dataclass(frozen=True)
+class Result:
+    color: Tensor
+    gradients: dict[str, Tensor]
+
+
+def camera() -> Camera:
+    pose = torch.eye(4)
+    pose[2, 3] = 4.0
+    return Camera(pose, (60.0, 60.0), (32.0, 32.0), 64, 64)
+
+
+def model_and_table(chosen: RingLightSettings, count: int, seed: int) -> tuple[RingLight, Gaussians]:
+    """A field lively enough to matter: heads four times their start, so that residuals spread over (-1, 1)."""
+    model = RingLight(chosen, BOX, seed)
+    generator = torch.Generator().manual_seed(seed)
+    with torch.no_grad():
+        for head in (model.ring.axes, model.ring.view):
+            head.networks.weights[-1].mul_(4)
+    positions = torch.randn(count, 3, generator=generator) * 0.6
+    columns = model.new_columns(PointCloud(positions, torch.rand(count, 3, generator=generator)))
+    scales = torch.full((count, 3), -4.0)
+    quats = torch.randn(count, 4, generator=generator)
+    return model, Gaussians(positions, scales, quats, torch.zeros(count), columns)
+
+
+def evaluate(model: RingLight, gaussians: Gaussians, upstream: Tensor) -> Result:
+    """Colour and gradients in the table's own precision: float32 takes the kernel, float64 the twin."""
+    model.zero_grad()
+    base = gaussians.appearance["base"].clone().requires_grad_()
+    table = replace(gaussians, appearance=gaussians.appearance | {"base": base})
+    color = model.channels(table, camera())["rgb"]
+    color.backward(upstream.to(color))
+    gradients = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
+    return Result(color.detach(), gradients | {"base": base.grad})
+
+
+def doubled(model: RingLight, gaussians: Gaussians) -> tuple[RingLight, Gaussians]:
+    twin = RingLight(model.settings, BOX).double()
+    twin.load_state_dict(model.state_dict())
+    return twin, Gaussians.from_columns({name: column.double() for name, column in gaussians.columns().items()})
+
+
+def nearest_kink(twin: RingLight, gaussians: Gaussians) -> float:
+    """Smallest distance of a hidden unit behind the tables from zero, and of a colour from its clamp."""
+    distances: list[Tensor] = []
+
+    def note(_: nn.Module, inputs: tuple[Tensor, ...]) -> None:
+        distances.append(inputs[0].detach().abs().min())
+
+    hooks = [m.register_forward_pre_hook(note) for m in twin.shading.modules() if isinstance(m, nn.ReLU)]
+    with torch.no_grad():
+        lit = twin.twin(gaussians, camera())
+    for hook in hooks:
+        hook.remove()
+    total = gaussians.appearance["base"].sigmoid() + lit.residual
+    return min(*(d.item() for d in distances), total.abs().min().item(), (total - 1).abs().min().item())
+
+
+def is_smooth(chosen: RingLightSettings, count: int, seed: int) -> bool:
+    return nearest_kink(*doubled(*model_and_table(chosen, count, seed))) > KINK
+
+
+def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
+    model, gaussians = model_and_table(chosen, count, seed)
+    twin, table = doubled(model, gaussians)
+    assert kernel_takes(model.tables(), model.shading, gaussians.means)
+    upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(seed + 1))
+    fast, slow = evaluate(model, gaussians, upstream), evaluate(twin, table, upstream)
+    torch.testing.assert_close(fast.color.double(), slow.color, rtol=0, atol=VALUE_TOLERANCE)
+    assert fast.gradients.keys() == slow.gradients.keys()
+    for name, expected in slow.gradients.items():
+        error = (fast.gradients[name].double() - expected).abs().max()
+        assert error <= GRADIENT_TOLERANCE * expected.abs().max() + 1e-7, name
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    rank=st.integers(1, 9),
+    features=st.integers(1, 19),
+    hidden=st.integers(1, 27),
+    modulated=st.booleans(),
+    nodes=st.integers(2, 20),
+    count=st.integers(1, 70),
+    seed=st.integers(0, 10_000),
+)
+def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, count, seed):
+    ring = RingSettings(
+        rank=rank, features=features, bands=3, view_bands=2, head_hidden=8, position_nodes=nodes, view_nodes=nodes
+    )
+    chosen = RingLightSettings(ring, hidden, hidden + 3, modulated)
+    assume(is_smooth(chosen, count, seed))
+    compare(chosen, count, seed)
+
+
+@pytest.mark.parametrize(("rank", "features", "hidden"), [(8, 24, 64), (16, 48, 128), (24, 60, 96), (32, 64, 128)])
+def test_kernel_equals_twin_at_the_papers_sizes(rank, features, hidden):
+    ring = RingSettings(
+        rank=rank, features=features, head_hidden=16, bands=4, view_bands=3, position_nodes=32, view_nodes=8
+    )
+    chosen = RingLightSettings(ring, hidden, hidden)
+    compare(chosen, 48, next(seed for seed in range(20) if is_smooth(chosen, 48, seed)))
+
+
+SMALL = RingLightSettings(
+    RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8), 16, 12
+)
+
+
+def test_the_same_bits_for_any_number_of_threads():
+    """Enough rows for all eight shards."""
+    model, gaussians = model_and_table(SMALL, 40_000, 0)
+    upstream = torch.randn(40_000, 3, generator=torch.Generator().manual_seed(1))
+    before = _kernels.threads()
+    try:
+        results = []
+        for threads in (1, 2, 4):
+            _kernels.set_threads(threads)
+            results.append(evaluate(model, gaussians, upstream))
+    finally:
+        _kernels.set_threads(before)
+    for other in results[1:]:
+        assert torch.equal(results[0].color, other.color)
+        for name, gradient in results[0].gradients.items():
+            assert torch.equal(gradient, other.gradients[name]), name
+
+
+def test_rows_without_upstream_gradient_are_skipped_exactly():
+    model, gaussians = model_and_table(SMALL, 300, 5)
+    upstream = torch.randn(300, 3, generator=torch.Generator().manual_seed(1))
+    upstream[torch.arange(300) % 3 != 0] = 0
+    some = evaluate(model, gaussians, upstream)
+    alone = evaluate(model, gaussians.rows(torch.arange(0, 300, 3)), upstream[::3])
+    assert torch.equal(some.gradients["base"][::3], alone.gradients["base"])
+    for name, gradient in alone.gradients.items():
+        if name != "base":
+            assert torch.equal(some.gradients[name], gradient), name
+    assert not some.gradients["base"][1::3].any()
+
+
+def test_nothing_upstream_gives_zero_everywhere():
+    model, gaussians = model_and_table(SMALL, 50, 5)
+    result = evaluate(model, gaussians, torch.zeros(50, 3))
+    assert not any(gradient.any() for gradient in result.gradients.values())
+
+
+def test_rows_behind_the_camera_or_broken_stay_away_from_the_tables():
+    model, gaussians = model_and_table(SMALL, 40, 2)
+    gaussians.means[0, 2] = -50.0
+    gaussians.means[1] = torch.tensor([1e30, 0.0, 0.0])
+    gaussians.means[2, 1] = float("nan")
+    gaussians.means[3] = float("inf")
+    upstream = torch.ones(40, 3)
+    upstream[:4] = 0
+    result = evaluate(model, gaussians, upstream)
+    base = gaussians.appearance["base"].sigmoid()
+    torch.testing.assert_close(result.color[:4], base[:4], rtol=0, atol=1e-6)
+    assert all(gradient.isfinite().all() for gradient in result.gradients.values())
+
+
+def test_layers_of_kernel_and_twin_agree():
+    model, gaussians = model_and_table(SMALL, 60, 7)
+    twin, table = doubled(model, gaussians)
+    fast, slow = model.layers(gaussians, camera()), twin.layers(table, camera())
+    assert fast["residual"].abs().max() > 0.01
+    for name, layer in slow.items():
+        torch.testing.assert_close(fast[name].double(), layer, rtol=0, atol=VALUE_TOLERANCE)
+
+
+def test_no_visible_row_is_fine():
+    model, gaussians = model_and_table(SMALL, 10, 7)
+    gaussians.means[:, 2] = -50.0
+    result = evaluate(model, gaussians, torch.ones(10, 3))
+    torch.testing.assert_close(result.color, gaussians.appearance["base"].sigmoid(), rtol=0, atol=1e-6)
+
+
+@pytest.mark.skipif(_kernels.isa() == "avx2", reason="the suite already runs on AVX2")
+def test_avx2_build():
+    """The same tests with the AVX2 kernels, in a process of their own."""
+    tests = [f"{__file__}::{name}" for name in ("test_kernel_equals_twin", "test_layers_of_kernel_and_twin_agree")]
+    environment = os.environ | {"RINGLIGHT_ISA": "avx2"}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
+    done = subprocess.run(command, env=environment, cwd=Path(__file__).parents[2], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-2000:]
