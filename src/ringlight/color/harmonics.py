@@ -17,7 +17,7 @@ from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_
 try:
     from ringlight import _kernels
 except ImportError:
-    _kernels = None
+    _kernels = None  # type: ignore[assignment]
 
 REST_COUNT = basis_count(MAX_DEGREE) - 1
 
