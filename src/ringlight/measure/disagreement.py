@@ -1,7 +1,8 @@
 """Where methods differ most: which views and which boxes of them are worth a reader's look. Always the same choice."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -9,8 +10,22 @@ from torch import Tensor
 
 from ringlight.errors import RunError
 
-Pictures = Mapping[str, Float[Tensor, "H W 3"]]
-"""Pictures by the name of their view, in [0, 1]; may decode them on access."""
+
+@runtime_checkable
+class Pictures(Protocol):
+    """Pictures by the name of their view, in [0, 1]: a dictionary, or files that are decoded when asked for."""
+
+    def __getitem__(self, view: str, /) -> Float[Tensor, "H W 3"]:
+        """The picture of a view."""
+        ...
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the views."""
+        ...
+
+    def __contains__(self, view: object, /) -> bool:
+        """Whether there is a picture of the view."""
+        ...
 
 
 SCORE_SIDE = 400
@@ -38,13 +53,7 @@ def difference_map(
     """How far apart the renders are at each pixel: largest minus smallest value, mean over channels.
 
     A single render is held against the truth.
-
-    Raises:
-        RunError: the pictures have different sizes.
     """
-    sizes = [f"{image.shape[1]}x{image.shape[0]}" for image in (truth, *renders)]
-    if len(set(sizes)) > 1:
-        raise RunError(f"pictures of one view have different sizes ({', '.join(sizes)}); evaluate all runs anew")
     stack = np.stack([pixels(image) for image in (renders if len(renders) > 1 else [*renders, truth])])
     spread: Float[np.ndarray, "H W"] = (stack.max(0) - stack.min(0)).mean(-1)
     return spread
@@ -54,16 +63,19 @@ def choose_views(columns: Sequence[Pictures], truth: Pictures, count: int) -> li
     """The ``count`` views on which the columns differ most on average, most first; ties by name.
 
     Raises:
-        RunError: no view is in every column and in the truth.
+        RunError: no view is in every column and in the truth, or sizes differ within a view.
     """
     names = sorted(name for name in truth if all(name in column for column in columns))
     if not names:
         raise RunError("the runs have no test picture in common; make them with 'ringlight eval RUN --images'")
-    score = {name: _coarse_difference([column[name] for column in columns], truth[name]) for name in names}
+    score = {name: _coarse_difference(name, [column[name] for column in columns], truth[name]) for name in names}
     return sorted(names, key=lambda name: (-score[name], name))[:count]
 
 
-def _coarse_difference(renders: Sequence[Float[Tensor, "H W 3"]], truth: Float[Tensor, "H W 3"]) -> float:
+def _coarse_difference(name: str, renders: Sequence[Tensor], truth: Tensor) -> float:
+    sizes = [f"{image.shape[1]}x{image.shape[0]}" for image in (truth, *renders)]
+    if len(set(sizes)) > 1:
+        raise RunError(f"view {name}: its pictures differ in size ({', '.join(sizes)}); evaluate all runs anew")
     step = max(1, max(truth.shape[:2]) // SCORE_SIDE)
     return float(difference_map([image[::step, ::step] for image in renders], truth[::step, ::step]).mean())
 

@@ -1,6 +1,6 @@
 """Pictures of test views, read from a run folder: one 8-bit PNG per view, decoded when they are looked at."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -52,19 +52,22 @@ def _remedy(path: Path) -> str:
     return f"make it again with 'ringlight eval {path.parents[2]} --images'"
 
 
-class PictureFolder(Mapping[str, Tensor]):
+class PictureFolder:
     """Pictures of one folder by the name of their view, decoded at each access; only those that exist."""
 
     def __init__(self, folder: Path, views: Iterable[str]) -> None:
         paths = {view: folder / picture_name(view) for view in views}
         self.paths = {view: path for view, path in paths.items() if path.is_file()}
 
-    def __getitem__(self, view: str) -> Tensor:
-        """The picture [H W 3] in [0, 1]; raises RunError if its file is damaged."""
+    def __getitem__(self, view: str) -> Float[Tensor, "H W 3"]:
+        """The picture in [0, 1]; raises RunError if its file is damaged."""
         return read_picture(self.paths[view])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.paths)
+
+    def __contains__(self, view: object) -> bool:
+        return view in self.paths
 
     def __len__(self) -> int:
         return len(self.paths)

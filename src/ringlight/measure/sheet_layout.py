@@ -21,6 +21,9 @@ MIN_SIDE = 96
 BOX_PART = 0.25
 """The enlarged box is about this part of the picture's width."""
 MIN_ZOOM = 2
+"""Of the box, in pixels of the sheet per pixel of the picture."""
+SMALLEST_BOX_PART = 0.12
+"""Narrow columns show large pictures at 1:1 rather than a box so small that it says nothing."""
 
 
 @dataclass(frozen=True)
@@ -55,4 +58,6 @@ def box_size(shown: Panel, width: int) -> tuple[int, int]:
     """Pixels of a picture of this width that fill a half of its panel at a whole magnification."""
     half_width, half_height = shown.half
     zoom = max(MIN_ZOOM, round(half_width / (width * BOX_PART)))
+    if half_width < zoom * width * SMALLEST_BOX_PART:
+        zoom = 1
     return max(half_width // zoom, 1), max(half_height // zoom, 1)
