@@ -68,7 +68,7 @@ def test_without_a_test_file_every_eighth_is_held_out(tmp_path: Path):
     scene = load_scene(tmp_path)
     assert [view.name for view in scene.test] == ["train/r_0.png", "train/r_8.png"]
     assert len(scene.train) == 8
-    assert any("every 8th" in note for note in scene.notes)
+    assert any("index % 8 == 0" in note for note in scene.notes)
     assert len(load_scene(tmp_path, SceneOptions(holdout_every=2)).test) == 5
 
 

@@ -45,7 +45,11 @@ def hold_out(frames: Sequence[Frame], every: int, source: Path) -> tuple[list[Fr
         raise SceneError(f"{source}: {len(frames)} image is too few to hold one out for testing; add photographs")
     ordered = sorted(frames, key=lambda frame: frame.name)
     train = [frame for index, frame in enumerate(ordered) if index % every]
-    return train, ordered[::every], f"split: every {every}th image by name, from the first, is a test image"
+    return (
+        train,
+        ordered[::every],
+        f"split: of the images sorted by name, each with index % {every} == 0 is a test image",
+    )
 
 
 def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from ringlight.data.options import SceneOptions
 from ringlight.errors import SceneError
@@ -104,5 +104,10 @@ def _has_alpha(image: Image.Image) -> bool:
 
 
 def _unreadable(path: Path, error: BaseException) -> SceneError:
-    reason = str(error).replace(str(path), "the file").strip().rstrip(".") or type(error).__name__
+    if isinstance(error, UnidentifiedImageError):
+        reason = "of no known format"
+    elif isinstance(error, OSError) and error.strerror:
+        reason = error.strerror
+    else:
+        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
     return SceneError(f"{path}: not a readable image ({reason}); copy or export the image again")

@@ -89,5 +89,5 @@ def pose_matrix(fields: Fields, where: str) -> Float[np.ndarray, "4 4"]:
     for index, row in enumerate(rows):
         if not isinstance(row, list) or len(row) != 4:
             raise SceneError(f"{what} has a row without 4 numbers; export the cameras again, or remove the frame")
-        matrix[index] = [finite(value, what) for value in row]
+        matrix[index] = [finite(value, f"{where}: an entry of 'transform_matrix'") for value in row]
     return matrix

@@ -7,7 +7,6 @@ is 1.45, so that 0.9 of it is the ±1.3 in which 3DGS draws its 100000 points; a
 same share of its own frame.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -126,4 +125,4 @@ def seen_sphere(cameras: Sequence[Camera]) -> SeenSphere:
         if np.median(depths) > 0 and radius > 0:
             return SeenSphere(center, radius)
     extent = camera_extent(list(cameras))
-    return SeenSphere(positions.mean(0), SURROUNDINGS * extent if extent > 1e-3 and math.isfinite(extent) else 1.0)
+    return SeenSphere(positions.mean(0), SURROUNDINGS * extent if extent > 1e-3 else 1.0)

@@ -42,12 +42,11 @@ def read_frames(document: Fields, file: Path) -> list[Frame]:
         name = text(entry, "file_path", where) if isinstance(entry, dict) else None
         if name is None:
             raise SceneError(f"{where} names no image under 'file_path'; export the cameras again")
-        where = f"{where} ({name!r})"
         path = image_inside(base, name, where)
         if path is None:
             missing.append((where, name))
         elif not missing:  # once an image is missing the scene is refused: only the others are still counted
-            frames.append(_frame({**document, **entry}, path, base, where))
+            frames.append(_frame({**document, **entry}, path, base, f"{where} ({name!r})"))
     require_none_missing(missing, len(entries), base)
     return frames
 
