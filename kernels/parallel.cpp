@@ -86,7 +86,8 @@ class Pool {
   }
 
   void serve() {
-    unsigned seen = generation_.load();
+    // Not generation_: a worker that starts after the last loop, or after the destructor, must notice that it is late.
+    unsigned seen = 0;
     for (;;) {
       for (int spins = 0; generation_.load(std::memory_order_acquire) == seen;) {
         if (++spins < SPINS) _mm_pause();
