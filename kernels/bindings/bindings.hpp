@@ -6,8 +6,9 @@ namespace ringlight {
 
 void bind_threads(nanobind::module_& module);  // thread pool: parallel.hpp
 void bind_raster(nanobind::module_& module);   // rasterizer: project, sort, blend and their gradients
-void bind_fit(nanobind::module_& module);      // losses, Adam, densification statistics
+void bind_fit(nanobind::module_& module);      // Adam, densification statistics
 void bind_sh(nanobind::module_& module);       // colour from spherical harmonics
+void bind_loss(nanobind::module_& module);     // photometric loss and the blurs of its target
 void bind_field(nanobind::module_& module);    // the tensor-ring light field
 
 }  // namespace ringlight

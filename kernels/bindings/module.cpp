@@ -13,5 +13,6 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_raster(module);
   ringlight::bind_fit(module);
   ringlight::bind_sh(module);
+  ringlight::bind_loss(module);
   ringlight::bind_field(module);
 }

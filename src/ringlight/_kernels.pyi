@@ -22,6 +22,19 @@ def adam(
 def accumulate_pull(
     gradient: Tensor, radii: Tensor, scale_x: float, scale_y: float, pull: Tensor, views: Tensor
 ) -> None: ...
+def photometric_workspace(height: int, width: int, slots: int) -> int: ...
+def blur_target(image: Tensor, blur: Tensor, square_blur: Tensor, workspace: Tensor) -> None: ...
+def photometric(
+    image: Tensor,
+    target: Tensor,
+    target_blur: Tensor,
+    target_square_blur: Tensor,
+    gradient: Tensor,
+    workspace: Tensor,
+    pixel_weight: float,
+    ssim_weight: float,
+    squared: bool,
+) -> float: ...
 def sh_colors(means: Tensor, constant: Tensor, rest: Tensor, position: Tensor, degree: int, colors: Tensor) -> None: ...
 def sh_gradient(
     means: Tensor,

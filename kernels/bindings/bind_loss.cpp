@@ -1,0 +1,74 @@
+#include <nanobind/ndarray.h>
+
+#include <stdexcept>
+
+#include "bindings.hpp"
+#include "ssim.hpp"
+
+namespace nb = nanobind;
+
+namespace ringlight {
+namespace {
+
+using Image = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Result = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Workspace = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+template <class Array>
+void require_shape(const Array& array, const Planes& planes) {
+  if (array.shape(0) != static_cast<std::size_t>(planes.channels) ||
+      array.shape(1) != static_cast<std::size_t>(planes.height) ||
+      array.shape(2) != static_cast<std::size_t>(planes.width))
+    throw std::invalid_argument("photometric: all images must have the same shape [channels, height, width]");
+}
+
+Planes planes_of(const Image& image) {
+  // int is enough for every side, and keeps the row arithmetic of the kernels signed.
+  constexpr std::size_t LARGEST = 1 << 30;
+  for (std::size_t axis = 0; axis < 3; axis++)
+    if (image.shape(axis) == 0 || image.shape(axis) > LARGEST)
+      throw std::invalid_argument("photometric: an image side is 0 or above 2^30");
+  return {static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(2))};
+}
+
+std::size_t workspace_size(int height, int width, int slots) {
+  const Planes planes{1, height, width};
+  return strip_scratch(planes) * static_cast<std::size_t>(slots);
+}
+
+double photometric_loss(Image image, Image target, Image target_blur, Image target_square_blur, Result gradient,
+                        Workspace workspace, float pixel_weight, float ssim_weight, bool squared) {
+  const Planes planes = planes_of(image);
+  for (const Image& other : {target, target_blur, target_square_blur}) require_shape(other, planes);
+  require_shape(gradient, planes);
+  const nb::gil_scoped_release unlocked;
+  return photometric(
+      {image.data(), target.data(), target_blur.data(), target_square_blur.data(), gradient.data()}, planes,
+      {pixel_weight, ssim_weight, squared}, workspace.data(), workspace.size());
+}
+
+void blur(Image image, Result blurred, Result square_blurred, Workspace workspace) {
+  const Planes planes = planes_of(image);
+  require_shape(blurred, planes);
+  require_shape(square_blurred, planes);
+  const nb::gil_scoped_release unlocked;
+  blur_target(image.data(), planes, blurred.data(), square_blurred.data(), workspace.data(), workspace.size());
+}
+
+}  // namespace
+
+void bind_loss(nb::module_& module) {
+  module.def("photometric_workspace", &workspace_size, nb::arg("height"), nb::arg("width"), nb::arg("slots"),
+             "Floats of workspace that let `slots` threads work on images of this size.");
+  module.def("photometric", &photometric_loss, nb::arg("image").noconvert(), nb::arg("target").noconvert(),
+             nb::arg("target_blur").noconvert(), nb::arg("target_square_blur").noconvert(),
+             nb::arg("gradient").noconvert(), nb::arg("workspace").noconvert(), nb::arg("pixel_weight"),
+             nb::arg("ssim_weight"), nb::arg("squared"),
+             "pixel_weight * mean(|d| or d^2) + ssim_weight * (1 - mean SSIM) of planar float32 images; fills the "
+             "gradient with respect to image.");
+  module.def("blur_target", &blur, nb::arg("image").noconvert(), nb::arg("blur").noconvert(),
+             nb::arg("square_blur").noconvert(), nb::arg("workspace").noconvert(),
+             "11 x 11 Gaussian blurs (sigma 1.5, zeros outside) of a planar image and of its square.");
+}
+
+}  // namespace ringlight

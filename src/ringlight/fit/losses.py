@@ -1,0 +1,115 @@
+"""Photometric loss: pixel term + structural similarity, by kernels on the CPU and by torch elsewhere.
+
+SSIM is that of 3DGS: Wang et al. 2004 with an 11 x 11 Gaussian window of sigma 1.5, zeros beyond the border, K1 = 0.01,
+K2 = 0.03, range 1, averaged over pixels and channels. The rendering is compared as it is, not clamped.
+"""
+
+from typing import Any
+
+import torch
+import torch.nn.functional
+from jaxtyping import Float
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from ringlight import _kernels
+from ringlight.fit.photometric import PhotometricLoss
+
+WINDOW = 11
+SIGMA = 1.5
+C1 = 0.01**2
+C2 = 0.03**2
+
+
+class Target:
+    """A photograph to compare with, and its blurs, which do not change while training.
+
+    ``image`` [3 H W] float32 in [0, 1], planar; ``blur`` and ``square_blur`` are the windowed means of it and of its
+    square, empty on a device other than the CPU. 36 bytes a pixel.
+    """
+
+    def __init__(self, image: Float[Tensor, "3 H W"]):
+        self.image = image.detach().to(torch.float32).contiguous()
+        self.blur = self.square_blur = self.image.new_empty(0)
+        if image.device.type == "cpu":
+            self.blur, self.square_blur = torch.empty_like(self.image), torch.empty_like(self.image)
+            _kernels.blur_target(self.image, self.blur, self.square_blur, _workspace(self.image))
+
+
+def photometric(color: Float[Tensor, "H W 3"], target: Target, settings: PhotometricLoss) -> Float[Tensor, ""]:
+    """The loss, differentiable (once) with respect to ``color``.
+
+    ``color`` is used in place when its memory is planar ([3 H W] permuted), as rasterizers return it, and copied
+    otherwise; its gradient is planar too. The kernels want float32 on the CPU; anything else takes the torch path.
+    """
+    planar = color.permute(2, 0, 1)
+    if planar.shape != target.image.shape:
+        sizes = f"{tuple(planar.shape[1:])} and {tuple(target.image.shape[1:])}"
+        raise ValueError(f"rendering and target differ in height and width: {sizes}")
+    if color.device.type == "cpu" and color.dtype == torch.float32:
+        result: Tensor = _Photometric.apply(planar, target, settings)
+        return result
+    return photometric_reference(planar, target.image.to(color), settings)
+
+
+class _Photometric(torch.autograd.Function):
+    """Value and gradient come out of one pass, so the gradient exists before it is asked for."""
+
+    @staticmethod
+    def forward(ctx: Any, planar: Tensor, target: Target, settings: PhotometricLoss) -> Tensor:
+        image = planar.contiguous()
+        ctx.gradient = torch.empty_like(image)
+        value = _kernels.photometric(
+            image,
+            target.image,
+            target.blur,
+            target.square_blur,
+            ctx.gradient,
+            _workspace(image),
+            pixel_weight=settings.scale * (1 - settings.ssim_weight),
+            ssim_weight=settings.scale * settings.ssim_weight,
+            squared=settings.pixel == "l2",
+        )
+        return image.new_tensor(value)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None, None]:
+        factor = upstream.item()
+        # A bare loss.backward() passes 1: one walk over the image less.
+        return ctx.gradient if factor == 1 else ctx.gradient * factor, None, None
+
+
+def _workspace(image: Tensor) -> Tensor:
+    _, height, width = image.shape
+    return torch.empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
+
+
+def photometric_reference(
+    planar: Float[Tensor, "3 H W"], target: Float[Tensor, "3 H W"], settings: PhotometricLoss
+) -> Float[Tensor, ""]:
+    """The same loss in plain torch, on any device and in any precision: the slow twin of the kernels."""
+    difference = planar - target
+    pixel = difference.abs().mean() if settings.pixel == "l1" else difference.square().mean()
+    dissimilarity = 1 - ssim_map(planar, target).mean()
+    return settings.scale * ((1 - settings.ssim_weight) * pixel + settings.ssim_weight * dissimilarity)
+
+
+def ssim_map(first: Float[Tensor, "C H W"], second: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
+    """SSIM of the window around each pixel, zeros beyond the border."""
+    moments = torch.stack((first, second, first * first, second * second, first * second))
+    mean1, mean2, square1, square2, product = _blur(moments)
+    variance1, variance2 = square1 - mean1 * mean1, square2 - mean2 * mean2
+    covariance = product - mean1 * mean2
+    luminance = (2 * mean1 * mean2 + C1) / (mean1 * mean1 + mean2 * mean2 + C1)
+    return luminance * (2 * covariance + C2) / (variance1 + variance2 + C2)
+
+
+def _blur(images: Float[Tensor, "B C H W"]) -> Float[Tensor, "B C H W"]:
+    offsets = torch.arange(WINDOW, dtype=images.dtype, device=images.device) - WINDOW // 2
+    weights = torch.exp(-offsets.square() / (2 * SIGMA**2))
+    weights = weights / weights.sum()
+    single = images.flatten(0, 1)[:, None]
+    down = torch.nn.functional.conv2d(single, weights[None, None, :, None], padding=(WINDOW // 2, 0))
+    both = torch.nn.functional.conv2d(down, weights[None, None, None, :], padding=(0, WINDOW // 2))
+    return both.view_as(images)
