@@ -1,7 +1,187 @@
+// The rasterizer for Python: shapes are checked here, then the lock is released and pointers go down.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+
+#include <algorithm>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
 #include "bindings.hpp"
+#include "rasterizer.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
 
 namespace ringlight {
+namespace {
 
-void bind_raster(nanobind::module_&) {}
+template <class... Shape>
+using In = nb::ndarray<const float, Shape..., nb::c_contig, nb::device::cpu>;
+template <class... Shape>
+using Out = nb::ndarray<float, Shape..., nb::c_contig, nb::device::cpu>;
+using Column = nb::shape<-1>;
+template <int Width>
+using Rows = nb::shape<-1, Width>;
+using Plane = nb::shape<-1, -1>;
+using Planes = nb::shape<-1, -1, -1>;
+
+void require(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(std::string("rasterizer: ") + what);
+}
+
+// A table and its channels, kept alive by the arrays themselves.
+struct Table {
+  Table(In<Rows<3>> means, In<Rows<3>> log_scales, In<Rows<4>> quats, In<Column> opacity_logits,
+        std::optional<In<Column>> opacity_factor, In<Plane> channels, In<Column> background)
+      : means(means), log_scales(log_scales), quats(quats), opacity_logits(opacity_logits),
+        opacity_factor(opacity_factor), channels(channels), background(background) {}
+
+  In<Rows<3>> means, log_scales;
+  In<Rows<4>> quats;
+  In<Column> opacity_logits;
+  std::optional<In<Column>> opacity_factor;
+  In<Plane> channels;
+  In<Column> background;
+
+  Splats splats() const {
+    const std::size_t count = means.shape(0), width = channels.shape(1);
+    require(log_scales.shape(0) == count && quats.shape(0) == count && opacity_logits.shape(0) == count &&
+                channels.shape(0) == count && (!opacity_factor || opacity_factor->shape(0) == count),
+            "all columns of the table must have the same number of rows");
+    require(width >= 1 && background.shape(0) == width, "background needs one value per channel, and at least one");
+    constexpr std::size_t MAX_CHANNELS = 1 << 16, MAX_ROWS = std::size_t{1} << 31;
+    require(width <= MAX_CHANNELS && count < MAX_ROWS, "too many channels or rows");
+    return {count, static_cast<int>(width), means.data(), log_scales.data(), quats.data(), opacity_logits.data(),
+            opacity_factor ? opacity_factor->data() : nullptr, channels.data(), background.data()};
+  }
+};
+
+Pinhole pinhole(const In<nb::shape<4, 4>>& world_to_camera, std::pair<float, float> focal,
+                std::pair<float, float> center, int width, int height) {
+  Pinhole camera;
+  std::copy_n(world_to_camera.data(), 12, camera.world_to_camera);
+  camera.focal_x = focal.first, camera.focal_y = focal.second;
+  camera.center_x = center.first, camera.center_y = center.second;
+  camera.width = width, camera.height = height;
+  constexpr int MAX_SIDE = MAX_TILES * convention::TILE;
+  require(width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE, "width and height must be 1 to 8192");
+  return camera;
+}
+
+RasterSettings settings(float eps2d, float near, float max_alpha, bool antialiased, bool absgrad) {
+  require(eps2d >= 0 && near >= 0, "eps2d and near must not be negative");
+  require(max_alpha > 0 && max_alpha < 1, "max_alpha must lie between 0 and 1");  // 1 would divide by zero
+  return {eps2d, near, max_alpha, antialiased, absgrad};
+}
+
+template <class Array>
+bool is_image(const Array& array, const Pinhole& camera) {
+  const std::size_t last = array.ndim() - 1;
+  return array.shape(last - 1) == static_cast<std::size_t>(camera.height) &&
+         array.shape(last) == static_cast<std::size_t>(camera.width);
+}
+
+void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
+             Out<Planes> image, Out<Plane> alpha, Out<Rows<2>> means2d, Out<Rows<2>> radii) {
+  const Splats splats = table.splats();
+  require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == table.channels.shape(1),
+          "image must be [C H W] and alpha [H W]");
+  require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count, "footprints need one row per Gaussian");
+  const nb::gil_scoped_release unlocked;
+  workspace.forward(camera, settings, splats, {image.data(), alpha.data()}, {means2d.data(), radii.data()});
+}
+
+struct Gradients {
+  Gradients(Out<Rows<3>> means, Out<Rows<3>> log_scales, Out<Rows<4>> quats, Out<Column> opacity_logits,
+            std::optional<Out<Column>> opacity_factor, Out<Plane> channels, Out<Rows<2>> means2d,
+            std::optional<Out<Rows<2>>> absolute)
+      : means(means), log_scales(log_scales), quats(quats), opacity_logits(opacity_logits),
+        opacity_factor(opacity_factor), channels(channels), means2d(means2d), absolute(absolute) {}
+
+  Out<Rows<3>> means, log_scales;
+  Out<Rows<4>> quats;
+  Out<Column> opacity_logits;
+  std::optional<Out<Column>> opacity_factor;
+  Out<Plane> channels;
+  Out<Rows<2>> means2d;
+  std::optional<Out<Rows<2>>> absolute;
+
+  SplatGradients pointers(const Splats& splats, bool absgrad) const {
+    const std::size_t n = splats.count;
+    require(means.shape(0) == n && log_scales.shape(0) == n && quats.shape(0) == n && opacity_logits.shape(0) == n &&
+                channels.shape(0) == n && means2d.shape(0) == n && (!absolute || absolute->shape(0) == n) &&
+                channels.shape(1) == static_cast<std::size_t>(splats.channel_count),
+            "gradients must be shaped like the table");
+    require(opacity_factor.has_value() == (splats.opacity_factor != nullptr) &&
+                (!opacity_factor || opacity_factor->shape(0) == n),
+            "opacity_factor and its gradient go together");
+    require(absolute.has_value() == absgrad, "the absolute gradient goes with absgrad");
+    return {means.data(), log_scales.data(), quats.data(), opacity_logits.data(), channels.data(),
+            opacity_factor ? opacity_factor->data() : nullptr, means2d.data(), absolute ? absolute->data() : nullptr};
+  }
+};
+
+void backward(Workspace& workspace, const Table& table, In<Planes> image, In<Planes> image_gradient,
+              std::optional<In<Plane>> alpha_gradient, const Gradients& gradients) {
+  const Splats splats = table.splats();
+  const Frame& frame = workspace.frame();
+  require(workspace.passes() > 0 && splats.count == frame.splats.count &&
+              splats.channel_count == frame.splats.channel_count,
+          "backward needs the table of the last forward pass");
+  const auto fits = [&](const auto& array) {
+    return is_image(array, frame.camera) && array.shape(0) == table.channels.shape(1);
+  };
+  require(fits(image) && fits(image_gradient) && (!alpha_gradient || is_image(*alpha_gradient, frame.camera)),
+          "image and its gradient must be [C H W], the gradient of alpha [H W]");
+  const SplatGradients to = gradients.pointers(splats, frame.settings.absgrad);
+  const nb::gil_scoped_release unlocked;
+  workspace.backward(
+      splats, {image.data(), image_gradient.data(), alpha_gradient ? alpha_gradient->data() : nullptr}, to);
+}
+
+}  // namespace
+
+void bind_raster(nb::module_& module) {
+  const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
+  // A graph that is alive when Python exits holds a workspace: no leak of ours.
+  nb::set_leak_warnings(false);
+  module.attr("MAX_IMAGE_SIDE") = MAX_TILES * convention::TILE;
+
+  nb::class_<Pinhole>(module, "Pinhole", "A camera as the rasterizer sees it; lengths in pixels.")
+      .def("__init__", [](Pinhole* self, const In<nb::shape<4, 4>>& world_to_camera, std::pair<float, float> focal,
+                          std::pair<float, float> center, int width, int height) {
+        new (self) Pinhole(pinhole(world_to_camera, focal, center, width, height));
+      }, array("world_to_camera"), "focal"_a, "center"_a, "width"_a, "height"_a);
+
+  nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")
+      .def("__init__", [](RasterSettings* self, float eps2d, float near, float max_alpha, bool antialiased,
+                          bool absgrad) {
+        new (self) RasterSettings(settings(eps2d, near, max_alpha, antialiased, absgrad));
+      }, "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
+
+  nb::class_<Table>(module, "SplatTable", "The table in stored form, channels and background; holds the arrays.")
+      .def(nb::init<In<Rows<3>>, In<Rows<3>>, In<Rows<4>>, In<Column>, std::optional<In<Column>>, In<Plane>,
+                    In<Column>>(),
+           array("means"), array("log_scales"), array("quats"), array("opacity_logits"),
+           array("opacity_factor").none(), array("channels"), array("background"));
+
+  nb::class_<Gradients>(module, "SplatGradients", "Arrays for the gradients of a SplatTable and of its footprints.")
+      .def(nb::init<Out<Rows<3>>, Out<Rows<3>>, Out<Rows<4>>, Out<Column>, std::optional<Out<Column>>, Out<Plane>,
+                    Out<Rows<2>>, std::optional<Out<Rows<2>>>>(),
+           array("means"), array("log_scales"), array("quats"), array("opacity_logits"),
+           array("opacity_factor").none(), array("channels"), array("means2d"), array("absolute").none());
+
+  nb::class_<Workspace>(module, "Workspace", "What a forward pass leaves for its backward pass; reusable.")
+      .def(nb::init<>())
+      .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
+      .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, array("image"), array("alpha"),
+           array("means2d"), array("radii"), "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2].")
+      .def("backward", &backward, "table"_a, array("image"), array("image_gradient"),
+           array("alpha_gradient").none(), "gradients"_a, "Fill the gradients of the last forward pass.");
+}
 
 }  // namespace ringlight

@@ -71,4 +71,68 @@ def ring_backward(
     workspace: Tensor,
 ) -> None: ...
 def ring_workspace(shape: Sequence[int], visible_count: int) -> int: ...
+
+MAX_IMAGE_SIDE: int
+
+class Pinhole:
+    def __init__(
+        self,
+        world_to_camera: Tensor,
+        focal: tuple[float, float],
+        center: tuple[float, float],
+        width: int,
+        height: int,
+    ) -> None: ...
+
+class RasterSettings:
+    def __init__(self, eps2d: float, near: float, max_alpha: float, antialiased: bool, absgrad: bool) -> None: ...
+
+class SplatTable:
+    def __init__(
+        self,
+        means: Tensor,
+        log_scales: Tensor,
+        quats: Tensor,
+        opacity_logits: Tensor,
+        opacity_factor: Tensor | None,
+        channels: Tensor,
+        background: Tensor,
+    ) -> None: ...
+
+class SplatGradients:
+    def __init__(
+        self,
+        means: Tensor,
+        log_scales: Tensor,
+        quats: Tensor,
+        opacity_logits: Tensor,
+        opacity_factor: Tensor | None,
+        channels: Tensor,
+        means2d: Tensor,
+        absolute: Tensor | None,
+    ) -> None: ...
+
+class Workspace:
+    def __init__(self) -> None: ...
+    @property
+    def passes(self) -> int: ...
+    def forward(
+        self,
+        table: SplatTable,
+        camera: Pinhole,
+        settings: RasterSettings,
+        image: Tensor,
+        alpha: Tensor,
+        means2d: Tensor,
+        radii: Tensor,
+    ) -> None: ...
+    def backward(
+        self,
+        table: SplatTable,
+        image: Tensor,
+        image_gradient: Tensor,
+        alpha_gradient: Tensor | None,
+        gradients: SplatGradients,
+    ) -> None: ...
+
 def __getattr__(name: str) -> Any: ...

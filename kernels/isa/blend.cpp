@@ -1,0 +1,183 @@
+// Stage 4: front-to-back compositing (Porter & Duff 1984; Kerbl et al. 2023, eq. 3), tile by tile, in chunks of CHUNK
+// entries. Within a chunk every block walks the list of the entries that touch it, its pixels in registers.
+#include "block_masks.hpp"
+#include "tiles.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr std::uint32_t PREFETCH = 24;  // entries ahead: about the latency of memory
+
+// State of a block between chunks: 16 transmittances that go on falling past the threshold (which is how a pixel
+// knows that it is finished), 16 final ones, then 16 values of each channel.
+enum State { RUNNING = 0, FINAL = LANES, COLOR = 2 * LANES };
+
+template <int C>
+RINGLIGHT_INLINE int width_of(const Frame& frame) {
+  return C == WIDE ? padded_channels(frame.splats.channel_count) : C;
+}
+template <int C>
+RINGLIGHT_INLINE int channel_offset() {
+  return C != WIDE && C <= RECORD_CHANNELS ? FIRST_CHANNELS : RECORD;
+}
+
+// Copies the records (and channels) of `count` entries into `rows` and finds the blocks that they touch. The masks
+// without finished blocks are also kept for the backward pass.
+template <int C>
+RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::uint32_t at, int count,
+                                   std::uint64_t alive, float* rows, std::uint64_t* masks) {
+  const int channels = frame.splats.channel_count;
+  const int stride = row_stride(C == WIDE ? channels : C);
+  const std::uint64_t* const entries = frame.entries + at;
+  const std::uint32_t last = tile.end - at - 1;
+  for (int first = 0; first < count; first += LANES) {
+    Vec fields[LANES];
+    for (int i = 0; i < LANES; i++) {
+      const std::uint32_t k = static_cast<std::uint32_t>(first + i < count ? first + i : count - 1);
+      const std::size_t row = static_cast<std::uint32_t>(entries[k]);
+      const std::uint32_t ahead = k + PREFETCH < last ? k + PREFETCH : last;
+      __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * RECORD);
+      fields[i] = load(frame.records + row * RECORD);
+      float* const to = rows + (first + i) * stride;
+      store(to, fields[i]);
+      if (C != WIDE && C <= RECORD_CHANNELS) continue;
+      const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
+      for (int c = 0; c < channels; c += LANES)
+        store(to + RECORD + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
+    }
+    transpose(fields);
+    find_blocks(fields, static_cast<float>(tile.left), static_cast<float>(tile.top), masks + first);
+    for (int i = first; i < first + LANES && i < count; i++) frame.block_masks[at + i] = masks[i] &= alive;
+  }
+  for (int i = count; i < CHUNK; i++) masks[i] = 0;
+}
+
+// Blends the listed rows into one block. Returns false when all of its pixels are finished.
+template <int C>
+RINGLIGHT_INLINE bool blend_block(const float* rows, const std::uint8_t* list, int count, Vec x, Vec y, float max_alpha,
+                                  int width, float* state) {
+  constexpr int KEPT = C == WIDE ? 1 : C;
+  const int stride = row_stride(C == WIDE ? width : C);
+  Vec running = load(state + RUNNING), final = load(state + FINAL), color[KEPT];
+  if constexpr (C != WIDE)
+#pragma GCC unroll 16
+    for (int c = 0; c < C; c++) color[c] = load(state + COLOR + c * LANES);
+  const Vec weakest(LOG2_MIN_ALPHA), strongest(max_alpha), least(convention::MIN_TRANSMITTANCE);
+  bool open = true;
+  for (int k = 0; k < count; k++) {
+    const float* const row = rows + static_cast<std::size_t>(list[k]) * stride;
+    const Vec dx = x - Vec(row[CENTER_X]), dy = y - Vec(row[CENTER_Y]);
+    const Vec along = fma(Vec(row[ALONG_Y]), dy, Vec(row[ALONG_X]) * dx), across = Vec(row[ACROSS_Y]) * dy;
+    const Vec log2_alpha = fnma(across, across, fnma(along, along, Vec(row[LOG2_OPACITY])));
+    const Vec alpha = keep(ge(log2_alpha, weakest), min(exp2_fast(log2_alpha), strongest));
+    const Vec behind = fnma(running, alpha, running);
+    const Mask drawn = gt(behind, least);  // else the pixel is finished, before this Gaussian
+    const Vec weight = keep(drawn, alpha * running);
+    final = select(drawn, behind, final);
+    running = behind;
+    if constexpr (C == WIDE) {
+      for (int c = 0; c < width; c++) {
+        float* const channel = state + COLOR + c * LANES;
+        store(channel, fma(weight, Vec(row[RECORD + c]), load(channel)));
+      }
+    } else {
+#pragma GCC unroll 16
+      for (int c = 0; c < C; c++) color[c] = fma(weight, Vec(row[channel_offset<C>() + c]), color[c]);
+    }
+    if (!any(drawn)) {
+      open = false;
+      break;
+    }
+  }
+  store(state + RUNNING, running);
+  store(state + FINAL, final);
+  if constexpr (C != WIDE)
+#pragma GCC unroll 16
+    for (int c = 0; c < C; c++) store(state + COLOR + c * LANES, color[c]);
+  return open;
+}
+
+template <int C>
+RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const float* states, const Images& images) {
+  const std::size_t stride = static_cast<std::size_t>(frame.camera.width);
+  const std::size_t plane = stride * static_cast<std::size_t>(frame.camera.height);
+  const int channels = frame.splats.channel_count, floats = (2 + width_of<C>(frame)) * LANES;
+  float* const kept = frame.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
+  for (int block = 0; block < BLOCKS; block++) {
+    if (!(tile.inside >> block & 1)) continue;
+    const float* const state = states + block * floats;
+    const Vec transmittance = load(state + FINAL);
+    store(kept + block * LANES, transmittance);
+    const BlockPlace place = block_at(frame, tile, block);
+    const std::size_t at = static_cast<std::size_t>(place.y) * stride + static_cast<std::size_t>(place.x);
+    for (int c = -1; c < channels; c++) {  // -1: alpha
+      const Vec value = c < 0 ? Vec(1.f) - transmittance
+                              : fma(transmittance, Vec(frame.splats.background[c]), load(state + COLOR + c * LANES));
+      float* const to = (c < 0 ? images.alpha : images.image + static_cast<std::size_t>(c) * plane) + at;
+      if (place.whole) {
+        store_block(to, stride, value);
+        continue;
+      }
+      float pixels[LANES];
+      store(pixels, value);
+      for (int y = 0; y < place.rows; y++)
+        for (int x = 0; x < place.columns; x++) to[static_cast<std::size_t>(y) * stride + x] = pixels[4 * y + x];
+    }
+  }
+}
+
+template <int C>
+RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* scratch, const Images& images) {
+  const int width = width_of<C>(frame), floats = (2 + width) * LANES;
+  float* const rows = scratch;
+  float* const states = scratch + CHUNK * row_stride(C == WIDE ? width : C);
+  for (int block = 0; block < BLOCKS; block++) {
+    float* const state = states + block * floats;
+    store(state + RUNNING, Vec(1.f));
+    store(state + FINAL, Vec(1.f));
+    for (int c = 0; c < width; c++) store(state + COLOR + c * LANES, Vec(0.f));
+  }
+  alignas(64) std::uint64_t masks[CHUNK];
+  std::uint8_t list[CHUNK + 64];  // list_set_bits may write past the end
+  std::uint64_t alive = tile.inside;
+  std::uint32_t at = tile.begin;
+  while (at < tile.end && alive) {
+    const int count = tile.end - at < CHUNK ? static_cast<int>(tile.end - at) : CHUNK;
+    gather_chunk<C>(frame, tile, at, count, alive, rows, masks);
+    for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
+    for (std::uint64_t left = alive; left; left &= left - 1) {
+      const int block = __builtin_ctzll(left);
+      int listed = 0;
+      for (int i = 0; i < count; i += 64) listed += list_set_bits(masks[i + block], i, list + listed);
+      if (!listed) continue;
+      const Vec x = load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * (block % BLOCKS_PER_SIDE)));
+      const Vec y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * (block / BLOCKS_PER_SIDE)));
+      const float max_alpha = frame.settings.max_alpha;
+      if (!blend_block<C>(rows, list, listed, x, y, max_alpha, width, states + block * floats))
+        alive &= ~(std::uint64_t{1} << block);
+    }
+    at += static_cast<std::uint32_t>(count);
+  }
+  frame.tile_used[tile.number] = at - tile.begin;
+  write_tile<C>(frame, tile, states, images);
+}
+
+template <int C>
+void blend_all(const Frame& frame, const Images& images) {
+  for_each_tile(frame, [&](const Tile& tile, float* scratch) { blend_tile<C>(frame, tile, scratch, images); });
+}
+
+}  // namespace
+
+void blend(const Frame& frame, const Images& images) {
+  switch (kernel_channels(frame.splats.channel_count)) {
+    case 1: return blend_all<1>(frame, images);
+    case 3: return blend_all<3>(frame, images);
+    case 4: return blend_all<4>(frame, images);
+    case 8: return blend_all<8>(frame, images);
+    case 16: return blend_all<16>(frame, images);
+    default: return blend_all<WIDE>(frame, images);
+  }
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

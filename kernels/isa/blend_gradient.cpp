@@ -1,0 +1,218 @@
+// Stage 5: the gradient of blending, front to back again. Entry by entry, each walks the blocks it touched while its
+// sums stay in registers: one reduction and one slot written per entry.
+//
+// With w = alpha T and rest = sum of v . (what lies behind) + background, a pixel's g = dL / d log(alpha) is
+// w (v . channels) - alpha / (1 - alpha) rest. `rest` starts as v . image - v_alpha T_final and loses w (v . channels)
+// with every Gaussian, so the pass needs no back-to-front order and one scalar per pixel whatever the channels.
+#include "tiles.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr std::uint32_t PREFETCH = 10;  // entries ahead
+
+// State of a block: running transmittance, rest, then the image's gradient by channel.
+enum State { RUNNING = 0, REST = LANES, UPSTREAM = 2 * LANES };
+
+// What a worker keeps in its scratch memory.
+struct Workplace {
+  float* states;     // [BLOCKS][2 + width][LANES]
+  float* channels;   // [width] of the current entry, padded with zeros
+  float* wide_sums;  // [width][LANES], general kernel only
+  int width;         // channels, padded
+  alignas(64) float x[BLOCKS_PER_SIDE][LANES], y[BLOCKS_PER_SIDE][LANES];  // pixel centres by block column and row
+};
+
+RINGLIGHT_INLINE float* state_of(const Workplace& place, int block, int width) {
+  return place.states + block * (2 + width) * LANES;
+}
+
+// One value per pixel of a block from an image plane; 0 outside the image.
+RINGLIGHT_INLINE Vec read_block(const float* plane, const BlockPlace& place, std::size_t stride) {
+  const float* const from = plane + static_cast<std::size_t>(place.y) * stride + static_cast<std::size_t>(place.x);
+  if (place.whole) return load_block(from, stride);
+  float pixels[LANES] = {};
+  for (int y = 0; y < place.rows; y++)
+    for (int x = 0; x < place.columns; x++) pixels[4 * y + x] = from[static_cast<std::size_t>(y) * stride + x];
+  return load(pixels);
+}
+
+RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const ImageGradients& from, Workplace& place) {
+  const std::size_t stride = static_cast<std::size_t>(frame.camera.width);
+  const std::size_t plane = stride * static_cast<std::size_t>(frame.camera.height);
+  const float* const transmittance =
+      frame.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
+  for (int side = 0; side < BLOCKS_PER_SIDE; side++) {
+    store(place.x[side], load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * side)));
+    store(place.y[side], load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * side)));
+  }
+  for (std::uint64_t left = tile.inside; left; left &= left - 1) {
+    const int block = __builtin_ctzll(left);
+    const BlockPlace at = block_at(frame, tile, block);
+    float* const state = state_of(place, block, place.width);
+    Vec rest(0.f);
+    if (from.alpha_gradient) rest = -(read_block(from.alpha_gradient, at, stride) * load(transmittance + block * LANES));
+    for (int c = 0; c < place.width; c++) {
+      Vec upstream(0.f);
+      if (c < frame.splats.channel_count) {
+        upstream = read_block(from.image_gradient + static_cast<std::size_t>(c) * plane, at, stride);
+        rest = fma(upstream, read_block(from.image + static_cast<std::size_t>(c) * plane, at, stride), rest);
+      }
+      store(state + UPSTREAM + c * LANES, upstream);
+    }
+    store(state + RUNNING, Vec(1.f));
+    store(state + REST, rest);
+  }
+}
+
+template <int C, bool Absolute>
+RINGLIGHT_INLINE void write_slot(float* slot, const Vec* sums, const Workplace& place) {
+  constexpr int moments = slot_moments(Absolute);
+  if constexpr (C == WIDE) {
+    store_first(slot, lane_sums<moments>(sums), moments);
+    for (int c = 0; c < place.width; c += LANES) {
+      Vec group[LANES];
+      for (int i = 0; i < LANES; i++) group[i] = load(place.wide_sums + (c + i) * LANES);
+      store(slot + moments + c, lane_sums<LANES>(group));
+    }
+  } else {
+    constexpr int terms = moments + C;
+    store(slot, lane_sums<(terms < LANES ? terms : LANES)>(sums));
+    if constexpr (terms > LANES) store(slot + LANES, lane_sums<terms - LANES>(sums + LANES));
+  }
+}
+
+// Adds up one entry over the blocks in `mask`. Returns the blocks whose pixels are all finished.
+template <int C, bool Absolute>
+RINGLIGHT_INLINE std::uint64_t walk_entry(const float* record, const float* channels, std::uint64_t mask,
+                                          float max_alpha, const Workplace& place, float* slot) {
+  constexpr int moments = slot_moments(Absolute), kept = C == WIDE ? 0 : C;
+  const int width = C == WIDE ? place.width : C;
+  const Vec center_x(record[CENTER_X]), center_y(record[CENTER_Y]), along_x(record[ALONG_X]);
+  const Vec along_y(record[ALONG_Y]), across_y(record[ACROSS_Y]), log2_opacity(record[LOG2_OPACITY]);
+  const Vec weakest(LOG2_MIN_ALPHA), strongest(max_alpha), least(convention::MIN_TRANSMITTANCE), one(1.f);
+  Vec sums[moments + kept];
+#pragma GCC unroll 32
+  for (int i = 0; i < moments + kept; i++) sums[i] = Vec(0.f);
+  if constexpr (C == WIDE)
+    for (int c = 0; c < width; c++) store(place.wide_sums + c * LANES, Vec(0.f));
+  std::uint64_t finished = 0;
+  do {
+    const int block = __builtin_ctzll(mask);
+    mask &= mask - 1;
+    float* const state = state_of(place, block, width);
+    const Vec running = load(state + RUNNING), rest_before = load(state + REST);
+    const Vec dx = load(place.x[block % BLOCKS_PER_SIDE]) - center_x;
+    const Vec dy = load(place.y[block / BLOCKS_PER_SIDE]) - center_y;
+    const Vec along = fma(along_y, dy, along_x * dx), across = across_y * dy;
+    const Vec log2_alpha = fnma(across, across, fnma(along, along, log2_opacity));
+    const Vec alpha = keep(ge(log2_alpha, weakest), min(exp2_fast(log2_alpha), strongest));
+    const Vec behind = fnma(running, alpha, running);
+    const Mask drawn = gt(behind, least);
+    const Vec weight = keep(drawn, alpha * running);
+    store(state + RUNNING, behind);
+
+    Vec dot = load(state + UPSTREAM) * Vec(channels[0]);
+#pragma GCC unroll 16
+    for (int c = 1; c < width; c++) dot = fma(load(state + UPSTREAM + c * LANES), Vec(channels[c]), dot);
+    const Vec own = weight * dot, rest = rest_before - own;
+    store(state + REST, rest);
+    // A clamped alpha does not move with the geometry; its channels still do.
+    const Mask moves = both(drawn, lt(alpha, strongest));
+    const Vec g = keep(moves, fnma(rest, alpha * reciprocal(one - alpha), own));
+
+    const Vec g_along = g * along, g_across = g * across;
+    sums[SUM_G] += g;
+    sums[SUM_GU] += g_along;
+    sums[SUM_GV] += g_across;
+    sums[SUM_GUU] = fma(g_along, along, sums[SUM_GUU]);
+    sums[SUM_GUV] = fma(g_along, across, sums[SUM_GUV]);
+    sums[SUM_GVV] = fma(g_across, across, sums[SUM_GVV]);
+    if constexpr (Absolute) {
+      sums[ABSOLUTE_X] += abs(g_along);
+      sums[ABSOLUTE_Y] += abs(fma(along_y, g_along, across_y * g_across));
+    }
+    if constexpr (C == WIDE) {
+      for (int c = 0; c < width; c++) {
+        float* const sum = place.wide_sums + c * LANES;
+        store(sum, fma(weight, load(state + UPSTREAM + c * LANES), load(sum)));
+      }
+    } else {
+#pragma GCC unroll 16
+      for (int c = 0; c < C; c++)
+        sums[moments + c] = fma(weight, load(state + UPSTREAM + c * LANES), sums[moments + c]);
+    }
+    if (!any(drawn)) finished |= std::uint64_t{1} << block;
+  } while (mask);
+  write_slot<C, Absolute>(slot, sums, place);
+  return finished;
+}
+
+// The channels of a row where the kernel can read all that it is compiled for.
+template <int C>
+RINGLIGHT_INLINE const float* channels_of(const Frame& frame, const float* record, std::size_t row,
+                                          const Workplace& place) {
+  if constexpr (C != WIDE && C <= RECORD_CHANNELS) return record + FIRST_CHANNELS;
+  const int channels = frame.splats.channel_count;
+  const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
+  if (C == channels) return from;
+  for (int c = 0; c < channels; c += LANES)
+    store(place.channels + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
+  return place.channels;
+}
+
+template <int C, bool Absolute>
+RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const ImageGradients& from, Workplace& place) {
+  const std::uint32_t end = tile.begin + frame.tile_used[tile.number];
+  if (end == tile.begin) return;
+  open_tile(frame, tile, from, place);
+  const std::size_t stride =
+      static_cast<std::size_t>(slot_stride(C == WIDE ? frame.splats.channel_count : C, Absolute));
+  std::uint64_t alive = tile.inside;
+  for (std::uint32_t at = tile.begin; at < end; at++) {
+    const std::uint64_t mask = frame.block_masks[at] & alive;
+    if (!mask) continue;
+    const std::uint64_t entry = frame.entries[at], ahead = frame.entries[at + PREFETCH < end ? at + PREFETCH : end - 1];
+    __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(ahead)} * RECORD);
+    __builtin_prefetch(frame.slots + (ahead >> 32) * stride, 1);
+    __builtin_prefetch(frame.slot_used + (ahead >> 32), 1);
+    const std::size_t row = static_cast<std::uint32_t>(entry), slot = entry >> 32;
+    const float* const record = frame.records + row * RECORD;
+    const float* const channels = channels_of<C>(frame, record, row, place);
+    frame.slot_used[slot] = 1;
+    alive &= ~walk_entry<C, Absolute>(record, channels, mask, frame.settings.max_alpha, place,
+                                      frame.slots + slot * stride);
+  }
+}
+
+template <int C, bool Absolute>
+void walk_all(const Frame& frame, const ImageGradients& from) {
+  for_each_tile(frame, [&](const Tile& tile, float* scratch) {
+    Workplace place;
+    place.width = C == WIDE ? padded_channels(frame.splats.channel_count) : C;
+    place.states = scratch;
+    place.wide_sums = scratch + BLOCKS * (2 + place.width) * LANES;
+    place.channels = place.wide_sums + place.width * LANES;
+    walk_tile<C, Absolute>(frame, tile, from, place);
+  });
+}
+
+template <int C>
+void walk_all(const Frame& frame, const ImageGradients& from) {
+  frame.settings.absgrad ? walk_all<C, true>(frame, from) : walk_all<C, false>(frame, from);
+}
+
+}  // namespace
+
+void blend_gradient(const Frame& frame, const ImageGradients& from) {
+  switch (kernel_channels(frame.splats.channel_count)) {
+    case 1: return walk_all<1>(frame, from);
+    case 3: return walk_all<3>(frame, from);
+    case 4: return walk_all<4>(frame, from);
+    case 8: return walk_all<8>(frame, from);
+    case 16: return walk_all<16>(frame, from);
+    default: return walk_all<WIDE>(frame, from);
+  }
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

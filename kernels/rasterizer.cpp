@@ -1,0 +1,89 @@
+#include "rasterizer.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <new>
+
+#include "dispatch.hpp"
+#include "parallel.hpp"
+
+namespace ringlight {
+namespace {
+
+bool is_v4() { return current_isa() == Isa::v4; }
+
+std::size_t piece_count(const Frame& frame) { return (frame.splats.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE; }
+
+int tiles_along(int pixels) { return (pixels + convention::TILE - 1) / convention::TILE; }
+
+}  // namespace
+
+void Workspace::make_room() {
+  const std::size_t rows = frame_.splats.count;
+  const std::size_t tiles = static_cast<std::size_t>(frame_.tiles_x) * static_cast<std::size_t>(frame_.tiles_y);
+  frame_.records = records_.reserve(rows * RECORD);
+  frame_.depth_keys = depth_keys_.reserve(rows);
+  frame_.rects = rects_.reserve(rows);
+  frame_.slots_of = slots_of_.reserve(rows);
+  frame_.pieces = pieces_.reserve(piece_count(frame_));
+  frame_.tile_used = tile_used_.reserve(tiles);
+  frame_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
+}
+
+// Each worker needs the larger of: a chunk's rows and the states of a tile's blocks; the states, one row of channels
+// and its sums; the slot totals of sixteen Gaussians.
+void Workspace::reserve_scratch() {
+  const int channels = frame_.splats.channel_count;
+  const auto floats = [](int n) { return static_cast<std::size_t>(n); };
+  const std::size_t states = BLOCKS * floats(state_stride(channels));
+  const std::size_t width = floats(padded_channels(channels)), row = floats(row_stride(padded_channels(channels)));
+  const std::size_t totals = LANES * floats(slot_stride(channels, true));
+  frame_.workers = threads();
+  frame_.scratch_stride = std::max({states + CHUNK * row, states + width * (LANES + 1), totals}) + LANES;
+  frame_.scratch_stride = (frame_.scratch_stride + LANES - 1) / LANES * LANES;
+  frame_.scratch = scratch_.reserve(static_cast<std::size_t>(frame_.workers) * frame_.scratch_stride);
+}
+
+// Gives every piece its first slot; returns the number of drawn Gaussians.
+std::uint64_t Workspace::number_slots() {
+  std::uint64_t slots = 0, drawn = 0;
+  for (std::size_t i = 0; i < piece_count(frame_); i++) {
+    frame_.pieces[i].first_slot = slots;
+    slots += frame_.pieces[i].entries;
+    drawn += frame_.pieces[i].drawn;
+  }
+  if (slots > std::numeric_limits<std::uint32_t>::max()) throw std::bad_alloc();  // half an entry names its slot
+  slots_in_use_ = slots;
+  return drawn;
+}
+
+void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats,
+                        const Images& images, const Footprints& footprints) {
+  passes_++;
+  frame_.camera = camera;
+  frame_.settings = settings;
+  frame_.splats = splats;
+  frame_.tiles_x = tiles_along(camera.width);
+  frame_.tiles_y = tiles_along(camera.height);
+  make_room();
+  reserve_scratch();
+  (is_v4() ? v4::project : v3::project)(frame_, footprints);
+  const std::uint64_t drawn = number_slots();
+  binning_.bin(frame_, sort_.sort(frame_, drawn), drawn);
+  frame_.block_masks = block_masks_.reserve(slots_in_use_);
+  (is_v4() ? v4::blend : v3::blend)(frame_, images);
+}
+
+void Workspace::backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to) {
+  frame_.splats = splats;
+  reserve_scratch();  // the number of threads may have changed
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(splats.channel_count, frame_.settings.absgrad));
+  frame_.slots = slots_.reserve(slots_in_use_ * stride);
+  frame_.slot_used = slot_used_.reserve(slots_in_use_);
+  if (slots_in_use_) std::memset(frame_.slot_used, 0, slots_in_use_);
+  (is_v4() ? v4::blend_gradient : v3::blend_gradient)(frame_, from);
+  (is_v4() ? v4::project_gradient : v3::project_gradient)(frame_, to);
+}
+
+}  // namespace ringlight

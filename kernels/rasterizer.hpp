@@ -1,0 +1,42 @@
+// The rasterizer: stages in order, and the memory between them.
+#pragma once
+#include "bin.hpp"
+#include "buffer.hpp"
+#include "raster.hpp"
+#include "sort.hpp"
+
+namespace ringlight {
+
+// Holds what one forward pass leaves for its backward pass. Reused by later passes, it allocates only to grow.
+class Workspace {
+ public:
+  // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
+  // view would not fit into the memory of the machine.
+  void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
+               const Footprints& footprints);
+
+  // Fills in `to` for the last forward pass; `splats` must hold the same values as then.
+  void backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to);
+
+  // Counts the forward passes: a caller that remembers the value knows whether its pass is still the last one.
+  std::uint64_t passes() const { return passes_; }
+  const Frame& frame() const { return frame_; }
+
+ private:
+  void make_room();
+  std::uint64_t number_slots();
+  void reserve_scratch();
+
+  Frame frame_{};
+  std::uint64_t passes_ = 0, slots_in_use_ = 0;
+  DepthSort sort_;
+  Binning binning_;
+  Buffer<float> records_, final_transmittance_, slots_, scratch_;
+  Buffer<std::uint32_t> depth_keys_, slots_of_, tile_used_;
+  Buffer<TileRect> rects_;
+  Buffer<Piece> pieces_;
+  Buffer<std::uint64_t> block_masks_;
+  Buffer<std::uint8_t> slot_used_;
+};
+
+}  // namespace ringlight
