@@ -68,6 +68,7 @@ class ThreeDGSRecipe:
 
         gaussians = gaussians_from_points(scene.points, SphericalHarmonics(self.sh_degree))
         model = self.model(gaussians, scene.box, rasterize)
+        model.get_buffer("color.active_degree").zero_()
         groups = self.rates.groups(scene.extent) | {
             "columns.sh_dc": Adam(Rate.constant(self.sh_rate)),
             "columns.sh_rest": Adam(Rate.constant(self.sh_rest_rate)),
