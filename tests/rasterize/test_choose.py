@@ -13,6 +13,11 @@ def test_reference_is_always_there():
     assert rasterizer_for("reference").name == "reference"
 
 
+def test_auto_prefers_the_compiled_kernels():
+    pytest.importorskip("ringlight._kernels", reason="needs the compiled module")
+    assert rasterizer_for("auto").name == "cpu"
+
+
 def test_unknown_names_are_refused_with_the_known_ones():
     with pytest.raises(BackendError, match=r"'vulkan'.*auto, cpu, reference, cuda"):
         rasterizer_for("vulkan")

@@ -1,62 +1,17 @@
 """The specification itself: equal to gsplat's own float64 reference, and its gradients to finite differences."""
 
-from dataclasses import dataclass
-
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from raster_oracle import ORACLES, load_oracle
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.rasterize import convention
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.reference import ReferenceRasterizer
-from shared_data import shared
 
-ORACLES = (
-    "classic_153",
-    "classic_153_small",
-    "classic_160",
-    "antialiased_153",
-    "rgbd_153",
-    "feat16_153",
-    "near_153",
-)
 # Both sides compute in float64: what remains is the order of the sums.
 TOLERANCE = 1e-11
-
-
-@dataclass
-class Oracle:
-    arrays: dict[str, Tensor]
-    leaves: dict[str, Tensor]
-    camera: Camera
-    channels: Tensor
-    background: Tensor
-    options: RasterOptions
-
-    @property
-    def gaussians(self) -> Gaussians:
-        leaf = self.leaves
-        return Gaussians(leaf["means"], leaf["scales"].log(), leaf["quats"], leaf["opacities"].logit())
-
-
-def load_oracle(name: str) -> Oracle:
-    with np.load(shared(f"oracle/{name}.npz")) as file:
-        arrays = {key: torch.from_numpy(np.asarray(file[key])) for key in file.files}
-    names = ("means", "scales", "quats", "opacities", "colors", "viewmat")
-    leaves = {key: arrays[f"in_{key}"].double().requires_grad_() for key in names}
-    (fx, _, cx), (_, fy, cy) = arrays["in_K"].double()[:2].tolist()
-    camera = Camera(leaves["viewmat"], (fx, fy), (cx, cy), int(arrays["in_W"]), int(arrays["in_H"]))
-    channels, background = leaves["colors"], arrays["in_background"].double()
-    if name.startswith("rgbd"):
-        # This file was rendered without a background.
-        depths = leaves["means"] @ leaves["viewmat"][2, :3] + leaves["viewmat"][2, 3]
-        channels, background = torch.cat([channels, depths[:, None]], 1), torch.zeros(4, dtype=torch.float64)
-    max_alpha = 0.99 if name.endswith("160") else convention.MAX_ALPHA
-    options = RasterOptions(max_alpha=max_alpha, antialiased=name.startswith("antialiased"), absgrad=True)
-    return Oracle(arrays, leaves, camera, channels, background, options)
 
 
 def assert_equal_up_to_rounding(found: Tensor, expected: Tensor, what: str):

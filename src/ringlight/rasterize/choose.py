@@ -34,8 +34,9 @@ def _cpu() -> Rasterizer:
         kernels.isa()
     except RuntimeError as error:
         raise BackendError(str(error)) from error
-    rasterizer: Rasterizer = importlib.import_module("ringlight.rasterize.cpu").CpuRasterizer()
-    return rasterizer
+    from ringlight.rasterize.cpu import CpuRasterizer
+
+    return CpuRasterizer()
 
 
 def _reference() -> Rasterizer:
