@@ -17,7 +17,7 @@ def test_near_is_white_far_is_dark_and_nothing_is_black() -> None:
     distance = torch.linspace(2.0, 6.0, 50)[None, :, None]
     alpha = torch.ones_like(distance)
     alpha[:, 40:] = 0
-    picture = depth_picture(distance * alpha, alpha, near_far=(2.0, 6.0))
+    picture = depth_picture(distance, alpha, near_far=(2.0, 6.0))
     assert picture.shape == (1, 50, 3)
     assert picture[0, 0, 0] == 1
     assert (picture[0, :39, 0] > picture[0, 1:40, 0]).all()
@@ -29,7 +29,7 @@ def test_floaters_and_thin_pixels_do_not_set_the_scale() -> None:
     distance = torch.linspace(2.0, 6.0, 1000)[None, :, None].clone()
     alpha = torch.ones_like(distance)
     distance[0, 5], distance[0, 7], alpha[0, 9], distance[0, 9] = 1e6, float("nan"), 0.1, 1e-6
-    near, far = depth_range(distance * alpha, alpha)
+    near, far = depth_range(distance, alpha)
     assert near == pytest.approx(2.08, abs=0.02)
     assert far == pytest.approx(5.92, abs=0.03)
 

@@ -59,24 +59,34 @@ def run(arguments: list[str]) -> int:
     verb = VERBS.get(arguments[0])
     if verb is None:
         return _complain(f"no command is called {arguments[0]!r}; {_suggestion(arguments[0])}", WRONG_USAGE)
+    return _run_verb(verb, arguments[1:])
+
+
+def _run_verb(verb: Verb, arguments: list[str]) -> int:
     try:
-        return int(import_module(f"ringlight.cli.{verb.module}").main(arguments[1:]) or 0)
+        return int(import_module(f"ringlight.cli.{verb.module}").main(arguments) or 0)
+    except SystemExit as stop:
+        # The parser of the command line ends so: 0 after --help, 2 after its own sentence.
+        return int(stop.code or 0)
     except RinglightError as error:
         return _complain(str(error), WRONG_INPUT)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # The reader of our output has gone (``| head``): nothing is wrong and nobody is left to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except MemoryError:
         return _complain("not enough memory; try --downscale 2 or a smaller --densify.max-gaussians", WRONG_INPUT)
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS):
-            raise
-        return _complain(
-            f"{error.filename or 'output'}: {error.strerror}; choose another place with --out", WRONG_INPUT
-        )
+        return _system_refused(error)
+
+
+def _system_refused(error: OSError) -> int:
+    """A full disk or a missing permission is the user's to mend; anything else is a bug and raised again."""
+    if isinstance(error, BrokenPipeError):
+        # The reader of our output has gone (``| head``): nothing is wrong and nobody is left to tell.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS):
+        raise error
+    return _complain(f"{error.filename or 'output'}: {error.strerror}; choose another place with --out", WRONG_INPUT)
 
 
 def _complain(sentence: str, code: int) -> int:

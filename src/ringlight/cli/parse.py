@@ -4,7 +4,7 @@ import contextlib
 import io
 import re
 import sys
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import tyro
 
@@ -28,8 +28,13 @@ def parse(kind: "type[Arguments]", verb: str, arguments: list[str]) -> Arguments
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
-        sys.stderr.write(f"ringlight {verb}: {one_sentence(complaint.getvalue())}; see 'ringlight {verb} --help'\n")
-        raise SystemExit(WRONG_USAGE) from None
+        refuse(verb, one_sentence(complaint.getvalue()))
+
+
+def refuse(verb: str, sentence: str) -> NoReturn:
+    """Wrong usage: one sentence on standard error, exit code 2."""
+    sys.stderr.write(f"ringlight {verb}: {sentence}; see 'ringlight {verb} --help'\n")
+    raise SystemExit(WRONG_USAGE) from None
 
 
 def one_sentence(box: str) -> str:

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from ringlight.cli.arguments import Device, MaybeFolder, Net
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse
 from ringlight.data.options import SceneOptions
@@ -17,8 +18,6 @@ from ringlight.methods.table import METHODS, method_named
 
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
-
-Net = Literal["alex", "vgg"]
 
 
 @dataclass(frozen=True)
@@ -47,16 +46,16 @@ class TrainArguments:
     step and saves; ``ringlight train --resume RUN`` goes on from there.
     """
 
-    scene: tyro.conf.Positional[Path]
+    scene: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SCENE")]
     """Folder of photographs with cameras: COLMAP, Blender/NeRF-Synthetic or nerfstudio layout."""
     method: Method
     options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
     reader: Annotated[ReaderOptions, tyro.conf.arg(name="")] = field(default_factory=ReaderOptions)
-    out: Path | None = None
+    out: MaybeFolder = None
     """Run folder to make; by default runs/SCENE-METHOD."""
     seed: int = 0
     """Same seed, same machine kind: the same bits."""
-    device: Literal["auto", "cpu", "reference", "cuda"] = "auto"
+    device: Device = "auto"
     """Rasterizer: auto is the fastest that this machine has; reference is slow, plain torch."""
 
 
@@ -64,7 +63,7 @@ class TrainArguments:
 class ResumeArguments:
     """Go on with a run that was stopped, with the same bits as if it had never stopped."""
 
-    resume: Path
+    resume: Annotated[Path, tyro.conf.arg(metavar="RUN")]
     """Run folder with a checkpoint."""
     reader: Annotated[ReaderOptions, tyro.conf.arg(name="")] = field(default_factory=ReaderOptions)
 
@@ -73,39 +72,24 @@ def main(arguments: list[str]) -> int:
     """Train, then measure; returns the exit code."""
     if any(word == "--resume" or word.startswith("--resume=") for word in arguments):
         wish = parse(ResumeArguments, "train", arguments)
-        _set_threads(wish.reader.threads)
+        from ringlight.cli.threads import use_threads
         from ringlight.runs.session import Session
 
+        use_threads(wish.reader.threads)
         return _train(Session.resume(wish.resume), wish.reader)
     words = [word for word in arguments if not word.startswith("-")]
     if len(words) > 1 and words[0] not in METHODS and not any(word in METHODS for word in words):
         method_named(words[1])
     asked = parse(TrainArguments, "train", arguments)
     preset = preset_of(arguments, asked.method)
-    _set_threads(asked.reader.threads)
+    from ringlight.cli.threads import use_threads
+    from ringlight.runs.folder import free_folder
     from ringlight.runs.session import Session
 
+    use_threads(asked.reader.threads)
     out = asked.out or free_folder(Path("runs") / f"{asked.scene.resolve().name}-{preset}")
     session = Session.start(out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device)
     return _train(session, asked.reader)
-
-
-def free_folder(wish: Path) -> Path:
-    """The folder, or with the first number behind it that is free."""
-    number, folder = 2, wish
-    while folder.exists():
-        folder, number = wish.with_name(f"{wish.name}-{number}"), number + 1
-    return folder
-
-
-def _set_threads(count: int) -> None:
-    import torch
-
-    from ringlight import _kernels
-
-    _kernels.set_threads(max(count, 0))
-    # torch only builds small tables: more than two threads wait for each other longer than they work.
-    torch.set_num_threads(min(_kernels.threads(), 2))
 
 
 def _train(session: "Session", options: ReaderOptions) -> int:

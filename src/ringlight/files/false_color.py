@@ -22,20 +22,19 @@ Range = tuple[float, float]
 def depth_picture(
     depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"], near_far: Range | None = None
 ) -> Float[Tensor, "H W 3"]:
-    """Blended depth (the sum of weight times camera z, world units) as gray: near white, far dark, nothing black.
+    """Depth of the surface (camera z, world units) as gray: near white, far dark, nothing black.
 
     ``near_far`` fixes the scale, so that the pictures of a film agree; else it is :func:`depth_range`.
     """
     near, far = near_far or depth_range(depth, alpha)
-    distance = depth / alpha.clamp_min(1e-6)
-    share = ((distance - near) / max(far - near, 1e-12)).clamp(0, 1)
+    share = ((depth - near) / max(far - near, 1e-12)).clamp(0, 1)
     gray = (1 - share * (1 - FARTHEST_GRAY)) * alpha.clamp(0, 1)
     return scalar_picture(gray)
 
 
 def depth_range(depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"]) -> Range:
     """Near and far of the covered pixels, world units, without the outer 2 percent; (0, 1) for an empty picture."""
-    distances = (depth / alpha.clamp_min(1e-6))[alpha >= COVERED]
+    distances = depth[alpha >= COVERED]
     distances = distances[distances.isfinite()]
     if not len(distances):
         return (0.0, 1.0)

@@ -76,7 +76,7 @@ def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float
     Frames of one size, at least one, consumed one at a time; an odd side is padded by repeating the last row or
     column, because yuv420p shares colour between two. Raises OutputError, and BackendError without the video extra.
     """
-    library = _video_library()
+    library = video_library()
     pictures = (_even(to_8bit(frame)) for frame in frames)
     first = next(pictures, None)
     if first is None:
@@ -87,7 +87,8 @@ def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float
     return count
 
 
-def _video_library() -> ModuleType:
+def video_library() -> ModuleType:
+    """PyAV, which writes films. Raises BackendError where the video extra is not installed."""
     try:
         import av
     except ImportError as error:

@@ -67,7 +67,7 @@ def choose_views(columns: Sequence[Pictures], truth: Pictures, count: int) -> li
     """
     names = sorted(name for name in truth if all(name in column for column in columns))
     if not names:
-        raise RunError("the runs have no test picture in common; make them with 'ringlight eval RUN --images'")
+        raise RunError("the runs have no test picture in common; make them with 'ringlight eval RUN'")
     score = {name: _coarse_difference(name, [column[name] for column in columns], truth[name]) for name in names}
     return sorted(names, key=lambda name: (-score[name], name))[:count]
 

@@ -49,7 +49,7 @@ def same_picture(one: Path, other: Path) -> bool:
 
 def _remedy(path: Path) -> str:
     # RUN/images/test/VIEW.png
-    return f"make it again with 'ringlight eval {path.parents[2]} --images'"
+    return f"make it again with 'ringlight eval {path.parents[2]}'"
 
 
 class PictureFolder:

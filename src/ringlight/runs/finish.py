@@ -1,7 +1,7 @@
-"""From a trained model to its numbers: renders the held-out views, measures, writes report.json and images/."""
+"""From a trained model to its numbers: renders the held-out views, measures, keeps report.json and images/."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -12,18 +12,21 @@ import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene, View
-from ringlight.errors import SceneError
+from ringlight.errors import ModelFileError, RunError, SceneError
 from ringlight.files.atomic import write_text
+from ringlight.files.tensor_file import read_metadata
 from ringlight.files.video import save_image
-from ringlight.measure.evaluate import Scores, evaluate
+from ringlight.measure.evaluate import Keep, Scores, evaluate
 from ringlight.measure.machine import machine, source_commit
 from ringlight.measure.picture_names import picture_name
-from ringlight.measure.report import Report
+from ringlight.measure.report import Report, read_report
 from ringlight.measure.size import bytes_by_part
-from ringlight.measure.speed import frames_per_second
+from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.store import for_rendering
 from ringlight.models.splats import SplatModel
-from ringlight.runs.folder import RunFolder
+from ringlight.runs.folder import RunFolder, make_folder
+from ringlight.runs.opened import Opened
+from ringlight.runs.record import RunRecord
 from ringlight.runs.session import Session
 
 Tell = Callable[[int, int], None]
@@ -31,7 +34,7 @@ Tell = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class TrainingFacts:
-    """What only the training run knows; all None for a model that was trained elsewhere."""
+    """What the pictures do not tell; None where it is not known, as for a model that was trained elsewhere."""
 
     preset: str
     method: str
@@ -39,43 +42,38 @@ class TrainingFacts:
     steps: int | None = None
     wall_seconds: float | None = None
     cpu_seconds: float | None = None
+    bytes_file: int | None = None
+    """Of the model file."""
 
 
 def measure(
     model: SplatModel,
     scene: Scene,
     facts: TrainingFacts,
-    folder: RunFolder,
+    pictures: tuple[Path, Path] | None = None,
     nets: tuple[str, ...] = ("alex",),
     tell: Tell | None = None,
 ) -> Report:
-    """Measure on the test views, keep their pictures in the folder, and write the report there.
+    """Measure on the test views; the folders ``pictures``, if given, get the rendered views and the photographs.
 
-    Raises SceneError where the scene holds no test views, OutputError where the folder cannot be written.
+    ``tell`` hears (views done, views in all). Raises SceneError where the scene holds no test views, OutputError where
+    a picture cannot be written.
     """
     if not scene.test:
         raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
     background = scene.background_color
-    folder.renders.mkdir(parents=True, exist_ok=True)
-    folder.truths.mkdir(parents=True, exist_ok=True)
 
     def render(camera: Camera) -> Rendering:
         return model.render(camera, background)
 
-    def keep(view: View, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> None:
-        save_image(folder.renders / picture_name(view.name), image)
-        save_image(folder.truths / picture_name(view.name), truth)
-
+    keep = None if pictures is None else _keeper(*pictures)
     scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)
-    rate = frames_per_second(render, [view.camera for view in scene.test])
-    tensors = for_rendering(model)
-    report = _report(scene, facts, scores, tensors, folder.model, (rate.fps, rate.note))
-    write_text(folder.report, report.to_json())
-    return report
+    speed = frames_per_second(render, [view.camera for view in scene.test])
+    return _report(scene, facts, scores, for_rendering(model), speed)
 
 
 def measure_session(session: Session, nets: tuple[str, ...] = ("alex",), tell: Tell | None = None) -> Report:
-    """End a training run: measure it, and put its numbers into the model file too."""
+    """End a training run: measure it, write its report, and put its numbers into the model file too."""
     facts = TrainingFacts(
         preset=session.record.preset,
         method=type(session.record.recipe).__name__,
@@ -84,9 +82,51 @@ def measure_session(session: Session, nets: tuple[str, ...] = ("alex",), tell: T
         wall_seconds=session.clock.wall,
         cpu_seconds=session.clock.cpu,
     )
-    report = measure(session.training.model, session.scene, facts, session.folder, nets, tell)
+    report = measure(session.training.model, session.scene, facts, session.folder.pictures, nets, tell)
     session.save_model({"psnr": report.psnr, "ssim_same": report.ssim_same, "lpips_alex": report.lpips_alex})
+    report = replace(report, bytes_file=session.folder.model.stat().st_size)
+    write_report(session.folder.report, report)
     return report
+
+
+def write_report(path: Path, report: Report) -> None:
+    """Write report.json, all or nothing. Raises OutputError."""
+    write_text(path, report.to_json())
+
+
+def known_facts(opened: Opened) -> TrainingFacts:
+    """What a model's file and its run folder still know of its training; a damaged report or checkpoint is skipped."""
+    header, run = opened.stored.header, opened.run
+    facts = TrainingFacts(header.preset, header.method, steps=header.step, bytes_file=opened.file.stat().st_size)
+    if run is None:
+        return facts
+    wall, cpu = _training_seconds(run)
+    return replace(facts, seed=RunRecord.read(run.path).seed, wall_seconds=wall, cpu_seconds=cpu)
+
+
+def _training_seconds(run: RunFolder) -> tuple[float | None, float | None]:
+    """Wall and CPU seconds from the report, else from the checkpoint."""
+    try:
+        report = read_report(run.path)
+        return report.train_seconds, report.train_cpu_seconds
+    except RunError:
+        pass
+    try:
+        stored = read_metadata(run.checkpoint)
+        return float(stored["wall_seconds"]), float(stored["cpu_seconds"])
+    except (ModelFileError, KeyError, ValueError):
+        return None, None
+
+
+def _keeper(renders: Path, truths: Path) -> Keep:
+    for folder in (renders, truths):
+        make_folder(folder)
+
+    def keep(view: View, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> None:
+        save_image(renders / picture_name(view.name), image)
+        save_image(truths / picture_name(view.name), truth)
+
+    return keep
 
 
 def _report(
@@ -94,8 +134,7 @@ def _report(
     facts: TrainingFacts,
     scores: Scores,
     tensors: dict[str, torch.Tensor],
-    model_file: Path,
-    speed: tuple[float, str],
+    speed: FrameRate,
 ) -> Report:
     parts = bytes_by_part(tensors)
     rate = facts.steps / facts.wall_seconds if facts.steps and facts.wall_seconds else None
@@ -114,12 +153,12 @@ def _report(
         n_gaussians=len(tensors["columns.means"]),
         bytes_raw=sum(parts.values()),
         bytes_by_part=parts,
-        bytes_file=model_file.stat().st_size if model_file.exists() else None,
+        bytes_file=facts.bytes_file,
         train_seconds=facts.wall_seconds,
         train_cpu_seconds=facts.cpu_seconds,
         steps_per_second=rate,
-        fps=speed[0],
-        fps_note=speed[1],
+        fps=speed.fps,
+        fps_note=speed.note,
         machine=machine(),
         **vars(scores),
     )

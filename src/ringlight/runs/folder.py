@@ -34,14 +34,9 @@ class RunFolder:
         return self.path / REPORT_NAME
 
     @property
-    def renders(self) -> Path:
-        """Test views as the model shows them, 8-bit PNG."""
-        return self.path / RENDERS
-
-    @property
-    def truths(self) -> Path:
-        """The same views as photographed, so that runs can be compared without the data set."""
-        return self.path / TRUTHS
+    def pictures(self) -> tuple[Path, Path]:
+        """Folders of the test views as 8-bit PNG: as the model shows them, and as photographed."""
+        return self.path / RENDERS, self.path / TRUTHS
 
     @staticmethod
     def create(path: Path) -> "RunFolder":
@@ -50,13 +45,7 @@ class RunFolder:
             raise RunError(
                 f"{path}: already holds a run; go on with it by 'ringlight train --resume {path}', or give --out NEW"
             )
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise RunError(f"{path}: is not an empty folder; give another one with --out")
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RunError(f"{path}: cannot be made ({error.strerror}); give another folder with --out") from None
-        return RunFolder(path)
+        return RunFolder(empty_folder(path))
 
     @staticmethod
     def open(path: Path) -> "RunFolder":
@@ -64,3 +53,27 @@ class RunFolder:
         if not path.is_dir():
             raise RunError(f"{path}: no such run folder; give the folder that 'ringlight train' wrote (its --out)")
         return RunFolder(path)
+
+
+def empty_folder(path: Path) -> Path:
+    """``path`` as an empty folder, made if need be. Raises RunError if it holds anything: nothing is overwritten."""
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise RunError(f"{path}: is not an empty folder; give another one with --out")
+    return make_folder(path)
+
+
+def make_folder(path: Path) -> Path:
+    """``path`` as a folder, with the folders above it. Raises RunError if it cannot be made."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunError(f"{path}: cannot be made ({error.strerror}); give another folder with --out") from None
+    return path
+
+
+def free_folder(wish: Path) -> Path:
+    """The folder, or with the first number behind it that is free."""
+    number, folder = 2, wish
+    while folder.exists():
+        folder, number = wish.with_name(f"{wish.name}-{number}"), number + 1
+    return folder

@@ -1,0 +1,178 @@
+"""What ``ringlight doctor`` looks at; each check is one finding with a remedy, and none of them raises."""
+
+import importlib
+import importlib.util
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+from ringlight import __version__
+from ringlight.errors import RinglightError
+
+OLDEST_PYTHON = (3, 10)
+OLDEST_TORCH = (2, 4)
+
+EXTRAS = {
+    "av": ("video", "films as mp4"),
+    "viser": ("view", "the interactive viewer"),
+    "gsplat": ("cuda", "training on an NVIDIA GPU"),
+    "pycolmap": ("sfm", "camera poses from plain photographs"),
+}
+"""Optional libraries: the extra that installs each, and what it is for."""
+
+LITTLE_SPACE = 2e9
+"""Bytes; a run of a real scene with its checkpoint and pictures takes up to about one gigabyte."""
+
+AGREEMENT = 1e-3
+"""Between two rasterizers in float32, relative to the largest value."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the doctor's. ``essential``: without it nothing can be trained."""
+
+    name: str
+    state: Literal["ok", "missing", "problem"]
+    detail: str
+    remedy: str = ""
+    essential: bool = False
+
+
+def findings() -> Iterator[Finding]:
+    """All checks, in the order in which one builds on the other; takes about a second, mostly to load torch."""
+    yield _python()
+    yield _kernels()
+    yield _torch()
+    yield _openmp()
+    yield _self_test()
+    yield from _lpips()
+    yield from (_extra(library) for library in EXTRAS)
+    yield _disk()
+
+
+def _python() -> Finding:
+    detail = f"{platform.python_version()} at {sys.executable}, ringlight {__version__}"
+    if sys.version_info < OLDEST_PYTHON:
+        return Finding("Python", "problem", detail, "install Python 3.10 or newer", essential=True)
+    return Finding("Python", "ok", detail)
+
+
+def _kernels() -> Finding:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        kernels = importlib.import_module("ringlight._kernels")
+        detail = f"{kernels.isa()}, {kernels.threads()} threads on {cores} cores ({platform.machine()})"
+    except ImportError as error:
+        remedy = 'build it again with "pip install ringlight", which needs a C++20 compiler'
+        return Finding("kernels", "problem", f"the compiled module cannot be loaded: {error}", remedy, essential=True)
+    except RuntimeError as error:
+        return Finding("kernels", "problem", str(error), "use --device reference, which is slow", essential=True)
+    return Finding("kernels", "ok", detail)
+
+
+def _torch() -> Finding:
+    try:
+        import torch
+    except ImportError as error:
+        return Finding("torch", "problem", f"cannot be loaded: {error}", "pip install torch", essential=True)
+    gpu = f"CUDA {torch.version.cuda}" if torch.version.cuda else "CPU build"
+    if torch.version.cuda:
+        gpu += f", {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ", no GPU found"
+    detail = f"{torch.__version__}, {gpu}, {torch.get_num_threads()} threads"
+    if tuple(int(part) for part in torch.__version__.split(".")[:2]) < OLDEST_TORCH:
+        return Finding("torch", "problem", detail, 'pip install --upgrade "torch>=2.4"', essential=True)
+    return Finding("torch", "ok", detail)
+
+
+def _openmp() -> Finding:
+    names = ("OMP_WAIT_POLICY", "OMP_NUM_THREADS", "KMP_BLOCKTIME", "GOMP_SPINCOUNT")
+    detail = ", ".join(f"{name}={os.environ[name]}" for name in names if name in os.environ) or "nothing set"
+    if os.environ.get("OMP_WAIT_POLICY", "").lower() == "active":
+        remedy = "unset OMP_WAIT_POLICY: torch's idle threads would take the cores from the kernels"
+        return Finding("OpenMP", "problem", detail, remedy)
+    return Finding("OpenMP", "ok", detail)
+
+
+def _self_test() -> Finding:
+    """A picture and its gradient by the fast rasterizer, against the reference."""
+    remedy = "report this with the output of 'ringlight doctor --json'; until then use --device reference"
+    try:
+        difference = _difference_of_rasterizers()
+    except ImportError as error:
+        return Finding("self test", "problem", f"not possible: {error}", "see above", essential=True)
+    except RinglightError as error:
+        return Finding("self test", "problem", str(error), "see above", essential=True)
+    detail = f"picture and gradient of a small scene agree with the reference to {difference:.0e}"
+    # Written so that a difference that is not a number fails.
+    if not difference < AGREEMENT:
+        detail = f"picture or gradient of a small scene differ from the reference by {difference:.0e}"
+        return Finding("self test", "problem", detail, remedy, essential=True)
+    return Finding("self test", "ok", detail)
+
+
+def _difference_of_rasterizers() -> float:
+    import torch
+
+    from ringlight.core.camera import Camera
+    from ringlight.core.gaussians import GEOMETRY, Gaussians
+    from ringlight.rasterize.choose import rasterizer_for
+
+    generator = torch.Generator().manual_seed(0)
+    count, size = 60, 32
+    means = torch.randn(count, 3, generator=generator) * 0.6 + torch.tensor([0.0, 0.0, 4.0])
+    table = Gaussians(
+        means, torch.full((count, 3), -1.8), torch.randn(count, 4, generator=generator), torch.zeros(count)
+    )
+    colors = torch.rand(count, 3, generator=generator)
+    camera = Camera(torch.eye(4), (40.0, 40.0), (size / 2, size / 2), size, size)
+    results = []
+    for name in ("cpu", "reference"):
+        columns = {column: getattr(table, column).clone().requires_grad_() for column in GEOMETRY}
+        image = rasterizer_for(name)(Gaussians.from_columns(columns), colors, camera, torch.ones(3)).image
+        image.square().sum().backward()
+        results.append([image.detach(), *(tensor.grad for tensor in columns.values())])
+    pairs = zip(*results, strict=True)
+    return max(((ours - truth).abs().max() / truth.abs().max().clamp_min(1)).item() for ours, truth in pairs)
+
+
+def _lpips() -> Iterator[Finding]:
+    try:
+        from ringlight.measure.lpips import weights_status
+    except ImportError as error:
+        yield Finding("LPIPS", "problem", f"not possible: {error}", "see above")
+        return
+    for net in ("alex", "vgg"):
+        complaint = weights_status(net)
+        if complaint:
+            yield Finding(f"LPIPS {net}", "missing", "weights are not here", f"ringlight fetch-lpips --net {net}")
+        else:
+            yield Finding(f"LPIPS {net}", "ok", "weights are here")
+
+
+def _extra(library: str) -> Finding:
+    extra, purpose = EXTRAS[library]
+    if importlib.util.find_spec(library) is None:
+        return Finding(library, "missing", f"optional: {purpose}", f'pip install "ringlight[{extra}]"')
+    try:
+        number = version(library)
+    except PackageNotFoundError:
+        number = "of unknown version"
+    return Finding(library, "ok", f"{number}: {purpose}")
+
+
+def _disk() -> Finding:
+    here = Path.cwd()
+    free = shutil.disk_usage(here).free
+    detail = f"{free / 1e9:.1f} GB free in {here}"
+    writable = os.access(here, os.W_OK)
+    if not writable:
+        return Finding("disk", "problem", f"{here} cannot be written to", "change to a folder of yours or use --out")
+    if free < LITTLE_SPACE:
+        return Finding("disk", "problem", detail, "free some space or use --out on another disk")
+    return Finding("disk", "ok", detail)

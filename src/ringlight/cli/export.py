@@ -1,0 +1,61 @@
+"""``ringlight export MODEL OUT.ply``: a file that other viewers open."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ringlight.cli.arguments import ModelPath
+from ringlight.cli.parse import parse
+
+if TYPE_CHECKING:
+    from ringlight.runs.export import Exported
+
+
+@dataclass(frozen=True)
+class ExportArguments:
+    """Write a model as the PLY file that viewers of 3D Gaussians open.
+
+    Spherical harmonics are written as they are. A neural colour is baked: harmonics of degree 3 are fitted to what it
+    shows to the training cameras, and the error that remains is printed.
+    """
+
+    model: ModelPath
+    """Run folder or model file."""
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT.ply")]
+    """File to write, ending in .ply."""
+    overwrite: bool = False
+    """Replace the file if it exists."""
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core."""
+    json: bool = False
+    """Print the result as JSON."""
+
+
+def main(arguments: list[str]) -> int:
+    """Export; returns the exit code."""
+    asked = parse(ExportArguments, "export", arguments)
+    from ringlight.cli.threads import use_threads
+    from ringlight.measure.json_record import to_json
+    from ringlight.runs.export import check_target, export_ply
+    from ringlight.runs.opened import open_model
+
+    check_target(asked.out, asked.overwrite)
+    use_threads(asked.threads)
+    exported = export_ply(open_model(asked.model).stored, asked.out)
+    sys.stdout.write(to_json(exported) if asked.json else _sentences(exported))
+    return 0
+
+
+def _sentences(exported: "Exported") -> str:
+    lines = [f"{exported.file}: {exported.n_gaussians:,} Gaussians, {exported.bytes_file / 1e6:.2f} MB"]
+    if exported.baked:
+        lines += [
+            f"colour baked to spherical harmonics of degree 3 from {exported.cameras} training cameras: "
+            f"rmse {exported.rmse:.4f} ({exported.psnr:.1f} dB), worst Gaussian {exported.worst:.3f}",
+        ]
+    else:
+        lines += ["colour is spherical harmonics already: exact"]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,122 @@
+"""``ringlight info MODEL``: what a model file or run folder holds."""
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ringlight.cli.arguments import ModelPath
+from ringlight.cli.parse import parse
+
+if TYPE_CHECKING:
+    from ringlight.runs.facts import ModelFacts, RunFacts
+
+MEGABYTE = 1e6
+MARGIN = 13
+"""Width of the column of labels."""
+
+NARROWEST, WIDEST = 60, 120
+"""Characters a line."""
+
+
+@dataclass(frozen=True)
+class InfoArguments:
+    """What a model file or run folder holds: method, settings, scene, measures, every tensor, bytes by part."""
+
+    model: ModelPath
+    """Run folder or model file."""
+    json: bool = False
+    """Print everything as JSON."""
+
+
+def main(arguments: list[str]) -> int:
+    """Tell; returns the exit code."""
+    asked = parse(InfoArguments, "info", arguments)
+    from ringlight.measure.json_record import to_json
+    from ringlight.runs.facts import facts_of
+
+    facts = facts_of(asked.model)
+    if asked.json:
+        sys.stdout.write(to_json(facts))
+    else:
+        sys.stdout.write("\n".join(_lines(facts)) + "\n")
+    return 0
+
+
+def _lines(facts: "ModelFacts") -> Iterator[str]:
+    header, scene = facts.header, facts.header.scene
+    width, height = scene.resolution
+    versions = ", ".join(f"{name} {number}" for name, number in header.versions.items())
+    yield _line("model", facts.file)
+    yield _line("method", f"{header.preset} ({header.method}), step {header.step}")
+    yield _line("scene", f"{scene.name}, {width}x{height}, background {scene.background}, extent {scene.extent:.3g}")
+    yield _line("from", scene.source)
+    for note in scene.notes:
+        yield _line("", note)
+    measured = [f"{name} {_number(value)}" for name, value in header.metrics.items() if value is not None]
+    if measured:
+        yield _line("measured", ", ".join(measured))
+    yield _line("written by", versions)
+    if facts.run is not None:
+        yield from _run_lines(facts.run)
+    yield ""
+    yield from _recipe_lines(header.recipe)
+    yield ""
+    yield from _tensor_lines(facts)
+
+
+def _run_lines(run: "RunFacts") -> Iterator[str]:
+    yield _line("run", f"seed {run.seed}, device {run.device}")
+    if run.psnr is not None:
+        seconds = f", trained in {run.train_seconds:.0f} s" if run.train_seconds else ""
+        speed = f", {run.fps:.1f} FPS" if run.fps else ""
+        yield _line("report", f"{run.psnr:.2f} dB, SSIM {run.ssim_same:.4f}{seconds}{speed}")
+    state = (
+        "none" if not run.has_checkpoint else f"yes; go on with: {run.resume}" if run.resume else "yes; run complete"
+    )
+    yield _line("checkpoint", state)
+    for problem in run.problems:
+        yield _line("problem", problem)
+
+
+def _recipe_lines(recipe: dict[str, Any]) -> Iterator[str]:
+    """One line for each group of settings."""
+    label = "settings"
+    plain = {name: value for name, value in recipe.items() if not isinstance(value, dict)}
+    groups = {"": plain} | {name: value for name, value in recipe.items() if isinstance(value, dict)}
+    for group, values in groups.items():
+        texts = [f"{name} {_short(value)}" for name, value in values.items()]
+        yield _line(label, (f"{group}: " if group else "") + ", ".join(texts))
+        label = ""
+
+
+def _tensor_lines(facts: "ModelFacts") -> Iterator[str]:
+    rows = [(t.name, "x".join(map(str, t.shape)) or "scalar", t.dtype, f"{t.bytes:,}") for t in facts.tensors]
+    titled = [("tensor", "shape", "type", "bytes"), *rows]
+    widths = [max(len(row[i]) for row in titled) for i in range(4)]
+    for name, shape, dtype, size in titled:
+        yield f"{name:{widths[0]}}  {shape:>{widths[1]}}  {dtype:<{widths[2]}}  {size:>{widths[3]}}"
+    yield ""
+    for part, count in facts.bytes_by_part.items():
+        yield f"{part:{widths[0]}}  {count / MEGABYTE:9.3f} MB"
+    yield f"{'rendering needs':{widths[0]}}  {facts.bytes_raw / MEGABYTE:9.3f} MB, {facts.n_gaussians:,} Gaussians"
+    yield f"{'file':{widths[0]}}  {facts.bytes_file / MEGABYTE:9.3f} MB, with {facts.n_cameras} training cameras"
+
+
+def _line(label: str, text: str) -> str:
+    """The label and the text beside it, wrapped to the terminal; paths and commands stay whole."""
+    width = max(min(shutil.get_terminal_size().columns, WIDEST), NARROWEST)
+    lines = textwrap.wrap(text, width - MARGIN, break_long_words=False, break_on_hyphens=False) or [""]
+    return "\n".join(f"{label if i == 0 else '':{MARGIN}}{line}" for i, line in enumerate(lines))
+
+
+def _number(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _short(value: object) -> str:
+    if isinstance(value, dict):
+        return "(" + ", ".join(f"{name} {_short(inner)}" for name, inner in value.items()) + ")"
+    return f"{value:g}" if isinstance(value, float) else str(value)

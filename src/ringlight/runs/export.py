@@ -1,0 +1,101 @@
+"""A trained model in the form that other programs open; the suffix of the file says which."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+import ringlight
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import OPACITY_FACTOR
+from ringlight.errors import ModelFileError, OutputError
+from ringlight.files.bake import bake_to_sh
+from ringlight.files.ply import write_gaussian_ply
+from ringlight.methods.store import StoredModel
+from ringlight.models.splats import SplatModel
+
+SUFFIXES = (".ply",)
+"""What can be written."""
+
+HARMONICS = ("sh_dc", "sh_rest")
+"""Columns that are spherical harmonics already, as viewers use them."""
+
+FAINTEST_FACTOR = 1e-6
+"""Rows whose opacity is multiplied by less are left out: their logit would be infinite."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written. The errors are those of baking a neural colour, None where the colour was exact.
+
+    ``rmse`` is over all Gaussians and the training cameras that see them, display-referred colour in [0, 1];
+    ``psnr`` is the same in dB, ``worst`` the rmse of the worst Gaussian.
+    """
+
+    file: str
+    n_gaussians: int
+    bytes_file: int
+    baked: bool
+    cameras: int
+    rmse: float | None
+    psnr: float | None
+    worst: float | None
+
+
+def check_target(path: Path, overwrite: bool) -> None:
+    """Raises OutputError for a suffix that cannot be written, or a file that exists and may not be replaced."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise OutputError(f"{path}: cannot be written: unknown kind of model; end its name in {' or '.join(SUFFIXES)}")
+    if path.exists() and not overwrite:
+        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+
+
+@torch.no_grad()
+def export_ply(stored: StoredModel, path: Path) -> Exported:
+    """Write the PLY of 3D Gaussian Splatting; harmonics as they are, any other colour baked to degree 3.
+
+    Rows that the model does not show are left out, and opacity factors become part of the opacity. Raises OutputError
+    where the file cannot be written, ModelFileError if a neural colour comes without cameras to bake it from.
+    """
+    model, cameras = stored.model, stored.cameras
+    gaussians = _folded(model, cameras)
+    exact = all(name in gaussians.appearance for name in HARMONICS)
+    if exact:
+        sh_dc, sh_rest = (gaussians.appearance[name] for name in HARMONICS)
+        rmse = psnr = worst = None
+    elif not cameras:
+        raise ModelFileError(f"{path}: cannot be made: the model holds no training cameras; train it again")
+    else:
+        baked = bake_to_sh(gaussians, cameras, lambda rows, camera: model.color.channels(rows, camera)["rgb"])
+        sh_dc, sh_rest, rmse, psnr, worst = baked.sh_dc, baked.sh_rest, baked.rmse, baked.psnr, baked.worst
+    note = f"ringlight {ringlight.__version__}, {stored.header.preset}, {stored.header.scene.name}"
+    write_gaussian_ply(path, gaussians, sh_dc, sh_rest, model.options.antialiased, [note])
+    return Exported(
+        str(path), len(gaussians), path.stat().st_size, not exact, 0 if exact else len(cameras), rmse, psnr, worst
+    )
+
+
+def _folded(model: SplatModel, cameras: tuple[Camera, ...]) -> Gaussians:
+    """The rows that are shown, with their opacity factor, averaged over the cameras, inside the logit."""
+    gaussians = model.gaussians
+    gaussians = gaussians.rows(model.color.wanted(gaussians))
+    factor = _mean_factor(model, gaussians, cameras)
+    if factor is None:
+        return gaussians
+    shown = factor > FAINTEST_FACTOR
+    gaussians, factor = gaussians.rows(shown), factor[shown]
+    return replace(gaussians, opacity_logits=(gaussians.opacities * factor).clamp(max=1 - FAINTEST_FACTOR).logit())
+
+
+def _mean_factor(model: SplatModel, gaussians: Gaussians, cameras: tuple[Camera, ...]) -> Float[Tensor, "N"] | None:
+    found = (model.color.channels(gaussians, camera).get(OPACITY_FACTOR) for camera in cameras)
+    total = torch.zeros(len(gaussians))
+    for factor in found:
+        # A model that has no factor for one camera has none for any.
+        if factor is None:
+            return None
+        total += factor[:, 0]
+    return total / len(cameras) if cameras else None

@@ -1,0 +1,126 @@
+"""What a model file or run folder holds, as plain facts, without rendering anything."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ringlight.errors import ModelFileError, RunError
+from ringlight.files.model_file import ModelHeader, read_model_file
+from ringlight.files.tensor_file import NAMES, read_metadata
+from ringlight.measure.report import Report, read_report
+from ringlight.measure.size import bytes_by_part
+from ringlight.methods.store import CAMERAS_PREFIX
+from ringlight.runs.folder import RunFolder
+from ringlight.runs.opened import find_model
+from ringlight.runs.record import RunRecord
+
+
+@dataclass(frozen=True)
+class TensorFacts:
+    """One tensor of the file; ``bytes`` as stored."""
+
+    name: str
+    dtype: str
+    shape: tuple[int, ...]
+    bytes: int
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What lies around the model in a run folder. ``problems``: missing or damaged files, one sentence each."""
+
+    folder: str
+    scene: str | None
+    seed: int | None
+    device: str | None
+    psnr: float | None
+    ssim_same: float | None
+    lpips_alex: float | None
+    train_seconds: float | None
+    fps: float | None
+    has_checkpoint: bool
+    resume: str | None
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ModelFacts:
+    """A model file. ``bytes_by_part`` is what rendering needs; the cameras it was trained from are not part of it."""
+
+    file: str
+    header: ModelHeader
+    tensors: tuple[TensorFacts, ...]
+    n_gaussians: int
+    n_cameras: int
+    bytes_by_part: dict[str, int]
+    bytes_raw: int
+    bytes_file: int
+    run: RunFacts | None
+
+
+def facts_of(path: Path) -> ModelFacts:
+    """Facts of a model file or of a run folder. Raises ModelFileError or RunError if there is no model to tell of."""
+    file, run = find_model(path)
+    stored = read_model_file(file)
+    rendering = {name: t for name, t in stored.tensors.items() if not name.startswith(CAMERAS_PREFIX)}
+    parts = bytes_by_part(rendering)
+    tensors = tuple(
+        TensorFacts(name, NAMES[t.dtype], tuple(t.shape), t.numel() * t.element_size())
+        for name, t in sorted(stored.tensors.items())
+    )
+    return ModelFacts(
+        file=str(file),
+        header=stored.header,
+        tensors=tensors,
+        n_gaussians=_rows(stored.tensors, "columns.means"),
+        n_cameras=_rows(stored.tensors, f"{CAMERAS_PREFIX}pinholes"),
+        bytes_by_part=parts,
+        bytes_raw=sum(parts.values()),
+        bytes_file=file.stat().st_size,
+        run=None if run is None else _run_facts(run, stored.header),
+    )
+
+
+def _rows(tensors: dict[str, Any], name: str) -> int:
+    return len(tensors[name]) if name in tensors else 0
+
+
+def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
+    problems: list[str] = []
+    record, report, has_checkpoint = None, None, run.checkpoint.is_file()
+    try:
+        record = RunRecord.read(run.path)
+    except RunError as error:
+        problems.append(str(error))
+    try:
+        report = read_report(run.path)
+    except RunError as error:
+        problems.append(str(error))
+    try:
+        if has_checkpoint:
+            read_metadata(run.checkpoint)
+    except ModelFileError as error:
+        problems.append(str(error))
+        has_checkpoint = False
+    return RunFacts(
+        folder=str(run.path),
+        scene=str(record.scene) if record else None,
+        seed=record.seed if record else None,
+        device=record.device if record else None,
+        has_checkpoint=has_checkpoint,
+        resume=_resume(run, record, header, has_checkpoint),
+        problems=tuple(problems),
+        **_headline(report),
+    )
+
+
+def _headline(report: Report | None) -> dict[str, Any]:
+    names = ("psnr", "ssim_same", "lpips_alex", "train_seconds", "fps")
+    return {name: getattr(report, name) if report else None for name in names}
+
+
+def _resume(run: RunFolder, record: RunRecord | None, header: ModelHeader, has_checkpoint: bool) -> str | None:
+    """The command that goes on with the run; None where it has ended or cannot."""
+    if record is None or not has_checkpoint or header.step >= record.recipe.steps:
+        return None
+    return f"ringlight train --resume {run.path}"

@@ -1,0 +1,125 @@
+"""Where the camera goes for pictures of a trained model, and the pictures on disk."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from PIL import Image
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.scene import Scene
+from ringlight.errors import ModelFileError, RecipeError, SceneError
+from ringlight.files.camera_paths import interpolated, orbit
+from ringlight.files.layer_pictures import check_layers, common_depth_range, layer_pictures
+from ringlight.files.video import save_image, write_video
+from ringlight.measure.picture_names import picture_name
+from ringlight.models.splats import SplatModel
+from ringlight.runs.folder import make_folder
+from ringlight.runs.opened import Opened
+
+Tell = Callable[[int, int], None]
+PathName = Literal["test", "train", "orbit", "interpolated"]
+
+
+FEWEST_DIGITS = 4
+"""Of numbered frames, so that films of different length sort alike."""
+
+MOST_PIXELS = 64_000_000
+"""8K is half of this; more would not fit the memory of the machines this runs on."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """Cameras in the order in which they are shown, and the file names of their pictures."""
+
+    cameras: tuple[Camera, ...]
+    names: tuple[str, ...]
+
+    def thinned(self, frames: int) -> "Film":
+        """At most this many of the frames, spread evenly."""
+        if frames >= len(self.cameras):
+            return self
+        chosen = np.linspace(0, len(self.cameras) - 1, frames).round().astype(int).tolist()
+        return Film(tuple(self.cameras[i] for i in chosen), tuple(self.names[i] for i in chosen))
+
+    def resized(self, width: int | None, scale: float | None) -> "Film":
+        """All pictures ``width`` pixels wide, or ``scale`` times as large; their shape stays.
+
+        Raises RecipeError for both at once, or a size that no picture can have.
+        """
+        if width is not None and scale is not None:
+            raise RecipeError("--width and --scale both say how large; give one of them")
+        cameras = tuple(_resized(camera, width / camera.width if width else scale or 1.0) for camera in self.cameras)
+        return replace(self, cameras=cameras)
+
+
+def film_of_views(scene: Scene) -> Film:
+    """The test views. Raises SceneError where the scene has none."""
+    if not scene.test:
+        raise SceneError(f"{scene.source}: has no test views; give --path orbit, train or interpolated")
+    return Film(tuple(view.camera for view in scene.test), _file_names([view.name for view in scene.test]))
+
+
+def film_from_training(opened: Opened, path: PathName, frames: int) -> Film:
+    """A path made from the training cameras that the model file holds. Raises ModelFileError if it holds none."""
+    cameras = opened.stored.cameras
+    if not cameras:
+        raise ModelFileError(f"{opened.file}: holds no training cameras; give --path test")
+    made = {"orbit": orbit, "interpolated": interpolated}
+    chosen = made[path](cameras, frames) if path in made else cameras
+    digits = max(len(str(len(chosen) - 1)), FEWEST_DIGITS)
+    return Film(tuple(chosen), tuple(f"{index:0{digits}d}.png" for index in range(len(chosen))))
+
+
+def render_film(
+    model: SplatModel,
+    film: Film,
+    background: Float[Tensor, "3"],
+    layers: Sequence[str],
+    folder: Path,
+    tell: Tell,
+) -> list[Path]:
+    """One picture a frame and layer, ``folder/LAYER/NAME.png``; returns the layers' folders.
+
+    The model is asked for all layers of a frame at once. Raises RecipeError before anything is written if the model
+    lacks a layer, OutputError where a picture cannot be written.
+    """
+    first = film.cameras[0]
+    check_layers(model, first, layers)
+    near_far = common_depth_range(model, film.cameras) if "depth" in layers else (0.0, 1.0)
+    folders = {layer: make_folder(folder / layer) for layer in layers}
+    for done, (camera, name) in enumerate(zip(film.cameras, film.names, strict=True), 1):
+        for layer, picture in layer_pictures(model, camera, background, layers, near_far).items():
+            save_image(folders[layer] / name, picture)
+        tell(done, len(film.cameras))
+    return list(folders.values())
+
+
+def film_to_video(pictures: Path, names: Sequence[str], fps: float) -> Path:
+    """The pictures of one folder as ``FOLDER.mp4`` beside it. Raises BackendError without the video extra."""
+    target = pictures.with_name(f"{pictures.name}.mp4")
+    write_video(target, (_read(pictures / name) for name in names), fps)
+    return target
+
+
+def _file_names(views: Sequence[str]) -> tuple[str, ...]:
+    """Short names where they stay apart: "test/r_0.png" becomes "r_0.png"."""
+    short = tuple(f"{PurePath(view).stem}.png" for view in views)
+    return short if len(set(short)) == len(short) else tuple(picture_name(view) for view in views)
+
+
+def _read(path: Path) -> Float[Tensor, "H W 3"]:
+    with Image.open(path) as picture:
+        return torch.from_numpy(np.array(picture.convert("RGB"))).float() / 255
+
+
+def _resized(camera: Camera, factor: float) -> Camera:
+    width, height = round(camera.width * factor), round(camera.height * factor)
+    if width < 1 or height < 1 or width * height > MOST_PIXELS:
+        raise RecipeError(f"pictures of {width}x{height} pixels cannot be made; give another --width or --scale")
+    return camera if factor == 1 else camera.resized(width, height)

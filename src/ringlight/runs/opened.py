@@ -1,0 +1,65 @@
+"""A trained model with what is known around it: from a model file, or from a whole run folder."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ringlight.core.scene import Scene
+from ringlight.data.load import load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RecipeError, RunError
+from ringlight.methods.store import StoredModel, load_model
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.folder import MODEL_NAME, RunFolder
+from ringlight.runs.record import RECORD_NAME, RunRecord
+
+
+@dataclass(frozen=True)
+class Opened:
+    """``file`` is the model file; ``run`` the folder it belongs to, None for a model file on its own."""
+
+    file: Path
+    run: RunFolder | None
+    stored: StoredModel
+
+
+def find_model(path: Path) -> tuple[Path, RunFolder | None]:
+    """The model file that ``path`` names, and the run folder if it is one. Raises RunError for another folder."""
+    if not path.is_dir():
+        return path, None
+    folder = RunFolder(path)
+    if folder.model.is_file():
+        return folder.model, folder
+    if (path / RECORD_NAME).is_file():
+        raise RunError(f"{path}: holds no model yet; go on with 'ringlight train --resume {path}'")
+    raise RunError(f"{path}: holds no {MODEL_NAME}; give a folder or a model file that 'ringlight train' wrote")
+
+
+def open_model(path: Path, device: str = "auto") -> Opened:
+    """The model in a file or run folder, ready to render. Raises ModelFileError, RunError or BackendError."""
+    file, run = find_model(path)
+    return Opened(file, run, load_model(file, rasterizer_for(device)))
+
+
+def scene_of(opened: Opened, asked: Path | None = None, options: SceneOptions | None = None) -> Scene:
+    """The scene at ``asked``, or without it the one that the run was trained on, read as it was read then.
+
+    A model on its own knows its background: black stays black unless ``options`` say otherwise. Raises RecipeError
+    if there is nothing to go by, SceneError if the scene cannot be read.
+    """
+    options = options or SceneOptions()
+    if asked is not None:
+        return load_scene(asked, _with_background(options, opened.stored.header.scene.background))
+    if opened.run is None:
+        raise RecipeError(f"{opened.file}: a model file does not say where its scene is now; name its folder as well")
+    if options != SceneOptions():
+        raise RecipeError(f"{opened.run.path}: its scene is read as in training; to read it otherwise name its folder")
+    record = RunRecord.read(opened.run.path)
+    if not record.scene.is_dir():
+        raise RunError(f"{record.scene}: the scene of {opened.run.path} is gone; name the folder where it is now")
+    return load_scene(record.scene, record.options)
+
+
+def _with_background(options: SceneOptions, trained_on: str) -> SceneOptions:
+    if options.background == "auto" and trained_on == "black":
+        return replace(options, background="black")
+    return options
