@@ -1,0 +1,110 @@
+"""Runs side by side: one table and one contact sheet, from what the run folders hold, without models or data sets."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+
+from ringlight.errors import RunError
+from ringlight.measure.contact_sheet import SheetColumn, contact_sheet
+from ringlight.measure.picture_names import RENDERS, TRUTHS
+from ringlight.measure.pictures import PictureFolder, same_picture
+from ringlight.measure.report import Report, read_report
+from ringlight.measure.sheet_layout import PAPER
+from ringlight.measure.table import ResultsTable
+
+MUST_AGREE = ("split", "background", "resolution")
+"""Fields of the report in which runs of one scene must agree for their measures to compare."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """``sheet`` is None where no run has pictures; ``notes`` say what is not shown, and the remedy."""
+
+    table: ResultsTable
+    sheet: Image.Image | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Run:
+    folder: Path
+    report: Report
+
+    def pictures(self, kind: Path) -> PictureFolder:
+        return PictureFolder(self.folder / kind, [image.name for image in self.report.images])
+
+
+def compare(runs: Sequence[Path], views: int = 3) -> Comparison:
+    """Read run folders (``report.json``, ``images/``) and hold them against each other, scene by scene.
+
+    The first run is the one that others are compared with. A folder that is named twice counts once. ``views`` is the
+    number of test views of each scene on the sheet.
+
+    Raises:
+        RunError: no runs, a report is missing or damaged, or two runs of a scene have different test views.
+    """
+    folders = list({folder.resolve(): folder for folder in reversed(runs)}.values())[::-1]
+    if not folders:
+        raise RunError("no runs to compare; give the folders that 'ringlight train' wrote")
+    loaded = [_Run(folder, read_report(folder)) for folder in folders]
+    scenes: dict[str, list[_Run]] = {}
+    for run in loaded:
+        scenes.setdefault(run.report.scene, []).append(run)
+    for together in scenes.values():
+        for other in together[1:]:
+            _refuse_other_views(together[0], other)
+    labels = {run.folder: label for together in scenes.values() for run, label in _labelled(together)}
+    table = ResultsTable([(labels[run.folder], run.report) for run in loaded], baseline=labels[loaded[0].folder])
+    sheets = [_sheet(scene, together, labels, views) for scene, together in scenes.items()]
+    bare = [run.folder for run in loaded if not (run.pictures(RENDERS) and run.pictures(TRUTHS))]
+    notes = tuple(f"{folder} has no pictures; make them with 'ringlight eval {folder} --images'." for folder in bare)
+    return Comparison(table, _stacked([sheet for sheet in sheets if sheet]), notes)
+
+
+def _labelled(together: list[_Run]) -> list[tuple[_Run, str]]:
+    """The runs of one scene with the shortest names that tell them apart: preset, else folder, else path."""
+    candidates = [
+        [run.report.preset for run in together],
+        [f"{run.report.preset} {run.folder.resolve().name}" for run in together],
+        [str(run.folder.resolve()) for run in together],
+    ]
+    chosen = next(names for names in candidates if max(Counter(names).values()) == 1)
+    return list(zip(together, chosen, strict=True))
+
+
+def _refuse_other_views(first: _Run, other: _Run) -> None:
+    remedy = "evaluate both with the same scene options"
+    for field in MUST_AGREE:
+        ours, theirs = getattr(first.report, field), getattr(other.report, field)
+        if ours != theirs:
+            reason = f"{field} ({ours} and {theirs})"
+            raise RunError(f"{first.folder} and {other.folder} differ in the {reason} of their test views; {remedy}")
+    if {image.name for image in first.report.images} != {image.name for image in other.report.images}:
+        raise RunError(f"{first.folder} and {other.folder} were measured on different test views; {remedy}")
+    ours, theirs = first.pictures(TRUTHS).paths, other.pictures(TRUTHS).paths
+    for view in ours.keys() & theirs.keys():
+        if not same_picture(ours[view], theirs[view]):
+            raise RunError(f"{ours[view]} and {theirs[view]} are different photographs; {remedy}")
+
+
+def _sheet(scene: str, together: list[_Run], labels: dict[Path, str], views: int) -> Image.Image | None:
+    shown = [run for run in together if run.pictures(RENDERS) and run.pictures(TRUTHS)]
+    if not shown:
+        return None
+    columns = [SheetColumn(labels[run.folder], run.pictures(RENDERS)) for run in shown]
+    return contact_sheet(columns, shown[0].pictures(TRUTHS), views, title=scene)
+
+
+def _stacked(sheets: list[Image.Image]) -> Image.Image | None:
+    """One sheet below the other."""
+    if len(sheets) < 2:
+        return sheets[0] if sheets else None
+    whole = Image.new("RGB", (max(s.width for s in sheets), sum(s.height for s in sheets)), PAPER)
+    top = 0
+    for sheet in sheets:
+        whole.paste(sheet, (0, top))
+        top += sheet.height
+    return whole

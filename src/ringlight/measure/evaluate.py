@@ -1,0 +1,133 @@
+"""The measures of a model on held-out views: every image, their means, and the pooled PSNR."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import fmean
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Rendering
+from ringlight.core.scene import View
+from ringlight.errors import SceneError
+from ringlight.measure import metrics
+from ringlight.measure.lpips import SMALLEST, Lpips, Net, weights_status
+from ringlight.measure.report import ImageScore
+
+Distance = Callable[..., float]
+Keep = Callable[[View, Float[Tensor, "H W 3"], Float[Tensor, "H W 3"]], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scores:
+    """Means over the test views, field by field those of a ``Report``: ``Report(**vars(scores), ...)``."""
+
+    resolution: str
+    psnr: float
+    psnr_u8: float
+    psnr_pooled: float
+    ssim_same: float
+    ssim_valid: float
+    lpips_alex: float | None
+    lpips_vgg: float | None
+    lpips_vgg_01: float | None
+    lpips_note: str
+    images: tuple[ImageScore, ...]
+
+
+def evaluate(
+    render: Callable[[Camera], Rendering],
+    views: Sequence[View],
+    background: Float[Tensor, "3"],
+    *,
+    lpips_nets: Sequence[Net] = ("alex",),
+    keep_images: Keep | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Scores:
+    """Render every view once, without gradients, and compare it with its photograph.
+
+    Renders are clamped to [0, 1]. ``keep_images`` gets each view with its render and truth, [H W 3] on the CPU.
+    ``progress`` gets (views done, views in all). A LPIPS net without weights leaves its field None and its remedy in
+    ``lpips_note``.
+
+    Raises:
+        SceneError: there are no views.
+    """
+    if not views:
+        raise SceneError("no test views to measure on; load the scene with a split that holds some out")
+    nets, note = _available_nets(lpips_nets, views)
+    images, squared_errors = [], []
+    for done, view in enumerate(views, 1):
+        with torch.no_grad():
+            image = render(view.camera).color.detach().cpu().float().clamp(0, 1)
+            truth = view.image(background).permute(1, 2, 0)
+            images.append(_score(view.name, image, truth, nets))
+            squared_errors.append(metrics.mean_squared_error(image, truth))
+        if keep_images is not None:
+            keep_images(view, image, truth)
+        if progress is not None:
+            progress(done, len(views))
+    return _means(tuple(images), metrics.psnr_pooled(squared_errors), resolution(views), note)
+
+
+def resolution(views: Sequence[View]) -> str:
+    """Width and height of the views in pixels: "400x400", or the smallest and the largest, "976x541..980x545"."""
+    sizes = sorted({(view.camera.width, view.camera.height) for view in views})
+    first, last = (f"{width}x{height}" for width, height in (sizes[0], sizes[-1]))
+    return first if first == last else f"{first}..{last}"
+
+
+def _score(
+    name: str, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"], nets: Mapping[Net, Distance]
+) -> ImageScore:
+    score = ImageScore(
+        name,
+        psnr=metrics.psnr(image, truth),
+        psnr_u8=metrics.psnr_u8(image, truth),
+        ssim_same=metrics.ssim_same(image, truth),
+        ssim_valid=metrics.ssim_valid(image, truth),
+    )
+    if "alex" in nets:
+        score = replace(score, lpips_alex=nets["alex"](image, truth))
+    if "vgg" in nets:
+        score = replace(
+            score, lpips_vgg=nets["vgg"](image, truth), lpips_vgg_01=nets["vgg"](image, truth, rescale=False)
+        )
+    return score
+
+
+def _available_nets(wanted: Sequence[Net], views: Sequence[View]) -> tuple[dict[Net, Distance], str]:
+    """The nets that can be used on this machine and these views, and the reason and remedy for the others."""
+    smallest = min(min(view.camera.width, view.camera.height) for view in views)
+    reasons = {net: weights_status(net) or _too_small(net, smallest) for net in wanted}
+    return {net: Lpips(net) for net in wanted if not reasons[net]}, " ".join(filter(None, reasons.values()))
+
+
+def _too_small(net: Net, side: int) -> str:
+    if side >= SMALLEST[net]:
+        return ""
+    return f"LPIPS with {net} is unavailable: it needs images of {SMALLEST[net]} pixels a side, these have {side}."
+
+
+def _means(images: tuple[ImageScore, ...], pooled: float, size: str, note: str) -> Scores:
+    def mean(field: str) -> float:
+        return fmean(getattr(image, field) for image in images)
+
+    def mean_if_measured(field: str) -> float | None:
+        return None if getattr(images[0], field) is None else mean(field)
+
+    return Scores(
+        resolution=size,
+        psnr=mean("psnr"),
+        psnr_u8=mean("psnr_u8"),
+        psnr_pooled=pooled,
+        ssim_same=mean("ssim_same"),
+        ssim_valid=mean("ssim_valid"),
+        lpips_alex=mean_if_measured("lpips_alex"),
+        lpips_vgg=mean_if_measured("lpips_vgg"),
+        lpips_vgg_01=mean_if_measured("lpips_vgg_01"),
+        lpips_note=note,
+        images=images,
+    )
