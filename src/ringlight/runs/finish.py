@@ -17,6 +17,7 @@ from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
 from ringlight.files.video import save_image
 from ringlight.measure.evaluate import Keep, Scores, evaluate
+from ringlight.measure.lpips import Net
 from ringlight.measure.machine import machine, source_commit
 from ringlight.measure.picture_names import picture_name
 from ringlight.measure.report import Report, read_report
@@ -51,7 +52,7 @@ def measure(
     scene: Scene,
     facts: TrainingFacts,
     pictures: tuple[Path, Path] | None = None,
-    nets: tuple[str, ...] = ("alex",),
+    nets: tuple[Net, ...] = ("alex",),
     tell: Tell | None = None,
 ) -> Report:
     """Measure on the test views; the folders ``pictures``, if given, get the rendered views and the photographs.
@@ -72,7 +73,7 @@ def measure(
     return _report(scene, facts, scores, for_rendering(model), speed)
 
 
-def measure_session(session: Session, nets: tuple[str, ...] = ("alex",), tell: Tell | None = None) -> Report:
+def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: Tell | None = None) -> Report:
     """End a training run: measure it, write its report, and put its numbers into the model file too."""
     facts = TrainingFacts(
         preset=session.record.preset,
