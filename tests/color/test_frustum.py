@@ -1,6 +1,7 @@
+import pytest
 import torch
 
-from ringlight.color.frustum import in_frustum
+from ringlight.color.frustum import in_frustum, rows_in_frustum
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 
@@ -51,3 +52,16 @@ def test_no_pixel_is_touched_by_a_row_outside():
     beyond_x = torch.maximum(-u, u - 64) > 3.4 * sigma_x
     beyond_y = torch.maximum(-v, v - 62) > 3.4 * sigma_y
     assert (beyond_x | beyond_y).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 20_000])
+def test_kernel_lists_what_the_twin_marks(count):
+    generator = torch.Generator().manual_seed(count)
+    means = torch.randn(count, 3, generator=generator) * 3
+    log_scales = torch.randn(count, 3, generator=generator) - 2
+    broken = torch.rand(count, generator=generator) < 0.05
+    means[broken, 1] = float("nan")
+    table = Gaussians(means, log_scales, torch.randn(count, 4, generator=generator), torch.zeros(count))
+    rows = rows_in_frustum(table, camera())
+    assert rows.dtype == torch.int32
+    assert torch.equal(rows.long(), in_frustum(table, camera()).nonzero()[:, 0])

@@ -213,8 +213,12 @@ def test_no_visible_row_is_fine():
 @pytest.mark.skipif(_kernels.isa() == "avx2", reason="the suite already runs on AVX2")
 def test_avx2_build():
     """The same tests with the AVX2 kernels, in a process of their own."""
-    tests = [f"{__file__}::{name}" for name in ("test_kernel_equals_twin", "test_layers_of_kernel_and_twin_agree")]
+    here = Path(__file__)
+    names = ("test_kernel_equals_twin", "test_layers_of_kernel_and_twin_agree")
+    tests = [f"{here}::{name}" for name in names]
+    tests += [here.with_name("test_frustum.py"), here.with_name("test_visibility_mask.py")]
+    tests.append(here.parents[1] / "fields" / "test_perceptron_kernel.py")
     environment = os.environ | {"RINGLIGHT_ISA": "avx2"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
-    done = subprocess.run(command, env=environment, cwd=Path(__file__).parents[2], capture_output=True, text=True)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *map(str, tests)]
+    done = subprocess.run(command, env=environment, cwd=here.parents[2], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:]

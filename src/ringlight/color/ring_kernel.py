@@ -55,12 +55,27 @@ def ring_parameters(tables: RingTables, shading: RenderModule) -> RingParameters
     return RingParameters(shape, [tables.axes, tables.view, tables.core, *modulation, *render])
 
 
+class Workspace:
+    """Memory for the backward pass that outlives a step: tens of megabytes that the system would clear every time."""
+
+    def __init__(self) -> None:
+        self._floats = torch.empty(0)
+
+    def floats(self, count: int) -> Float[Tensor, "K"]:
+        """At least ``count`` floats of any content; valid until the next call."""
+        if len(self._floats) < count:
+            self._floats = torch.empty(count)
+        return self._floats
+
+
 class _LightField(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, rows: LitRows, shape: list[int], base: Tensor, *parameters: Tensor) -> Tensor:
+    def forward(
+        ctx: Any, rows: LitRows, shape: list[int], workspace: Workspace, base: Tensor, *parameters: Tensor
+    ) -> Tensor:
         color = torch.empty_like(base)
         _kernels.ring_forward(shape, parameters, rows.means, base, rows.visible, rows.frame, color)
-        ctx.rows, ctx.shape = rows, shape
+        ctx.rows, ctx.shape, ctx.workspace = rows, shape, workspace
         ctx.save_for_backward(base, *parameters)
         return color
 
@@ -71,21 +86,23 @@ class _LightField(torch.autograd.Function):
         rows: LitRows = ctx.rows
         gradients = [torch.empty_like(parameter) for parameter in parameters]
         base_gradient = torch.empty_like(base)
-        workspace = torch.empty(_kernels.ring_workspace(ctx.shape, len(rows.visible)))
+        workspace = ctx.workspace.floats(_kernels.ring_workspace(ctx.shape, len(rows.visible)))
         _kernels.ring_backward(
             ctx.shape, parameters, rows.means, base, rows.visible, rows.frame,
             color_gradient.contiguous(), gradients, base_gradient, workspace,
         )  # fmt: skip
-        return None, None, base_gradient, *gradients
+        return None, None, None, base_gradient, *gradients
 
 
-def light(rows: LitRows, base: Float[Tensor, "N 3"], parameters: RingParameters) -> Float[Tensor, "N 3"]:
+def light(
+    rows: LitRows, base: Float[Tensor, "N 3"], parameters: RingParameters, workspace: Workspace
+) -> Float[Tensor, "N 3"]:
     """Colours in [0, 1], differentiable in the base colours' logits ``base`` and in all parameters.
 
     The same bits for any number of threads. The gradient of rows whose colour got none is not computed.
     """
     tensors = [tensor.contiguous() for tensor in parameters.tensors]
-    color: Tensor = _LightField.apply(rows, parameters.shape, base.contiguous(), *tensors)
+    color: Tensor = _LightField.apply(rows, parameters.shape, workspace, base.contiguous(), *tensors)
     return color
 
 

@@ -4,9 +4,17 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ringlight.color.frustum import in_frustum
+from ringlight.color.frustum import rows_in_frustum
 from ringlight.color.render_module import LitColor, RenderModule
-from ringlight.color.ring_kernel import LitRows, RingParameters, kernel_takes, light, light_layers, ring_parameters
+from ringlight.color.ring_kernel import (
+    LitRows,
+    RingParameters,
+    Workspace,
+    kernel_takes,
+    light,
+    light_layers,
+    ring_parameters,
+)
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.color.table_memory import TableMemory
 from ringlight.color.visibility_mask import straight_through_mask
@@ -48,6 +56,7 @@ class RingLight(nn.Module):
         self.register_buffer("box", box.clone().float())
         self.register_buffer("lit", torch.tensor(True))
         self._memory = TableMemory()
+        self._workspace = Workspace()
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """Base colours equal to the points' (black and white to a quarter of an 8-bit step), masks open."""
@@ -100,7 +109,7 @@ class RingLight(nn.Module):
         parameters = self._kernel_parameters(gaussians)
         if parameters is None:
             return self.twin(gaussians, camera).color
-        return light(self._lit_rows(gaussians, camera), gaussians.appearance[BASE], parameters)
+        return light(self._lit_rows(gaussians, camera), gaussians.appearance[BASE], parameters, self._workspace)
 
     def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
         parameters = self._kernel_parameters(gaussians)
@@ -116,16 +125,15 @@ class RingLight(nn.Module):
         return ring_parameters(tables, self.shading) if kernel_takes(tables, self.shading, gaussians.means) else None
 
     def _lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
-        visible = in_frustum(gaussians, camera).nonzero()[:, 0].int()
         frame = torch.cat([camera.position[None], self.box])
-        return LitRows(gaussians.means.detach().contiguous(), visible, frame)
+        return LitRows(gaussians.means.detach().contiguous(), rows_in_frustum(gaussians, camera), frame)
 
     def twin(self, gaussians: Gaussians, camera: Camera) -> LitColor:
         """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.
 
         Residual and modulation are zero where the camera cannot see.
         """
-        visible = in_frustum(gaussians, camera).nonzero()[:, 0]
+        visible = rows_in_frustum(gaussians, camera).long()
         means, base = gaussians.means.detach()[visible], gaussians.appearance[BASE].sigmoid()
         directions = view_directions(means, camera.position.to(means))
         points = self.unit_points(means)

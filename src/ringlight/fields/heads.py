@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from ringlight.fields.encoding import encoded_width, fourier_features
 from ringlight.fields.networks import PerceptronStack
+from ringlight.fields.perceptron_kernel import stack_at
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.fields.tables import axis_nodes, octahedral_nodes
 
@@ -27,7 +28,7 @@ class AxisHeads(nn.Module):
         self.networks = PerceptronStack(AXES, widths, generator)
         self.bands = settings.bands
         encoded = fourier_features(axis_nodes(settings.position_nodes)[:, None], settings.bands)
-        self.register_buffer("nodes", encoded.expand(AXES, -1, -1), persistent=False)
+        self.register_buffer("nodes", encoded.expand(AXES, -1, -1).contiguous(), persistent=False)
 
     def forward(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "3 N D"]:
         """The matrices at points of [-1, 1]^3, rows first, D = R^2."""
@@ -35,7 +36,7 @@ class AxisHeads(nn.Module):
 
     def table(self) -> Float[Tensor, "3 K D"]:
         """The matrices at the K nodes of each axis."""
-        return self.networks(self.nodes)
+        return stack_at(self.networks, self.nodes)
 
 
 class DirectionHead(nn.Module):
@@ -58,4 +59,4 @@ class DirectionHead(nn.Module):
 
     def table(self) -> Float[Tensor, "K D"]:
         """The matrices at the nodes of the octahedral map, row j * side + i for node (i, j)."""
-        return self.networks(self.nodes)[0]
+        return stack_at(self.networks, self.nodes)[0]

@@ -1,0 +1,75 @@
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/vector.h>
+
+#include <stdexcept>
+#include <vector>
+
+#include "bindings.hpp"
+#include "dispatch.hpp"
+#include "perceptron.hpp"
+
+namespace nb = nanobind;
+
+namespace ringlight {
+namespace {
+
+using Array = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
+using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+using Stack = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+void check(bool right, const char* message) {
+  if (!right) throw std::invalid_argument(message);
+}
+
+// Weight, bias, weight, bias, ...: [H inputs outputs] and [H 1 outputs].
+template <class Float, class Arrays>
+PerceptronLayers<Float> layers_from(const PerceptronShape& shape, const Arrays& arrays) {
+  check(arrays.size() == 6, "perceptron: three layers have six parameters");
+  const std::size_t widths[] = {static_cast<std::size_t>(shape.inputs), static_cast<std::size_t>(shape.hidden),
+                                static_cast<std::size_t>(shape.hidden), static_cast<std::size_t>(shape.outputs)};
+  PerceptronLayers<Float> layers;
+  for (int layer = 0; layer < 3; layer++) {
+    const auto &weight = arrays[2 * layer], &bias = arrays[2 * layer + 1];
+    check(weight.size() == shape.heads * widths[layer] * widths[layer + 1] &&
+              bias.size() == shape.heads * widths[layer + 1],
+          "perceptron: a parameter has the wrong size");
+    layers.weight[layer] = weight.data();
+    layers.bias[layer] = bias.data();
+  }
+  return layers;
+}
+
+PerceptronShape shape_from(const Stack& rows, const std::vector<Input>& parameters, std::size_t results) {
+  const std::size_t heads = rows.shape(0), nodes = rows.shape(1);
+  check(heads && nodes && parameters.size() == 6, "perceptron: no rows, or not three layers");
+  return {static_cast<int>(heads), static_cast<int>(nodes), static_cast<int>(rows.shape(2)),
+          static_cast<int>(parameters[1].size() / heads), static_cast<int>(results / (heads * nodes))};
+}
+
+void forward(const std::vector<Input>& parameters, Stack rows, Array results) {
+  const PerceptronShape shape = shape_from(rows, parameters, results.size());
+  const auto layers = layers_from<const float>(shape, parameters);
+  const nb::gil_scoped_release unlocked;
+  (current_isa() == Isa::v4 ? v4::perceptron_forward : v3::perceptron_forward)(shape, layers, rows.data(),
+                                                                               results.data());
+}
+
+void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, const std::vector<Array>& gradients) {
+  const PerceptronShape shape = shape_from(rows, parameters, upstream.size());
+  const auto layers = layers_from<const float>(shape, parameters);
+  const auto sums = layers_from<float>(shape, gradients);
+  const nb::gil_scoped_release unlocked;
+  (current_isa() == Isa::v4 ? v4::perceptron_backward : v3::perceptron_backward)(shape, layers, rows.data(),
+                                                                                 upstream.data(), sums);
+}
+
+}  // namespace
+
+void bind_heads(nb::module_& module) {
+  module.def("perceptron_forward", &forward, nb::arg("parameters"), nb::arg("rows").noconvert(),
+             nb::arg("results").noconvert(), "H perceptrons of three layers, each at its own rows [H K inputs].");
+  module.def("perceptron_backward", &backward, nb::arg("parameters"), nb::arg("rows").noconvert(),
+             nb::arg("upstream").noconvert(), nb::arg("gradients"), "Gradients of all weights and biases.");
+}
+
+}  // namespace ringlight
