@@ -61,6 +61,7 @@ def test_eighty_columns_keep_what_matters_and_a_wide_terminal_shows_all():
 def test_missing_lpips_says_how_to_get_it():
     text = printed(ResultsTable(RUNS[:1]), 120)
     assert "unavailable" in text
+    assert "LPIPS vgg" not in text
     assert NO_LPIPS in text
 
 

@@ -51,12 +51,17 @@ class Cell:
     best: bool = False
 
 
-def columns(lpips_net: str) -> tuple[Column, ...]:
-    """All columns from left to right; LPIPS is the one of ``lpips_net``."""
+def lpips(report: Report, net: str | None) -> float | None:
+    """LPIPS of this net; None if it was not measured, or there is no net."""
+    value: float | None = getattr(report, f"lpips_{net}") if net else None
+    return value
 
-    def lpips(report: Report) -> float | None:
-        value: float | None = getattr(report, f"lpips_{lpips_net}")
-        return value
+
+def columns(lpips_net: str | None) -> tuple[Column, ...]:
+    """All columns from left to right; LPIPS is the one of ``lpips_net``, None if no run has any."""
+
+    def distance(report: Report) -> float | None:
+        return lpips(report, lpips_net)
 
     return (
         Column("run", 0, lambda row: row.label, is_name=True),
@@ -65,8 +70,8 @@ def columns(lpips_net: str) -> tuple[Column, ...]:
         _difference("dPSNR", 5, lambda report: report.psnr, 2),
         _measured("SSIM", 3, lambda report: report.ssim_same, "more", _fixed(4)),
         _difference("dSSIM", 12, lambda report: report.ssim_same, 4),
-        _measured(f"LPIPS {lpips_net}", 6, lpips, "less", _fixed(4, missing=UNAVAILABLE)),
-        _difference("dLPIPS", 13, lpips, 4),
+        _measured(f"LPIPS {lpips_net or ''}".strip(), 6, distance, "less", _fixed(4, missing=UNAVAILABLE)),
+        _difference("dLPIPS", 13, distance, 4),
         _measured("Gaussians", 8, lambda report: report.n_gaussians, "less", "{:,.0f}".format),
         _measured("raw MB", 1, lambda report: report.bytes_raw, "less", _megabytes),
         Column("x raw", 9, _size_ratio, always=False),

@@ -8,10 +8,16 @@ RENDERS = Path("images", "test")
 TRUTHS = Path("images", "truth")
 """The same views as photographed, so that runs can be compared without the data set."""
 
-FORBIDDEN = re.compile(r'[%/\\:*?"<>|\x00-\x1f]')
-"""Separators, what Windows refuses in names, and the percent sign that stands for them."""
+FOLDER_MARK = "__"
+"""Stands for a slash."""
+ESCAPED = re.compile(r'[%\\:*?"<>|\x00-\x1f]|_(?=[_/])|(?<=[_/])_')
+"""What Windows refuses in names, the percent sign that stands for it, and underscores that could read as a slash."""
 
 
 def picture_name(view: str) -> str:
-    """The file name for a view; forbidden characters are percent-encoded, so that no two views share a file."""
-    return FORBIDDEN.sub(lambda match: f"%{ord(match.group()):02X}", view) + ".png"
+    """The file name for a view: "test/r_0.png" becomes "test__r_0.png", what cannot be in a name is percent-encoded.
+
+    No two views share a file, unless their names differ in nothing but a ".png" at the end.
+    """
+    name = ESCAPED.sub(lambda match: f"%{ord(match.group()):02X}", view).replace("/", FOLDER_MARK)
+    return name if name.endswith(".png") else f"{name}.png"

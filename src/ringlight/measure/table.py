@@ -8,7 +8,7 @@ from rich.console import Console, ConsoleOptions
 from rich.table import Table
 from rich.text import Text
 
-from ringlight.measure.columns import LPIPS_NETS, MISSING, Cell, Column, Row, cells, columns
+from ringlight.measure.columns import LPIPS_NETS, MISSING, Cell, Column, Row, cells, columns, lpips
 from ringlight.measure.report import Report
 
 MIN_NAME_WIDTH = 16
@@ -130,6 +130,7 @@ def _markdown_line(texts: list[str]) -> str:
     return "| " + " | ".join(texts) + " |"
 
 
-def _common_lpips(reports: Sequence[Report]) -> str:
+def _common_lpips(reports: Sequence[Report]) -> str | None:
     """The net that most runs have measured, so that the column compares; in doubt the first of ``LPIPS_NETS``."""
-    return max(LPIPS_NETS, key=lambda net: sum(getattr(report, f"lpips_{net}") is not None for report in reports))
+    counts = {net: sum(lpips(report, net) is not None for report in reports) for net in LPIPS_NETS}
+    return max(LPIPS_NETS, key=lambda net: counts[net]) if any(counts.values()) else None
