@@ -60,7 +60,7 @@ def compare(runs: Sequence[Path], views: int = 3) -> Comparison:
     table = ResultsTable([(labels[run.folder], run.report) for run in loaded], baseline=labels[loaded[0].folder])
     sheets = [_sheet(scene, together, labels, views) for scene, together in scenes.items()]
     bare = [run.folder for run in loaded if not (run.pictures(RENDERS) and run.pictures(TRUTHS))]
-    notes = tuple(f"{folder} has no pictures; make them with 'ringlight eval {folder} --images'." for folder in bare)
+    notes = tuple(f"{folder} has no pictures; make them with 'ringlight eval {folder}'." for folder in bare)
     return Comparison(table, _stacked([sheet for sheet in sheets if sheet]), notes)
 
 

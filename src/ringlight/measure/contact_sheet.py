@@ -61,9 +61,7 @@ def contact_sheet(columns: Sequence[SheetColumn], truth: Pictures, views: int = 
         RunError: no columns, or no view that all columns and the truth have, or sizes that differ within a view.
     """
     if not columns:
-        raise RunError(
-            "a contact sheet needs the pictures of at least one run; make them with 'ringlight eval --images'"
-        )
+        raise RunError("a contact sheet needs the pictures of at least one run; make them with 'ringlight eval RUN'")
     names = choose_views([column.images for column in columns], truth, views)
     blocks = [_block(name, columns, truth) for name in names]
     top = _scale_top(blocks)
