@@ -1,1 +1,1 @@
-"""Speed, measured: commands of the product."""
+"""Speed, measured: medians of interleaved rounds, wall and CPU time, beside what the machine can do at best."""

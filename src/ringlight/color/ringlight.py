@@ -45,7 +45,7 @@ class RingLight(nn.Module):
 
     box: Tensor
     lit: Tensor
-    training_columns = (MASK,)
+    training_columns: tuple[str, ...] = (MASK,)
 
     def __init__(self, settings: RingLightSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()

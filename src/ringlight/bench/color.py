@@ -1,0 +1,111 @@
+"""Speed of the colour models: what each Gaussian of the standard workload emits towards its camera."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+
+from ringlight.bench.record import Circumstances
+from ringlight.bench.timing import TOTAL, Budget, Contestant, Timing, interleaved
+from ringlight.bench.workload import Size, Workload, workload
+from ringlight.color.contract import ColorModel
+from ringlight.color.harmonics import SphericalHarmonics
+from ringlight.color.ringlight import RingLight
+from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.randomness import generator
+from ringlight.core.scene import PointCloud
+from ringlight.errors import RecipeError
+
+PIXELS = 400
+"""The camera's image; it decides nothing but which Gaussians are in view, and all are."""
+
+SHOW, FORWARD, BACKWARD = "show", "forward", "backward"
+
+
+@dataclass(frozen=True)
+class ColorRow:
+    """One colour model on N Gaussians. ``show`` records no gradient, as in rendering; ``both`` is a training step's."""
+
+    model: str
+    gaussians: int
+    show: Timing
+    forward: Timing
+    backward: Timing
+    both: Timing
+
+
+@dataclass(frozen=True)
+class ColorBench:
+    """What ``ringlight bench color`` measured."""
+
+    circumstances: Circumstances
+    rows: tuple[ColorRow, ...]
+
+
+def color_models() -> dict[str, ColorModel]:
+    """The colour models by name, as their methods' presets set them; the ring is switched on."""
+    box = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+    return {
+        "harmonics": SphericalHarmonics(),
+        "ring": RingLight(RingLightSettings(), box),
+        "ring-exact": RingLight(RingLightSettings(evaluation="exact"), box),
+    }
+
+
+def bench_color(names: Sequence[str], counts: Sequence[int], budget: Budget, seed: int = 0) -> tuple[ColorRow, ...]:
+    """Time the named models on each number of Gaussians; the models take turns.
+
+    Raises RecipeError for an unknown model.
+    """
+    known = color_models()
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise RecipeError(f"no colour model is called {unknown[0]!r}; known: {', '.join(known)}")
+    return tuple(row for count in counts for row in _rows({n: known[n] for n in names}, count, budget, seed))
+
+
+class _Colors:
+    """One colour model on one table, with gradients of the columns and of the shared parameters."""
+
+    def __init__(self, model: ColorModel, work: Workload, seed: int):
+        appearance = model.new_columns(PointCloud(work.gaussians.means, work.channels))
+        columns = work.gaussians.columns() | appearance
+        self.gaussians = Gaussians.from_columns({name: c.clone().requires_grad_() for name, c in columns.items()})
+        self.model, self.camera = model, work.camera
+        shared = list(model.parameters()) if isinstance(model, nn.Module) else []
+        self.leaves = [*self.gaussians.columns().values(), *shared]
+        self.upstream = torch.randn(work.channels.shape, generator=generator(seed, 0, "colour gradient"))
+
+    def show(self) -> None:
+        with torch.no_grad():
+            self.model.channels(self.gaussians, self.camera)
+
+    def forward(self) -> None:
+        self.colors = self.model.channels(self.gaussians, self.camera)["rgb"]
+
+    def backward(self) -> None:
+        # Geometry has no gradient in some models, masks act on the opacity.
+        torch.autograd.grad(self.colors, self.leaves, self.upstream, allow_unused=True)
+
+
+def _rows(models: dict[str, ColorModel], count: int, budget: Budget, seed: int) -> list[ColorRow]:
+    work = workload(Size(count, PIXELS), seed)
+    contestants = {}
+    for name, model in models.items():
+        colors = _Colors(model, work, seed)
+        contestants[f"{name} {SHOW}"] = Contestant({SHOW: colors.show})
+        contestants[name] = Contestant({FORWARD: colors.forward, BACKWARD: colors.backward})
+    timings = interleaved(contestants, budget)
+    return [
+        ColorRow(
+            model=name,
+            gaussians=count,
+            show=timings[f"{name} {SHOW}"][SHOW],
+            forward=timings[name][FORWARD],
+            backward=timings[name][BACKWARD],
+            both=timings[name][TOTAL],
+        )
+        for name in models
+    ]

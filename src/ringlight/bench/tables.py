@@ -1,0 +1,104 @@
+"""Benchmark records as tables for a terminal of 80 characters or more."""
+
+from collections.abc import Iterator
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+from rich.text import Text
+
+from ringlight.bench.color import ColorBench
+from ringlight.bench.raster import Passes, RasterBench, RasterRow
+from ringlight.bench.record import Circumstances
+from ringlight.bench.step import StepBench
+
+Block = Table | Text
+
+COMMIT_DIGITS = 10
+
+NARROW_RATIO = 1.0
+"""Ratios up to here are shown as good."""
+
+
+def raster_tables(record: RasterBench) -> Iterator[Block]:
+    """Milliseconds a frame; with a peer a second table of the same, and the ratios."""
+    yield Text(f"rasterizer {record.rasterizer}: milliseconds a frame of the standard workload, medians", style="bold")
+    yield from _circumstances(record.circumstances)
+    table = _table("size", "channels", "forward", "backward", "both", "CPU both", "frames/s")
+    for row in record.rows:
+        per_second = f"{1e3 / row.ours.both.wall_ms:,.0f}"
+        table.add_row(row.size.name, str(row.size.channels), *_passes(row.ours), per_second)
+    yield table
+    compared = [row for row in record.rows if row.peer]
+    if compared:
+        yield Text(f"beside it, in turns, on the same inputs: {record.peer}", style="bold")
+        yield _peer_table(compared)
+
+
+def _peer_table(rows: list[RasterRow]) -> Table:
+    table = _table("size", "forward", "backward", "both", "CPU both", "wall ratio", "CPU ratio", "max diff")
+    for row in rows:
+        if row.peer and row.wall_ratio and row.cpu_ratio:
+            ratios = (_ratio(row.wall_ratio), _ratio(row.cpu_ratio))
+            table.add_row(row.size.name, *_passes(row.peer), *ratios, f"{row.largest_difference:.0e}")
+    return table
+
+
+def color_tables(record: ColorBench) -> Iterator[Block]:
+    """Milliseconds a view."""
+    yield Text("colour of all Gaussians towards one camera, milliseconds, medians", style="bold")
+    yield from _circumstances(record.circumstances)
+    table = _table("Gaussians", "model", "show", "forward", "backward", "both", "CPU both")
+    for row in record.rows:
+        times = (row.show.wall_ms, row.forward.wall_ms, row.backward.wall_ms, row.both.wall_ms, row.both.cpu_ms)
+        table.add_row(f"{row.gaussians:,}", row.model, *(_ms(time) for time in times))
+    yield table
+    yield Text("show: without gradients, as in rendering; both: as in a training step", style="dim")
+
+
+def step_tables(record: StepBench) -> Iterator[Block]:
+    """Where one training step spends its time."""
+    yield Text(f"one training step of {record.method} on {record.scene}, medians", style="bold")
+    yield Text(f"{record.gaussians:,} Gaussians, {record.image} pixels, {record.rasterizer} rasterizer", style="dim")
+    yield from _circumstances(record.circumstances)
+    table = _table("stage", "ms", "CPU ms", "share")
+    for name, timing in record.stages.items():
+        share = f"{100 * timing.wall_ms / max(record.staged.wall_ms, 1e-9):.0f} %"
+        table.add_row(name, _ms(timing.wall_ms), _ms(timing.cpu_ms), share)
+    table.add_section()
+    table.add_row("sum of stages", _ms(record.staged.wall_ms), _ms(record.staged.cpu_ms), "")
+    rate = f"{1e3 / record.whole.wall_ms:.0f} it/s"
+    table.add_row("the loop's step", _ms(record.whole.wall_ms), _ms(record.whole.cpu_ms), rate, style="bold")
+    yield table
+    yield Text(f"the step takes {record.floor_ratio:.2f} times its raster + loss + Adam stages", style="dim")
+
+
+def _circumstances(now: Circumstances) -> Iterator[Text]:
+    machine, source = now.machine, (now.commit or "installed copy")[:COMMIT_DIGITS]
+    yield Text(f"{machine.cpu}: {machine.cores} cores, {machine.threads} threads, {machine.isa}; {source}", style="dim")
+    peaks = f"float32 matrix product {now.matrix_gflops:.0f} GFLOP/s, copy {now.copy_gbs:.0f} GB/s"
+    yield Text(f"measured in this run: {peaks}", style="dim")
+    if now.is_busy:
+        yield Text(f"the machine is busy (load {now.load:.1f}): trust CPU times, not wall times", style="yellow")
+
+
+def _table(*titles: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    for title in titles:
+        table.add_column(title, justify="left" if title in ("size", "model", "stage") else "right", no_wrap=True)
+    return table
+
+
+def _passes(passes: Passes) -> tuple[str, str, str, str]:
+    times = (passes.forward.wall_ms, passes.backward.wall_ms, passes.both.wall_ms, passes.both.cpu_ms)
+    first, second, both, cpu = (_ms(time) for time in times)
+    return first, second, both, cpu
+
+
+def _ms(milliseconds: float) -> str:
+    """Three significant digits while small: 0.742, 6.35, 13.0, 128."""
+    digits = 3 if milliseconds < 1 else 2 if milliseconds < 10 else 1 if milliseconds < 100 else 0
+    return f"{milliseconds:.{digits}f}"
+
+
+def _ratio(value: float) -> Text:
+    return Text(f"{value:.2f}", style="bold green" if value <= NARROW_RATIO else "bold")

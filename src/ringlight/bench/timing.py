@@ -1,0 +1,85 @@
+"""Interleaved timing: contestants take turns, so that a busy moment of the machine falls on all of them alike."""
+
+import gc
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import median
+
+WARMUP_ROUNDS = 2
+"""The first rounds allocate memory and fill caches."""
+
+SHORTEST_MS = 1e-6
+"""A nanosecond: no ratio divides by zero where a clock is coarse."""
+
+TOTAL = "total"
+"""Name under which the sum over all stages of a round is reported."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Milliseconds, medians over rounds. ``cpu_ms`` is summed over threads; ``best_ms`` is the fastest wall time."""
+
+    wall_ms: float
+    cpu_ms: float
+    best_ms: float
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """Stages run and timed one after the other; ``prepare`` runs before each round, off the clock."""
+
+    stages: Mapping[str, Callable[[], object]]
+    prepare: Callable[[], object] = field(default=lambda: None)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Rounds wanted, and the seconds after which no further round begins (one is always timed)."""
+
+    rounds: int = 20
+    seconds: float = 5.0
+
+
+def interleaved(contestants: Mapping[str, Contestant], budget: Budget) -> dict[str, dict[str, Timing]]:
+    """Time every stage of every contestant, in turns; each also gets :data:`TOTAL`, the sum of its stages."""
+    records: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in contestants}
+    for _ in range(WARMUP_ROUNDS):
+        for contestant in contestants.values():
+            _round(contestant)
+    begun = time.perf_counter()
+    collecting = gc.isenabled()
+    # A collection of garbage would be charged to whoever happens to run.
+    gc.disable()
+    try:
+        for index in range(max(budget.rounds, 1)):
+            if index and time.perf_counter() - begun > budget.seconds:
+                break
+            for name, contestant in contestants.items():
+                records[name].append(_round(contestant))
+    finally:
+        if collecting:
+            gc.enable()
+    return {name: _timings(list(contestants[name].stages), records[name]) for name in contestants}
+
+
+def _round(contestant: Contestant) -> list[tuple[float, float]]:
+    """Wall and CPU seconds of each stage, once."""
+    contestant.prepare()
+    marks = [(time.perf_counter(), time.process_time())]
+    for stage in contestant.stages.values():
+        stage()
+        marks.append((time.perf_counter(), time.process_time()))
+    return [(after[0] - before[0], after[1] - before[1]) for before, after in pairwise(marks)]
+
+
+def _timings(names: Sequence[str], rounds: Sequence[Sequence[tuple[float, float]]]) -> dict[str, Timing]:
+    timings = {name: _timing([each[index] for each in rounds]) for index, name in enumerate(names)}
+    sums = [(sum(wall for wall, _ in each), sum(cpu for _, cpu in each)) for each in rounds]
+    return timings | {TOTAL: _timing(sums)}
+
+
+def _timing(seconds: Sequence[tuple[float, float]]) -> Timing:
+    walls, cpus = zip(*seconds, strict=True)
+    return Timing(1e3 * median(walls), 1e3 * median(cpus), 1e3 * min(walls))

@@ -1,0 +1,173 @@
+"""``ringlight bench raster|color|step``: how fast this machine is, and where the time goes."""
+
+import datetime
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from ringlight.cli.parse import parse
+from ringlight.methods.table import method_named
+
+if TYPE_CHECKING:
+    from ringlight.bench.record import Circumstances
+    from ringlight.bench.tables import Block
+    from ringlight.bench.timing import Budget
+    from ringlight.rasterize.contract import Rasterizer
+
+Device = Literal["auto", "cpu", "reference", "cuda"]
+
+
+@dataclass(frozen=True)
+class Common:
+    """What all benchmarks share."""
+
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core. RINGLIGHT_ISA=avx2 in the environment forces the AVX2 kernels."""
+    rounds: int = 20
+    """Rounds timed; medians are shown."""
+    seconds: float = 5.0
+    """No further round of one size begins after this."""
+    seed: int = 0
+    """Of the workload."""
+    json: bool = False
+    """Print the record as JSON instead of tables."""
+    save: str | None = None
+    """Keep the record as benchmarks/results/SAVE.json, in place of an earlier one."""
+
+
+@dataclass(frozen=True)
+class RasterArguments:
+    """Forward and backward of the rasterizer on the standard workload."""
+
+    sizes: tuple[str, ...] = ("10k@200", "10k@400", "100k@400", "100k@800", "300k@800")
+    """Gaussians@pixels on a side."""
+    channels: int = 3
+    """Blended channels."""
+    against: Path | None = None
+    """Folder of another kernel (kernel.cpp, bind.cpp, common.h, simd.h): compiled, and run in turns with ours."""
+    device: Device = "auto"
+    """Rasterizer; reference is plain torch and wants small sizes."""
+    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+
+@dataclass(frozen=True)
+class ColorArguments:
+    """Colour of every Gaussian towards one camera: spherical harmonics, the tensor ring."""
+
+    gaussians: tuple[int, ...] = (10_000, 100_000)
+    """Numbers of Gaussians."""
+    models: tuple[str, ...] = ("harmonics", "ring")
+    """harmonics, ring, ring-exact (the slow twin without tables)."""
+    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+
+@dataclass(frozen=True)
+class StepArguments:
+    """A whole training step and its stages, on the standard workload or on photographs."""
+
+    method: tyro.conf.Positional[str] = "3dgs"
+    """Method whose step is taken."""
+    size: str = "100k@400"
+    """Gaussians@pixels of the workload."""
+    scene: Path | None = None
+    """Folder of photographs, instead of the workload."""
+    after: int = 0
+    """Training steps on the photographs before the one that is timed."""
+    device: Device = "auto"
+    """Rasterizer."""
+    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+
+@dataclass(frozen=True)
+class BenchArguments:
+    """Measure speed: medians of interleaved rounds, wall and CPU time, beside what this machine can do at best."""
+
+    what: Annotated[
+        Annotated[RasterArguments, tyro.conf.subcommand("raster", prefix_name=False)]
+        | Annotated[ColorArguments, tyro.conf.subcommand("color", prefix_name=False)]
+        | Annotated[StepArguments, tyro.conf.subcommand("step", prefix_name=False)],
+        tyro.conf.arg(name=""),
+    ]
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and show; returns the exit code."""
+    asked = parse(BenchArguments, "bench", arguments).what
+    from rich.console import Console
+
+    from ringlight.bench.record import circumstances, result_path, save_result
+    from ringlight.cli.threads import use_threads
+    from ringlight.measure.json_record import to_json
+
+    common = asked.common
+    if common.save is not None:
+        result_path(common.save)
+    use_threads(common.threads)
+    now = circumstances(datetime.datetime.now(datetime.timezone.utc).date().isoformat())
+    record, tables = _RUNNERS[type(asked)](asked, now)
+    if common.json:
+        sys.stdout.write(to_json(record))
+    else:
+        Console().print(*tables, sep="\n")
+    if common.save is not None:
+        sys.stderr.write(f"written to {save_result(record, common.save)}\n")
+    return 0
+
+
+def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.raster import RasterBench, bench_raster
+    from ringlight.bench.tables import raster_tables
+    from ringlight.bench.workload import Size
+
+    sizes = [Size.parse(text, asked.channels) for text in asked.sizes]
+    rasterize, peer = _rasterizer(asked.device), None
+    if asked.against is not None:
+        from ringlight.bench.against import against
+
+        sys.stderr.write(f"compiling {asked.against}, about half a minute\n")
+        peer = against(asked.against, now.machine.threads, now.machine.isa, asked.channels)
+    rows = bench_raster(sizes, rasterize, _budget(asked.common), peer, asked.common.seed)
+    record = RasterBench(now, rasterize.name, str(asked.against) if peer else None, rows)
+    return record, raster_tables(record)
+
+
+def _color(asked: ColorArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.color import ColorBench, bench_color
+    from ringlight.bench.tables import color_tables
+
+    rows = bench_color(asked.models, asked.gaussians, _budget(asked.common), asked.common.seed)
+    record = ColorBench(now, rows)
+    return record, color_tables(record)
+
+
+def _step(asked: StepArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
+    from ringlight.bench.tables import step_tables
+    from ringlight.bench.workload import Size
+
+    recipe, rasterize, seed = method_named(asked.method), _rasterizer(asked.device), asked.common.seed
+    if asked.scene is None:
+        subject = subject_of_workload(asked.method, recipe, Size.parse(asked.size), rasterize, seed)
+    else:
+        subject = subject_of_scene(asked.method, recipe, asked.scene, asked.after, rasterize, seed)
+    record = bench_step(subject, _budget(asked.common), now)
+    return record, step_tables(record)
+
+
+_RUNNERS: dict[type, Any] = {RasterArguments: _raster, ColorArguments: _color, StepArguments: _step}
+
+
+def _rasterizer(device: Device) -> "Rasterizer":
+    from ringlight.rasterize.choose import rasterizer_for
+
+    return rasterizer_for(device)
+
+
+def _budget(common: Common) -> "Budget":
+    from ringlight.bench.timing import Budget
+
+    return Budget(common.rounds, common.seconds)

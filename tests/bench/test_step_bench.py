@@ -1,0 +1,52 @@
+"""The staged step is the loop's step: the same bits in every parameter; repeating it changes nothing."""
+
+import pytest
+import torch
+
+from ringlight.bench.staged_step import StagedStep
+from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
+from ringlight.bench.timing import Budget
+from ringlight.bench.workload import Size
+from ringlight.data.bundled import bundled_scene
+from ringlight.errors import RecipeError
+from ringlight.fit.train import train
+from ringlight.methods.table import METHODS
+from ringlight.rasterize.choose import rasterizer_for
+
+TINY = Size(400, 32)
+
+
+def subject(method):
+    return subject_of_workload(method, METHODS[method], TINY, rasterizer_for("cpu"))
+
+
+@pytest.mark.parametrize("method", ["3dgs", "ringlight"])
+def test_stages_do_what_the_loop_does(method):
+    looped, staged = subject(method), subject(method)
+    next(train(looped.training))
+    for stage in StagedStep(staged.training, staged.step).stages().values():
+        stage()
+    ours = staged.training.model.state_dict()
+    for name, tensor in looped.training.model.state_dict().items():
+        assert torch.allclose(tensor, ours[name], rtol=1e-5, atol=1e-7), name
+
+
+def test_the_workload_has_every_schedule_at_its_end():
+    assert int(subject("3dgs").training.model.color.active_degree) == 3
+    assert bool(subject("ringlight").training.model.color.lit)
+
+
+def test_repeating_leaves_the_training_where_it_was(circumstances):
+    before = subject("3dgs")
+    result = bench_step(before, Budget(rounds=2, seconds=60.0), circumstances)
+    assert result.gaussians == TINY.gaussians
+    assert result.image == "32x32"
+    assert set(result.stages) == set(StagedStep(before.training, before.step).stages())
+    assert result.floor_ratio > 0
+
+
+def test_photographs_can_be_stepped_on_too():
+    found = subject_of_scene("3dgs", METHODS["3dgs"], bundled_scene("toaster"), 1, rasterizer_for("cpu"))
+    assert found.step == 2
+    with pytest.raises(RecipeError, match="--after"):
+        subject_of_scene("3dgs", METHODS["3dgs"], bundled_scene("toaster"), 10**9, rasterizer_for("cpu"))

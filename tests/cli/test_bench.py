@@ -1,0 +1,74 @@
+"""``ringlight bench``: valid, complete JSON; tables that fit 80 columns; mistakes are one sentence."""
+
+import json
+
+import pytest
+
+from ringlight.cli.main import run
+
+QUICK = ["--rounds", "1", "--seconds", "0"]
+SMALL = {
+    "raster": ["--sizes", "200@16", "300@24"],
+    "color": ["--gaussians", "50"],
+    "step": ["ringlight", "--size", "300@24"],
+}
+
+
+@pytest.fixture(autouse=True)
+def quick_peaks(monkeypatch):
+    monkeypatch.setattr("ringlight.bench.record.peak_gflops", lambda: 1.0)
+    monkeypatch.setattr("ringlight.bench.record.copy_bandwidth", lambda: 2.0)
+
+
+@pytest.mark.parametrize("what", SMALL)
+def test_json_is_valid_and_complete(what, capsys):
+    assert run(["bench", what, *SMALL[what], *QUICK, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    now = record["circumstances"]
+    assert {"version", "commit", "date", "machine", "matrix_gflops", "copy_gbs", "load"} == set(now)
+    assert len(now["date"].split("-")) == 3
+    assert now["machine"]["isa"]
+    measured = record["stages"] if what == "step" else record["rows"]
+    assert measured
+
+
+@pytest.mark.parametrize("what", SMALL)
+def test_tables_fit_80_columns(what, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run(["bench", what, *SMALL[what], *QUICK]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 5
+    assert max(map(len, lines)) <= 80
+
+
+def test_save_writes_what_json_prints(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(["bench", "raster", "--sizes", "100@16", *QUICK, "--json", "--save", "small"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert json.loads((tmp_path / "benchmarks/results/small.json").read_text()) == printed
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["raster", "--sizes", "10x"], "'10x' is no size"),
+        (["raster", "--save", "../x"], "no name for a result"),
+        (["raster", "--device", "reference", "--sizes", "10@8", "--against", "nowhere"], "has no kernel.cpp"),
+        (["color", "--models", "shiny"], "no colour model is called"),
+        (["step", "nerf"], "no method is called"),
+        (["step", "--scene", "nowhere"], "nowhere"),
+    ],
+)
+def test_mistakes_are_one_sentence(words, sentence, capsys):
+    assert run(["bench", *words]) == 1
+    complaint = capsys.readouterr().err.strip().splitlines()[-1]
+    assert complaint.startswith("ringlight: ")
+    assert sentence in complaint
+
+
+@pytest.mark.parametrize("words", [[], ["speed"], ["raster", "--chanels", "3"], ["color", "--gaussians", "many"]])
+def test_wrong_usage_ends_with_2(words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        run(["bench", *words])
+    assert stop.value.code == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
