@@ -150,7 +150,7 @@ def _lpips() -> Iterator[Finding]:
     for net in ("alex", "vgg"):
         complaint = weights_status(net)
         if complaint:
-            yield Finding(f"LPIPS {net}", "missing", "weights are not here", f"ringlight fetch-lpips --net {net}")
+            yield Finding(f"LPIPS {net}", "missing", "weights are not here", "ringlight fetch-lpips")
         else:
             yield Finding(f"LPIPS {net}", "ok", "weights are here")
 

@@ -38,10 +38,45 @@ def refuse(verb: str, sentence: str) -> NoReturn:
 
 
 def one_sentence(box: str) -> str:
-    """The content of tyro's framed complaint on one line, without its frame and its own pointer to the help."""
-    lines = [re.sub(r"[│╭╮╰╯─]+", " ", line).strip() for line in box.splitlines()]
-    text = " ".join(line for line in lines if line)
-    text = re.sub(r"For full helptext,.*", "", text)
-    title, _, rest = text.partition("  ")
-    text = re.sub(r"\s+", " ", rest or title).strip()
-    return re.sub(r"^(Unrecognized options|Required options|Parsing error) (?=\S)", "", text)
+    """What tyro's framed complaint says, on one line, without its frame and its pointer to the help."""
+    # The frame is drawn with lines or, where the terminal knows no such characters, with blanks and hyphens.
+    inside = [line[2:].rstrip(" │") for line in box.splitlines()[1:] if not line.startswith("╰")]
+    sections = [section for section in re.split(RULE, "\n".join(inside)) if section.strip()]
+    hints = [hint for section in sections[1:] for hint in _hints(section.strip("\n"))]
+    return "; ".join([_complaint(sections[0].strip("\n")), *hints])
+
+
+RULE = r"(?m)^[-─]{10,}$"
+"""Between the sections of a complaint, and under its title."""
+
+PLAIN_WORDS = (
+    (r"invalid literal for int\(\) with base 10: (.*)", r"\1 is not a whole number"),
+    (r"could not convert string to float: (.*)", r"\1 is not a number"),
+    (r"^Error parsing (--\S+):", r"\1:"),
+    (r" \(applied to [^)]*\)", ""),
+    (r" Arguments are applied to the directly preceding.*", ""),
+    (r"^Expected one of \{(.*)\}\.?$", r"a word is missing: expected one of \1"),
+    (r"^Unrecognized(?: or misplaced)? options:", "not understood:"),
+)
+"""Python's and tyro's words, and those for a person."""
+
+
+def _complaint(section: str) -> str:
+    if section.startswith("Missing from"):
+        return "missing: " + ", ".join(re.findall(r"^    (\S.*)$", section, re.MULTILINE))
+    text = " ".join(section.split())
+    for pattern, words in PLAIN_WORDS:
+        text = re.sub(pattern, words, text)
+    return text.rstrip(". ")
+
+
+def _hints(section: str) -> list[str]:
+    """Flags that are near to the one that was given, with the words they go with; the words that were expected."""
+    if section.startswith("Available subcommands:"):
+        return ["expected one of " + " ".join(section.split()[2:])]
+    if not section.startswith("Perhaps you meant"):
+        return []
+    flags = re.findall(r"^    (--\S+)", section, re.MULTILINE)
+    owners = re.findall(r"^        in (?:ringlight )(\S+) --help", section, re.MULTILINE)
+    belongs = f" of {', '.join(dict.fromkeys(owners))}" if owners else ""
+    return [f"perhaps you meant {flags[0]}{belongs}"] if flags else []

