@@ -10,11 +10,11 @@ namespace ringlight {
 class Binning {
  public:
   // Fills in tile_starts, tile_order and entries of the frame from `order`, the rows from near to far.
-  // Needs rects, slots_of and pieces with their first_slot.
+  // Needs placements, and pieces with their first_slot.
   void bin(Frame& frame, const std::uint64_t* order, std::size_t drawn);
 
  private:
-  Buffer<std::uint32_t> cursors_;  // [segments][tiles]
+  Buffer<std::uint32_t> cursors_;  // [segments][tiles and a margin]
   Buffer<std::uint32_t> starts_, tile_order_;
   Buffer<std::uint64_t> entries_;
 };

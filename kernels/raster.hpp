@@ -74,16 +74,18 @@ struct Piece {
 // Depth keys are the bits of camera z, which order like z because z is positive.
 inline constexpr std::uint32_t NOT_DRAWN = 0xffffffffu;
 
-// The tiles that an ellipse touches: a rectangle in tile units and, for up to 31 tiles, one bit per tile in row-major
-// order. `tiles` is EVERY_TILE for larger rectangles, carries LISTED for those that are not 2 x 2, and is otherwise
-// the four bits of the 2 x 2 tiles at (x0, y0), by far the most frequent case.
-struct TileRect {
+// Where a Gaussian goes. The tiles it touches are a rectangle in tile units and, for up to 31 tiles, one bit per tile
+// in row-major order: `tiles` is EVERY_TILE for larger rectangles, carries LISTED for those that are not 2 x 2, and is
+// otherwise the four bits of the 2 x 2 tiles at (x0, y0), by far the most frequent case.
+struct Placement {
   std::uint8_t x0, y0, x1, y1;
   std::uint32_t tiles;
+  std::uint32_t first_slot;  // counted from the first slot of its piece
+  std::uint32_t depth_key;
 };
 inline constexpr std::uint32_t LISTED = 1u << 31, EVERY_TILE = ~0u;
 inline constexpr unsigned LISTED_TILES = 31;
-inline constexpr int MAX_TILES = 256;  // per axis: a TileRect has 8 bits for each bound
+inline constexpr int MAX_TILES = 256;  // per axis: a Placement has 8 bits for each bound
 
 // One record per Gaussian, one cache line. With d = pixel - centre, along = A dx + B dy, across = C dy:
 // log2(alpha) = LOG2_OPACITY - along^2 - across^2, a Cholesky form that no rounding can make indefinite.
@@ -112,11 +114,9 @@ struct Frame {
   Splats splats;
   int tiles_x, tiles_y;
 
-  // By row of the table.
-  float* records;             // [N RECORD]
-  std::uint32_t* depth_keys;  // [N]
-  TileRect* rects;            // [N]
-  std::uint32_t* slots_of;    // [N] first slot of the Gaussian, counted from its piece's
+  // By row of the table, with room for a whole group of LANES at the end.
+  float* records;         // [N RECORD]
+  Placement* placements;  // [N]
   Piece* pieces;
 
   // By tile; entries of a tile front to back.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <limits>
 #include <new>
 
 #include "dispatch.hpp"
@@ -20,27 +19,24 @@ int tiles_along(int pixels) { return (pixels + convention::TILE - 1) / conventio
 }  // namespace
 
 void Workspace::make_room() {
-  const std::size_t rows = frame_.splats.count;
+  const std::size_t rows = (frame_.splats.count + LANES - 1) / LANES * LANES;
   const std::size_t tiles = static_cast<std::size_t>(frame_.tiles_x) * static_cast<std::size_t>(frame_.tiles_y);
   frame_.records = records_.reserve(rows * RECORD);
-  frame_.depth_keys = depth_keys_.reserve(rows);
-  frame_.rects = rects_.reserve(rows);
-  frame_.slots_of = slots_of_.reserve(rows);
+  frame_.placements = placements_.reserve(rows);
   frame_.pieces = pieces_.reserve(piece_count(frame_));
   frame_.tile_used = tile_used_.reserve(tiles);
   frame_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
 }
 
-// Each worker needs the larger of: a chunk's rows and the states of a tile's blocks; the states, one row of channels
-// and its sums; the slot totals of sixteen Gaussians.
+// Each worker needs the states of a tile's blocks and, forward, a chunk's rows; backward, one row of channels and its
+// sums.
 void Workspace::reserve_scratch() {
   const int channels = frame_.splats.channel_count;
   const auto floats = [](int n) { return static_cast<std::size_t>(n); };
   const std::size_t states = BLOCKS * floats(state_stride(channels));
   const std::size_t width = floats(padded_channels(channels)), row = floats(row_stride(padded_channels(channels)));
-  const std::size_t totals = LANES * floats(slot_stride(channels, true));
   frame_.workers = threads();
-  frame_.scratch_stride = std::max({states + CHUNK * row, states + width * (LANES + 1), totals}) + LANES;
+  frame_.scratch_stride = states + std::max(CHUNK * row, width * (LANES + 1));
   frame_.scratch_stride = (frame_.scratch_stride + LANES - 1) / LANES * LANES;
   frame_.scratch = scratch_.reserve(static_cast<std::size_t>(frame_.workers) * frame_.scratch_stride);
 }
@@ -53,7 +49,8 @@ std::uint64_t Workspace::number_slots() {
     slots += frame_.pieces[i].entries;
     drawn += frame_.pieces[i].drawn;
   }
-  if (slots > std::numeric_limits<std::uint32_t>::max()) throw std::bad_alloc();  // half an entry names its slot
+  constexpr std::uint64_t MAX_SLOTS = 0xffff0000u;  // half an entry names its slot; some are left for bin.cpp
+  if (slots > MAX_SLOTS) throw std::bad_alloc();
   slots_in_use_ = slots;
   return drawn;
 }

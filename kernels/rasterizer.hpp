@@ -32,8 +32,8 @@ class Workspace {
   DepthSort sort_;
   Binning binning_;
   Buffer<float> records_, final_transmittance_, slots_, scratch_;
-  Buffer<std::uint32_t> depth_keys_, slots_of_, tile_used_;
-  Buffer<TileRect> rects_;
+  Buffer<std::uint32_t> tile_used_;
+  Buffer<Placement> placements_;
   Buffer<Piece> pieces_;
   Buffer<std::uint64_t> block_masks_;
   Buffer<std::uint8_t> slot_used_;

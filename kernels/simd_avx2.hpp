@@ -105,6 +105,7 @@ RINGLIGHT_INLINE Vec keep(Mask on, Vec a) { return {_mm256_and_ps(on.low, a.low)
 
 RINGLIGHT_INLINE IVec ivec(int value) { return {_mm256_set1_epi32(value), _mm256_set1_epi32(value)}; }
 RINGLIGHT_HALVES1(IVec, Vec, truncate, _mm256_cvttps_epi32)  // towards zero
+RINGLIGHT_HALVES1(Vec, IVec, as_floats, _mm256_castsi256_ps)
 RINGLIGHT_HALVES1(Vec, IVec, to_float, _mm256_cvtepi32_ps)
 RINGLIGHT_HALVES1(IVec, Vec, as_bits, _mm256_castps_si256)
 RINGLIGHT_HALVES2(IVec, IVec, operator+, _mm256_add_epi32)
@@ -116,6 +117,14 @@ RINGLIGHT_HALVES2(IVec, IVec, shift_right, _mm256_srlv_epi32)
 template <int By>
 RINGLIGHT_INLINE IVec shift_left(IVec a) {
   return {_mm256_slli_epi32(a.low, By), _mm256_slli_epi32(a.high, By)};
+}
+template <int By>
+RINGLIGHT_INLINE IVec shift_right(IVec a) {
+  return {_mm256_srli_epi32(a.low, By), _mm256_srli_epi32(a.high, By)};
+}
+RINGLIGHT_INLINE IVec select(Mask on, IVec a, IVec b) {
+  return {_mm256_blendv_epi8(b.low, a.low, _mm256_castps_si256(on.low)),
+          _mm256_blendv_epi8(b.high, a.high, _mm256_castps_si256(on.high))};
 }
 RINGLIGHT_INLINE IVec keep(Mask on, IVec a) {
   return {_mm256_and_si256(_mm256_castps_si256(on.low), a.low),
@@ -150,6 +159,9 @@ RINGLIGHT_INLINE __m256 mantissa_half(__m256 a) {
 }
 }  // namespace detail
 RINGLIGHT_HALVES2(Vec, Vec, scale_by_power, detail::scale_half)
+// x - floor(x), and a 2^floor(x).
+RINGLIGHT_INLINE Vec fraction(Vec x) { return x - floor(x); }
+RINGLIGHT_INLINE Vec scale_by_floor(Vec a, Vec x) { return scale_by_power(a, floor(x)); }
 RINGLIGHT_HALVES1(Vec, Vec, exponent, detail::exponent_half)
 RINGLIGHT_HALVES1(Vec, Vec, mantissa, detail::mantissa_half)
 

@@ -59,6 +59,7 @@ RINGLIGHT_INLINE Vec keep(Mask on, Vec a) { return _mm512_maskz_mov_ps(on, a.v);
 
 RINGLIGHT_INLINE IVec ivec(int value) { return {_mm512_set1_epi32(value)}; }
 RINGLIGHT_INLINE IVec truncate(Vec a) { return {_mm512_cvttps_epi32(a.v)}; }  // towards zero
+RINGLIGHT_INLINE Vec as_floats(IVec a) { return _mm512_castsi512_ps(a.v); }
 RINGLIGHT_INLINE Vec to_float(IVec a) { return _mm512_cvtepi32_ps(a.v); }
 RINGLIGHT_INLINE IVec as_bits(Vec a) { return {_mm512_castps_si512(a.v)}; }
 RINGLIGHT_INLINE IVec operator+(IVec a, IVec b) { return {_mm512_add_epi32(a.v, b.v)}; }
@@ -71,6 +72,11 @@ template <int By>
 RINGLIGHT_INLINE IVec shift_left(IVec a) {
   return {_mm512_slli_epi32(a.v, By)};
 }
+template <int By>
+RINGLIGHT_INLINE IVec shift_right(IVec a) {
+  return {_mm512_srli_epi32(a.v, By)};
+}
+RINGLIGHT_INLINE IVec select(Mask on, IVec a, IVec b) { return {_mm512_mask_blend_epi32(on, b.v, a.v)}; }
 RINGLIGHT_INLINE IVec keep(Mask on, IVec a) { return {_mm512_maskz_mov_epi32(on, a.v)}; }
 RINGLIGHT_INLINE void store(void* to, IVec a) { _mm512_storeu_si512(to, a.v); }
 RINGLIGHT_INLINE IVec load_ints(const void* from) { return {_mm512_loadu_si512(from)}; }
@@ -78,6 +84,9 @@ RINGLIGHT_INLINE Vec gather(const float* table, IVec index) { return _mm512_i32g
 
 // a 2^n for whole n, and the other way: a = mantissa 2^exponent with mantissa in [1, 2), for positive normal a.
 RINGLIGHT_INLINE Vec scale_by_power(Vec a, Vec n) { return _mm512_scalef_ps(a.v, n.v); }
+// x - floor(x), and a 2^floor(x).
+RINGLIGHT_INLINE Vec fraction(Vec x) { return _mm512_reduce_ps(x.v, _MM_FROUND_TO_NEG_INF); }
+RINGLIGHT_INLINE Vec scale_by_floor(Vec a, Vec x) { return _mm512_scalef_ps(a.v, x.v); }
 RINGLIGHT_INLINE Vec exponent(Vec a) { return _mm512_getexp_ps(a.v); }
 RINGLIGHT_INLINE Vec mantissa(Vec a) { return _mm512_getmant_ps(a.v, _MM_MANT_NORM_1_2, _MM_MANT_SIGN_src); }
 

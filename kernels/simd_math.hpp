@@ -23,8 +23,7 @@ RINGLIGHT_INLINE Vec polynomial(Vec x, const float (&coefficients)[Count]) {
 RINGLIGHT_INLINE Vec exp2_fast(Vec x) {
   static const float coefficients[] = {0.9999999403953552f,  0.6931530833244324f,   0.24015361070632935f,
                                        0.05582631751894951f, 0.008989340625703335f, 0.0018775764819619f};
-  const Vec whole = floor(x);
-  return scale_by_power(polynomial(x - whole, coefficients), whole);
+  return scale_by_floor(polynomial(fraction(x), coefficients), x);
 }
 
 // e^x to about 2 ulp. x is clamped to +-87, where the result is still a normal number; NaN stays NaN.

@@ -70,10 +70,10 @@ const std::uint64_t* DepthSort::sort(const Frame& frame, std::size_t drawn) {
   std::uint64_t* from = pairs_.reserve(drawn);
   std::uint64_t* to = sorted_.reserve(drawn);
 
-  const std::uint32_t* const keys = frame.depth_keys;
+  const Placement* const placements = frame.placements;
   Pass{frame.splats.count, segments, 0, bits, counts}.run(to, [&](std::size_t row, auto&& f) {
-    const std::uint64_t key = keys[row] - range.nearest;
-    if (keys[row] != NOT_DRAWN) f(key, key << 32 | row);
+    const std::uint32_t key = placements[row].depth_key;
+    if (key != NOT_DRAWN) f(key - range.nearest, std::uint64_t{key - range.nearest} << 32 | row);
   });
   for (int pass = 1; pass < passes; pass++) {
     std::swap(from, to);

@@ -11,7 +11,7 @@ namespace ringlight {
 class DepthSort {
  public:
   // Rows of the table from near to far, equal depths by row; `drawn` of them, valid until the next call.
-  // Needs depth_keys and pieces of the frame.
+  // Needs placements and pieces of the frame.
   const std::uint64_t* sort(const Frame& frame, std::size_t drawn);
 
  private:

@@ -142,7 +142,7 @@ RINGLIGHT_INLINE std::uint64_t walk_entry(const float* record, const float* chan
       for (int c = 0; c < C; c++)
         sums[moments + c] = fma(weight, load(state + UPSTREAM + c * LANES), sums[moments + c]);
     }
-    if (!any(drawn)) finished |= std::uint64_t{1} << block;
+    if (__builtin_expect(!any(drawn), 0)) finished |= std::uint64_t{1} << block;
   } while (mask);
   write_slot<C, Absolute>(slot, sums, place);
   return finished;

@@ -7,7 +7,7 @@ namespace {
 
 constexpr float TILE = convention::TILE;
 constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255)
-constexpr float TWO_LN2 = 1.38629436111989f;
+constexpr float TWO_LN2 = 1.38629436111989f, ROOT_HALF_LOG2E = 0.849321800288019f;
 // Tiles and blocks are found a little generously, for no rounding may lose a pixel with alpha >= 1/255. The blending
 // kernels then test alpha itself.
 constexpr float REACH_FACTOR = 1.0005f, REACH_MARGIN = 1e-5f;
@@ -29,25 +29,25 @@ RINGLIGHT_INLINE Ellipses find_ellipses(const Frame& frame, const Projection& p)
   Ellipses e;
   e.x = fma(Vec(camera.focal_x), p.slope[0], Vec(camera.center_x));
   e.y = fma(Vec(camera.focal_y), p.slope[1], Vec(camera.center_y));
-  const Vec half_log2e(0.5f * convention::LOG2_E);
-  const Vec inverse_yy = Vec(1.f) / p.cov_yy;
+  const Vec sigma_x = sqrt(p.cov_xx), sigma_y = sqrt(p.cov_yy), root_det = sqrt(p.det), one(1.f);
+  const Vec inverse_y = one / sigma_y, inverse_yy = inverse_y * inverse_y, root_half_log2e(ROOT_HALF_LOG2E);
   e.shear = p.cov_xy * inverse_yy;
-  e.along_x = sqrt(half_log2e * p.cov_yy / p.det);
+  e.spread = root_det * inverse_yy;
+  e.along_x = root_half_log2e * sigma_y / root_det;
   e.along_y = -(e.shear * e.along_x);
-  e.across_y = sqrt(half_log2e * inverse_yy);
+  e.across_y = root_half_log2e * inverse_y;
   constexpr float TINY = 1e-30f;  // keeps log2 in its domain; such rows are culled
   e.log2_opacity = min(log2(max(p.opacity, Vec(TINY))), Vec(MAX_LOG2_OPACITY));
 
   const Vec reach = Vec(TWO_LN2) * (e.log2_opacity - Vec(LOG2_MIN_ALPHA));  // squared standard deviations
   const Vec sigmas = min(Vec(convention::MAX_SIGMAS), sqrt(max(reach, Vec(0.f))));
-  e.radius_x = ceil(sigmas * sqrt(p.cov_xx));
-  e.radius_y = ceil(sigmas * sqrt(p.cov_yy));
-  const Vec generous = max(fma(reach, Vec(REACH_FACTOR), Vec(REACH_MARGIN)), Vec(0.f));
-  e.extent_x = sqrt(generous * p.cov_xx);
+  e.radius_x = ceil(sigmas * sigma_x);
+  e.radius_y = ceil(sigmas * sigma_y);
+  const Vec generous = max(fma(reach, Vec(REACH_FACTOR), Vec(REACH_MARGIN)), Vec(0.f)), root_generous = sqrt(generous);
+  e.extent_x = root_generous * sigma_x;
+  e.extent_y = root_generous * sigma_y;
   e.reach2 = generous * p.cov_yy;
-  e.extent_y = sqrt(e.reach2);
-  e.spread = sqrt(p.det) * inverse_yy;
-  e.turn = p.cov_xy / p.cov_xx * e.extent_x;
+  e.turn = root_generous * p.cov_xy / sigma_x;
 
   const Vec width(static_cast<float>(camera.width)), height(static_cast<float>(camera.height)), zero(0.f);
   const Vec z = p.position[2];
@@ -58,46 +58,54 @@ RINGLIGHT_INLINE Ellipses find_ellipses(const Frame& frame, const Projection& p)
   return e;
 }
 
-// Rows whose parameters and channels are all finite.
-RINGLIGHT_INLINE unsigned finite_rows(const Splats& splats, const SplatRows& rows, std::size_t first, int count) {
-  Vec a, b, c, d;
-  load_columns(rows.means, a, b, c);
-  Vec zero = (a + b + c) * Vec(0.f);
-  load_columns(rows.log_scales, a, b, c);
-  zero += a * Vec(0.f) + b * Vec(0.f) + c * Vec(0.f);
-  load_columns(rows.quats, a, b, c, d);
-  zero += a * Vec(0.f) + b * Vec(0.f) + c * Vec(0.f) + d * Vec(0.f);
-  zero += load(rows.opacity_logits) * Vec(0.f);
-  if (rows.opacity_factor) zero += load(rows.opacity_factor) * Vec(0.f);
-  unsigned finite = bits(ge(zero, Vec(0.f)));
-  const int channels = splats.channel_count;
-  if (channels == 3 && count == LANES) {
-    load_columns(splats.channels + 3 * first, a, b, c);
-    return finite & bits(ge(a * Vec(0.f) + b * Vec(0.f) + c * Vec(0.f), Vec(0.f)));
-  }
-  for (int i = 0; i < count; i++) {
-    const float* row = splats.channels + (first + i) * channels;
-    Vec sum(0.f);
-    for (int k = 0; k < channels; k += LANES)
-      sum += load_first(row + k, channels - k < LANES ? channels - k : LANES) * Vec(0.f);
-    if (bits(ge(sum, Vec(0.f))) != 0xffffu) finite &= ~(1u << i);
-  }
-  return finite & ((1u << count) - 1);
+// 0 in every lane where all of `count` consecutive floats are finite, NaN where one is not.
+RINGLIGHT_INLINE Vec zero_if_finite(const float* from, int count) {
+  Vec zero(0.f);
+  for (int k = 0; k < count; k += LANES)
+    zero = fma(load_first(from + k, count - k < LANES ? count - k : LANES), Vec(0.f), zero);
+  return zero;
 }
 
-RINGLIGHT_INLINE void write_records(const Frame& frame, std::size_t first, int count, const Ellipses& e) {
-  const Vec zero(0.f);
-  Vec rows[LANES] = {e.x, e.y, e.along_x, e.along_y, e.across_y, e.log2_opacity, zero, zero,
-                     zero, zero, e.shear, e.spread, e.reach2, e.turn, zero, zero};
-  transpose(rows);
-  const int channels = frame.splats.channel_count;
+RINGLIGHT_INLINE bool all_finite(Vec zero) { return bits(ge(zero, Vec(0.f))) == 0xffffu; }
+
+// Rows whose parameters and channels are all finite. Nearly always all of them, so all are asked at once first.
+RINGLIGHT_INLINE unsigned finite_rows(const Splats& splats, const SplatRows& rows, std::size_t first, int count) {
+  const int width = splats.channel_count;
+  const float* const channels = splats.channels + first * static_cast<std::size_t>(width);
+  Vec zero = zero_if_finite(rows.means, 3 * LANES) + zero_if_finite(rows.log_scales, 3 * LANES);
+  zero += zero_if_finite(rows.quats, 4 * LANES) + zero_if_finite(rows.opacity_logits, LANES);
+  if (rows.opacity_factor) zero += zero_if_finite(rows.opacity_factor, LANES);
+  zero += zero_if_finite(channels, count * width);
+  unsigned finite = (1u << count) - 1;
+  if (all_finite(zero)) return finite;
   for (int i = 0; i < count; i++) {
-    float* record = frame.records + (first + i) * RECORD;
-    store(record, rows[i]);
-    if (channels > RECORD_CHANNELS) continue;
-    const float* row = frame.splats.channels + (first + i) * channels;
-    for (int k = 0; k < channels; k++) record[FIRST_CHANNELS + k] = row[k];
+    zero = zero_if_finite(rows.means + 3 * i, 3) + zero_if_finite(rows.log_scales + 3 * i, 3);
+    zero += zero_if_finite(rows.quats + 4 * i, 4) + zero_if_finite(rows.opacity_logits + i, 1);
+    if (rows.opacity_factor) zero += zero_if_finite(rows.opacity_factor + i, 1);
+    zero += zero_if_finite(channels + i * width, width);
+    if (!all_finite(zero)) finite &= ~(1u << i);
   }
+  return finite;
+}
+
+RINGLIGHT_INLINE void channel_columns(const SplatRows& rows, Vec* to) {
+  for (int c = 0; c < RECORD_CHANNELS; c++) to[c] = Vec(0.f);
+  if (rows.record_channels == 1) to[0] = load(rows.channels);
+  if (rows.record_channels == 3) load_columns(rows.channels, to[0], to[1], to[2]);
+  if (rows.record_channels == 4) load_columns(rows.channels, to[0], to[1], to[2], to[3]);
+  if (rows.record_channels != 2) return;
+  float columns[2][LANES];
+  for (int i = 0; i < LANES; i++) columns[0][i] = rows.channels[2 * i], columns[1][i] = rows.channels[2 * i + 1];
+  to[0] = load(columns[0]), to[1] = load(columns[1]);
+}
+
+RINGLIGHT_INLINE void write_records(const Frame& frame, std::size_t first, const SplatRows& rows, const Ellipses& e) {
+  Vec c[RECORD_CHANNELS];
+  channel_columns(rows, c);
+  Vec fields[RECORD] = {e.x, e.y, e.along_x, e.along_y, e.across_y, e.log2_opacity, c[0], c[1],
+                        c[2], c[3], e.shear, e.spread, e.reach2, e.turn, Vec(0.f), Vec(0.f)};
+  transpose(fields);
+  for (int i = 0; i < LANES; i++) store(frame.records + (first + static_cast<std::size_t>(i)) * RECORD, fields[i]);
 }
 
 // Bits 0-3: which of the 2 x 2 tiles at (x0, y0) the ellipse touches; exact up to the margin.
@@ -140,20 +148,25 @@ bool touches(const float* record, int tile_x, int tile_y) {
 }
 
 // Fills in `tiles` of a rectangle larger than 2 x 2; returns the number of tiles.
-unsigned list_tiles(const float* record, TileRect& rect) {
-  const unsigned area = (rect.x1 - rect.x0 + 1u) * (rect.y1 - rect.y0 + 1u);
-  rect.tiles = EVERY_TILE;
+unsigned list_tiles(const float* record, Placement& place) {
+  const unsigned area = (place.x1 - place.x0 + 1u) * (place.y1 - place.y0 + 1u);
+  place.tiles = EVERY_TILE;
   if (area > LISTED_TILES) return area;
   unsigned tiles = 0, bit = 0;
-  for (int y = rect.y0; y <= rect.y1; y++)
-    for (int x = rect.x0; x <= rect.x1; x++) tiles |= static_cast<unsigned>(touches(record, x, y)) << bit++;
+  for (int y = place.y0; y <= place.y1; y++)
+    for (int x = place.x0; x <= place.x1; x++) tiles |= static_cast<unsigned>(touches(record, x, y)) << bit++;
   // All 31 bits would read as EVERY_TILE, which for 31 tiles says the same.
-  rect.tiles = tiles | LISTED;
+  place.tiles = tiles | LISTED;
   return static_cast<unsigned>(__builtin_popcount(tiles));
 }
 
-RINGLIGHT_INLINE void assign_tiles(const Frame& frame, std::size_t first, int count, const Ellipses& e, Vec z,
-                                   Piece& piece) {
+// What one task has seen so far.
+struct Progress {
+  Vec nearest, farthest;  // camera z of drawn rows, lane by lane
+  std::uint32_t entries, drawn;
+};
+
+RINGLIGHT_INLINE void place_rows(const Frame& frame, std::size_t first, const Ellipses& e, Vec z, Progress& progress) {
   const Vec to_tiles(1.f / TILE), zero(0.f), half(0.5f);
   const Vec last_x(static_cast<float>(frame.tiles_x - 1)), last_y(static_cast<float>(frame.tiles_y - 1));
   const Vec x0 = floor(min(max((e.x - e.extent_x - half) * to_tiles, zero), last_x));
@@ -163,24 +176,42 @@ RINGLIGHT_INLINE void assign_tiles(const Frame& frame, std::size_t first, int co
   const unsigned large = bits(both(e.drawn, gt(max(x1 - x0, y1 - y0), Vec(1.5f))));
   const IVec corners = truncate(x0) | shift_left<8>(truncate(y0)) | shift_left<16>(truncate(x1)) |
                        shift_left<24>(truncate(y1));
-  std::uint64_t rects[LANES];
-  std::uint32_t keys[LANES];
-  store_words(rects, corners, touched_2x2(e, x0, y0, x1, y1));
-  store(keys, as_bits(z));
-  for (int i = 0; i < count; i++) {
-    const std::size_t row = first + i;
-    TileRect& rect = frame.rects[row];
-    __builtin_memcpy(&rect, &rects[i], sizeof rect);
-    unsigned entries = static_cast<unsigned>(__builtin_popcount(rect.tiles));
-    if (__builtin_expect(large >> i & 1, 0)) entries = list_tiles(frame.records + row * RECORD, rect);
-    frame.slots_of[row] = piece.entries;
-    piece.entries += entries;
-    frame.depth_keys[row] = entries ? keys[i] : NOT_DRAWN;
-    if (!entries) continue;
-    piece.drawn++;
-    piece.nearest = keys[i] < piece.nearest ? keys[i] : piece.nearest;
-    piece.farthest = keys[i] > piece.farthest ? keys[i] : piece.farthest;
+  const IVec tiles = touched_2x2(e, x0, y0, x1, y1), one = ivec(1);
+  const IVec counts = (tiles & one) + (shift_right<1>(tiles) & one) + (shift_right<2>(tiles) & one) +
+                      shift_right<3>(tiles);
+  Placement* const places = frame.placements + first;
+  store_columns(reinterpret_cast<float*>(places), as_floats(corners), as_floats(tiles), zero, z);
+  std::uint32_t entries[LANES];
+  store(entries, counts);
+  for (unsigned left = large; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    entries[i] = list_tiles(frame.records + (first + static_cast<std::size_t>(i)) * RECORD, places[i]);
   }
+  for (int i = 0; i < LANES; i++) {
+    places[i].first_slot = progress.entries;
+    progress.entries += entries[i];
+  }
+  const Mask drawn = gt(to_float(load_ints(entries)), zero);
+  progress.nearest = min(progress.nearest, select(drawn, z, progress.nearest));
+  progress.farthest = max(progress.farthest, keep(drawn, z));
+  progress.drawn += static_cast<std::uint32_t>(__builtin_popcount(bits(drawn)));
+  for (unsigned hidden = ~bits(drawn) & 0xffffu; hidden; hidden &= hidden - 1)
+    places[__builtin_ctz(hidden)].depth_key = NOT_DRAWN;
+}
+
+RINGLIGHT_INLINE Piece summary(const Progress& progress) {
+  float nearest[LANES], farthest[LANES];
+  store(nearest, progress.nearest);
+  store(farthest, progress.farthest);
+  for (int i = 1; i < LANES; i++) {
+    nearest[0] = nearest[i] < nearest[0] ? nearest[i] : nearest[0];
+    farthest[0] = farthest[i] > farthest[0] ? farthest[i] : farthest[0];
+  }
+  Piece piece{0, progress.entries, progress.drawn, NOT_DRAWN, 0};
+  if (progress.drawn == 0) return piece;
+  __builtin_memcpy(&piece.nearest, &nearest[0], sizeof piece.nearest);
+  __builtin_memcpy(&piece.farthest, &farthest[0], sizeof piece.farthest);
+  return piece;
 }
 
 RINGLIGHT_INLINE void write_footprints(const Footprints& to, std::size_t first, int count, const Ellipses& e) {
@@ -201,7 +232,8 @@ RINGLIGHT_INLINE void write_footprints(const Footprints& to, std::size_t first, 
 }
 
 void project_piece(const Frame& frame, const Footprints& footprints, std::size_t begin, std::size_t end) {
-  Piece piece{0, 0, 0, NOT_DRAWN, 0};
+  constexpr float FARTHEST = 3e38f;
+  Progress progress{Vec(FARTHEST), Vec(0.f), 0, 0};
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
     SplatRows rows;
@@ -210,11 +242,11 @@ void project_piece(const Frame& frame, const Footprints& footprints, std::size_t
     project_rows(frame, rows, p);
     Ellipses e = find_ellipses(frame, p);
     e.drawn = both(e.drawn, mask_from_bits(finite_rows(frame.splats, rows, first, count)));
-    write_records(frame, first, count, e);
-    assign_tiles(frame, first, count, e, p.position[2], piece);
+    write_records(frame, first, rows, e);
+    place_rows(frame, first, e, p.position[2], progress);
     write_footprints(footprints, first, count, e);
   }
-  frame.pieces[begin / ROWS_PER_PIECE] = piece;
+  frame.pieces[begin / ROWS_PER_PIECE] = summary(progress);
 }
 
 }  // namespace

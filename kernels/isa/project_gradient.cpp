@@ -9,26 +9,55 @@ namespace {
 // Slots count in u and v of log2(alpha) = ... - u^2 - v^2; d^T Q d / 2 is u^2 + v^2 times this / 2.
 constexpr float TWO_LN2 = 1.38629436111989f, SQRT_TWO_LN2 = 1.17741002251547f;
 
-// The slots of sixteen Gaussians added up, each in the order of its tiles. Returns a bit per Gaussian that has any.
-RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int count, std::size_t stride, float* totals) {
+// Slots of one Gaussian: the entries of its placement, side by side.
+struct SlotRange {
+  std::size_t begin, end;
+};
+
+RINGLIGHT_INLINE SlotRange slots_of(const Frame& frame, const Piece& piece, std::size_t row) {
+  const Placement& place = frame.placements[row];
+  unsigned slots = static_cast<unsigned>(__builtin_popcount(place.tiles & ~LISTED));
+  if (place.tiles == EVERY_TILE) slots = (place.x1 - place.x0 + 1u) * (place.y1 - place.y0 + 1u);
+  const std::size_t begin = piece.first_slot + place.first_slot;
+  return {begin, begin + slots};
+}
+
+// Adds up the first LANES floats of the slots of sixteen Gaussians, each in the order of its tiles: one Vec each.
+// Returns a bit per Gaussian that has any.
+RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int count, std::size_t stride, Vec* totals) {
   const Piece& piece = frame.pieces[first / ROWS_PER_PIECE];
   unsigned seen = 0;
   for (int i = 0; i < LANES; i++) {
-    float* const total = totals + i * stride;
-    for (std::size_t k = 0; k < stride; k += LANES) store(total + k, Vec(0.f));
-    if (i >= count) continue;
-    const TileRect rect = frame.rects[first + i];
-    unsigned slots = static_cast<unsigned>(__builtin_popcount(rect.tiles & ~LISTED));
-    if (rect.tiles == EVERY_TILE) slots = (rect.x1 - rect.x0 + 1u) * (rect.y1 - rect.y0 + 1u);
-    const std::size_t begin = piece.first_slot + frame.slots_of[first + i];
-    for (std::size_t slot = begin; slot < begin + slots; slot++) {
-      if (!frame.slot_used[slot]) continue;
-      seen |= 1u << i;
-      const float* const from = frame.slots + slot * stride;
-      for (std::size_t k = 0; k < stride; k += LANES) store(total + k, load(total + k) + load(from + k));
+    Vec total(0.f);
+    if (i < count) {
+      const SlotRange range = slots_of(frame, piece, first + static_cast<std::size_t>(i));
+      for (std::size_t slot = range.begin; slot < range.end; slot++) {
+        if (!frame.slot_used[slot]) continue;
+        seen |= 1u << i;
+        total += load(frame.slots + slot * stride);
+      }
     }
+    totals[i] = total;
   }
   return seen;
+}
+
+// Gradients of channels that do not all lie in the first LANES floats of a slot, straight to their rows.
+RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t first, int count, std::size_t stride, int moments,
+                                   float* to) {
+  const Piece& piece = frame.pieces[first / ROWS_PER_PIECE];
+  const int channels = frame.splats.channel_count;
+  for (int i = 0; i < count; i++) {
+    const std::size_t row = first + static_cast<std::size_t>(i);
+    const SlotRange range = slots_of(frame, piece, row);
+    for (int c = 0; c < channels; c += LANES) {
+      const int width = channels - c < LANES ? channels - c : LANES;
+      Vec total(0.f);
+      for (std::size_t slot = range.begin; slot < range.end; slot++)
+        if (frame.slot_used[slot]) total += load_first(frame.slots + slot * stride + moments + c, width);
+      store_first(to + row * channels + c, total, width);
+    }
+  }
 }
 
 struct Moments {
@@ -169,51 +198,44 @@ RINGLIGHT_INLINE void write_rows(const SplatGradients& to, std::size_t first, in
   if (to.absolute) write_columns<2>(to.absolute, first, count, on, from.absolute);
 }
 
-RINGLIGHT_INLINE void write_channels(float* to, int channels, std::size_t first, int count, const float* totals,
-                                     std::size_t stride) {
-  for (int i = 0; i < count; i++) {
-    float* const row = to + (first + i) * static_cast<std::size_t>(channels);
-    for (int c = 0; c < channels; c++) row[c] = totals[i * stride + c];
-  }
+RINGLIGHT_INLINE void write_channels(const Frame& frame, const SplatGradients& to, std::size_t first, int count,
+                                     std::size_t stride, const Vec* columns) {
+  const Mask all = mask_from_bits(0xffff);
+  const int channels = frame.splats.channel_count, moments = slot_moments(frame.settings.absgrad);
+  if (channels == 1) return write_columns<1>(to.channels, first, count, all, columns + moments);
+  if (channels == 3) return write_columns<3>(to.channels, first, count, all, columns + moments);
+  if (channels == 4) return write_columns<4>(to.channels, first, count, all, columns + moments);
+  add_channels(frame, first, count, stride, moments, to.channels);
 }
 
-void piece_gradient(const Frame& frame, const SplatGradients& to, float* totals, std::size_t begin, std::size_t end) {
-  const bool absgrad = frame.settings.absgrad;
+void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t begin, std::size_t end) {
   const int channels = frame.splats.channel_count;
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(channels, absgrad));
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(channels, frame.settings.absgrad));
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
-    const unsigned seen = add_slots(frame, first, count, stride, totals);
-    write_channels(to.channels, channels, first, count, totals + slot_moments(absgrad), stride);
+    Vec t[LANES];
+    const unsigned seen = add_slots(frame, first, count, stride, t);
     RowGradients rows = {};
     if (seen) {
+      transpose(t);
       SplatRows table;
       take_rows(frame.splats, first, count, table);
       Projection p;
       project_rows(frame, table, p);
-      Vec t[LANES];
-      for (int i = 0; i < LANES; i++) t[i] = load(totals + i * stride);
-      transpose(t);
       const Moments m{t[SUM_G],   t[SUM_GU],  t[SUM_GV],     t[SUM_GUU],
                       t[SUM_GUV], t[SUM_GVV], t[ABSOLUTE_X], t[ABSOLUTE_Y]};
       row_gradients(frame, p, m, rows);
     }
     write_rows(to, first, count, mask_from_bits(seen), rows);
+    write_channels(frame, to, first, count, stride, t);
   }
 }
 
 }  // namespace
 
 void project_gradient(const Frame& frame, const SplatGradients& to) {
-  const std::size_t count = frame.splats.count, pieces = (count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE;
-  std::size_t next = 0;
-  parallel_for(static_cast<std::size_t>(frame.workers), [&](std::size_t worker) {
-    float* const totals = frame.scratch + worker * frame.scratch_stride;
-    for (std::size_t piece; (piece = __atomic_fetch_add(&next, std::size_t{1}, __ATOMIC_RELAXED)) < pieces;) {
-      const std::size_t begin = piece * ROWS_PER_PIECE, end = begin + ROWS_PER_PIECE;
-      piece_gradient(frame, to, totals, begin, end < count ? end : count);
-    }
-  });
+  parallel_ranges(frame.splats.count, ROWS_PER_PIECE,
+                  [&](std::size_t begin, std::size_t end) { piece_gradient(frame, to, begin, end); });
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

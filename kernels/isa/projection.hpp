@@ -6,10 +6,11 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-// Sixteen rows of the table; rows past its end are copies of its last row.
+// Sixteen rows of the table; rows past its end are copies of its last row. Channels too many for a record stay away.
 struct SplatRows {
-  const float *means, *log_scales, *quats, *opacity_logits, *opacity_factor;
-  float padding[LANES * 12];
+  const float *means, *log_scales, *quats, *opacity_logits, *opacity_factor, *channels;
+  int record_channels;
+  float padding[LANES * (12 + RECORD_CHANNELS)];
 };
 
 RINGLIGHT_INLINE const float* pad_rows(const float* from, int width, int count, float*& free) {
@@ -26,6 +27,8 @@ RINGLIGHT_INLINE void take_rows(const Splats& splats, std::size_t first, int cou
   rows.quats = splats.quats + 4 * first;
   rows.opacity_logits = splats.opacity_logits + first;
   rows.opacity_factor = splats.opacity_factor ? splats.opacity_factor + first : nullptr;
+  rows.record_channels = splats.channel_count <= RECORD_CHANNELS ? splats.channel_count : 0;
+  rows.channels = splats.channels + first * static_cast<std::size_t>(splats.channel_count);
   if (count == LANES) return;
   float* free = rows.padding;
   rows.means = pad_rows(rows.means, 3, count, free);
@@ -33,6 +36,7 @@ RINGLIGHT_INLINE void take_rows(const Splats& splats, std::size_t first, int cou
   rows.quats = pad_rows(rows.quats, 4, count, free);
   rows.opacity_logits = pad_rows(rows.opacity_logits, 1, count, free);
   if (rows.opacity_factor) rows.opacity_factor = pad_rows(rows.opacity_factor, 1, count, free);
+  if (rows.record_channels) rows.channels = pad_rows(rows.channels, rows.record_channels, count, free);
 }
 
 struct Projection {
@@ -93,7 +97,7 @@ RINGLIGHT_INLINE void rotate(const float* quats, Projection& p) {
   // Divided by the largest component first: squares of 1e-30 or 1e30 are not numbers of this type.
   const Vec largest = max(max(max(abs(w), abs(x)), max(abs(y), abs(z))), Vec(SMALLEST_LENGTH));
   const Vec inverse_largest = Vec(1.f) / largest;
-  w = w / largest, x = x / largest, y = y / largest, z = z / largest;
+  w = w * inverse_largest, x = x * inverse_largest, y = y * inverse_largest, z = z * inverse_largest;
   const Vec square = fma(w, w, fma(x, x, fma(y, y, z * z)));
   const Vec inverse_length = Vec(1.f) / sqrt(max(square, Vec(0.5f)));  // the square is at least 1, or 0
   p.inverse_norm[0] = inverse_largest, p.inverse_norm[1] = inverse_length;
