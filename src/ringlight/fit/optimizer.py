@@ -50,10 +50,12 @@ class Optimizer:
     def edit_rows(self, keep: Int[Tensor, "K"], added: Gaussians | None = None) -> None:
         """Keep these rows, in this order, then append ``added``; moments follow, those of new rows start at zero."""
         new = {} if added is None else added.columns()
-        for column, old in list(self.model.columns.items()):
+        columns = self.model.columns
+        assert isinstance(columns, nn.ParameterDict)
+        for column, old in list(columns.items()):
             tail = new[column] if new else old[:0]
             name = COLUMNS_PREFIX + column
-            self.model.columns[column] = nn.Parameter(torch.cat([old.detach()[keep], tail]))
+            columns[column] = nn.Parameter(torch.cat([old.detach()[keep], tail]))
             for moments in (self._mean, self._square):
                 moments[name] = torch.cat([moments[name][keep], torch.zeros_like(tail)])
 
