@@ -4,24 +4,11 @@ import shutil
 from pathlib import Path
 
 import pytest
+from cli_session import QUICK, SMALL_LIGHT
 from command import Command, Outcome
 from scenes_on_disk import write_tiny_scene
 
 from ringlight.cli.main import run
-
-QUICK = ("--steps", "40", "--quiet", "--lpips", "--initial-points", "300")
-SMALL_LIGHT = (
-    "--light.ring.rank",
-    "4",
-    "--light.ring.features",
-    "8",
-    "--light.ring.position-nodes",
-    "64",
-    "--light.ring.head-hidden",
-    "16",
-    "--warmup",
-    "0.3",
-)
 
 
 @pytest.fixture

@@ -33,11 +33,10 @@ def main(arguments: list[str]) -> int:
     from ringlight.measure.lpips import weights_folder, weights_path, weights_status
 
     console = Console(stderr=True)
-    files = [weights_path(net) for net in LAYERS]
-    if asked.again or asked.archive or any(weights_status(net) for net in LAYERS):
+    files = [weights_path("alex"), weights_path("vgg")]
+    if asked.again or asked.archive or weights_status("alex") or weights_status("vgg"):
         with console.status("LPIPS weights") as status:
-            files = fetch_lpips(
-                weights_folder(), asked.archive, status.update if console.is_terminal else console.print
-            )
+            tell = status.update if console.is_terminal else console.print
+            files = fetch_lpips(weights_folder(), asked.archive, tell)
     sys.stdout.writelines(f"{file}\n" for file in files)
     return 0

@@ -52,6 +52,7 @@ RULE = r"(?m)^[-─]{10,}$"
 PLAIN_WORDS = (
     (r"invalid literal for int\(\) with base 10: (.*)", r"\1 is not a whole number"),
     (r"could not convert string to float: (.*)", r"\1 is not a number"),
+    (r"Missing value for argument '(.*)'\. Expected 1 values", r"a value is missing for \1"),
     (r"^Error parsing (--\S+):", r"\1:"),
     (r" \(applied to [^)]*\)", ""),
     (r" Arguments are applied to the directly preceding.*", ""),

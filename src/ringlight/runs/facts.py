@@ -93,7 +93,9 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
     except RunError as error:
         problems.append(str(error))
     try:
-        report = read_report(run.path)
+        # A run that has not ended has no report yet.
+        if run.report.exists() or _has_ended(record, header):
+            report = read_report(run.path)
     except RunError as error:
         problems.append(str(error))
     try:
@@ -121,6 +123,10 @@ def _headline(report: Report | None) -> dict[str, Any]:
 
 def _resume(run: RunFolder, record: RunRecord | None, header: ModelHeader, has_checkpoint: bool) -> str | None:
     """The command that goes on with the run; None where it has ended or cannot."""
-    if record is None or not has_checkpoint or header.step >= record.recipe.steps:
+    if record is None or not has_checkpoint or _has_ended(record, header):
         return None
     return f"ringlight train --resume {run.path}"
+
+
+def _has_ended(record: RunRecord | None, header: ModelHeader) -> bool:
+    return record is not None and header.step >= record.recipe.steps

@@ -16,7 +16,7 @@ from ringlight.fit.train import Progress, Training, train
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import RunFolder
-from ringlight.runs.record import RunRecord
+from ringlight.runs.record import RECORD_NAME, RunRecord
 
 
 @dataclass
@@ -58,6 +58,9 @@ class Session:
         if not folder.checkpoint.exists():
             raise RunError(f"{path}: has no checkpoint yet; start it again with --out NEW")
         stored = read_tensors(folder.checkpoint)
+        if not record.scene.is_dir():
+            remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
+            raise RunError(f"{record.scene}: the scene of {path} is gone; {remedy}")
         scene = load_scene(record.scene, record.options)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         try:

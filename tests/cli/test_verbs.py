@@ -1,0 +1,309 @@
+"""The commands as a person uses them, from photographs to a PLY."""
+
+import json
+import shutil
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from cli_session import QUICK, SMALL_LIGHT
+from command import Command
+from scenes_on_disk import picture
+
+from ringlight.cli import checks
+from ringlight.files.ply import read_gaussian_ply
+from ringlight.fit.train import Progress
+from ringlight.measure.picture_names import picture_name
+from ringlight.methods.store import load_model
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.session import Session
+
+METHODS = ("3dgs", "ringlight")
+TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "steps_per_second"}
+"""Fields of a report that differ from one run to the next."""
+
+
+def numbers(report: Path) -> dict:
+    return {name: value for name, value in json.loads(report.read_text()).items() if name not in TIMED}
+
+
+def files(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+# train
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_folder_holds_everything(method: str, trained: dict[str, Path]) -> None:
+    found = files(trained[method])
+    assert {"model.safetensors", "checkpoint.safetensors", "report.json", "recipe.json"} <= found
+    pictures = {f"images/{kind}/{picture_name(f'test/r_{i}.png')}" for kind in ("test", "truth") for i in range(2)}
+    assert found - pictures == {"model.safetensors", "checkpoint.safetensors", "report.json", "recipe.json"}
+    report = json.loads((trained[method] / "report.json").read_text())
+    assert report["preset"] == method
+    assert report["iterations"] == 40
+    assert report["bytes_file"] == (trained[method] / "model.safetensors").stat().st_size
+    assert report["background"] == "white"
+
+
+def test_train_prints_a_table_or_json_and_nothing_else_on_standard_output(
+    tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    words = ("train", tiny, "3dgs", "--steps", "3", "--initial-points", "100", "--lpips")
+    table = ringlight(*words, "--out", tmp_path / "a")
+    assert table.code == 0
+    assert "PSNR" in table.out
+    assert "3dgs" in table.out
+    assert f"ringlight render {tmp_path / 'a'}" in table.err
+    told = ringlight(*words, "--out", tmp_path / "b", "--json", "--quiet")
+    assert told.code == 0
+    assert json.loads(told.out)["scene"] == "balls"
+    assert told.err == ""
+    assert (tmp_path / "a" / "model.safetensors").read_bytes() == (tmp_path / "b" / "model.safetensors").read_bytes()
+
+
+def test_an_interrupted_run_goes_on_to_the_same_bits(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = Session.steps
+
+    def pressed_at_fifteen(session: Session) -> Iterator[Progress]:
+        for progress in steps(session):
+            if progress.step == 15:
+                signal.raise_signal(signal.SIGINT)
+            yield progress
+
+    run = tmp_path / "run"
+    with monkeypatch.context() as patched:
+        patched.setattr(Session, "steps", pressed_at_fifteen)
+        stopped = ringlight("train", tiny, "ringlight", "--out", run, *QUICK, *SMALL_LIGHT)
+    assert stopped.code == 130
+    resume = f"ringlight train --resume {run}"
+    assert resume in stopped.err
+    assert not (run / "report.json").exists()
+    assert resume in ringlight("info", run).out
+    finished = ringlight("train", "--resume", run, "--quiet", "--lpips")
+    assert finished.code == 0, finished.err
+    assert (run / "model.safetensors").read_bytes() == (trained["ringlight"] / "model.safetensors").read_bytes()
+    assert numbers(run / "report.json") == numbers(trained["ringlight"] / "report.json")
+
+
+def test_runs_without_a_name_stand_beside_each_other(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ("train", tiny, "3dgs", "--steps", "2", "--initial-points", "50", "--lpips", "--quiet")
+    assert [ringlight(*words).code for _ in range(2)] == [0, 0]
+    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["balls-3dgs", "balls-3dgs-2"]
+
+
+# eval
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_eval_gives_the_numbers_of_training(
+    method: str, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    run = Path(shutil.copytree(trained[method], tmp_path / "run"))
+    before = json.loads((run / "report.json").read_text())
+    (run / "report.json").unlink()
+    shutil.rmtree(run / "images")
+    done = ringlight("eval", run, "--lpips")
+    assert done.code == 0, done.err
+    assert "PSNR" in done.out
+    assert f"written to {run}" in done.err
+    assert numbers(run / "report.json") == numbers(trained[method] / "report.json")
+    assert files(run) == files(trained[method])
+    after = json.loads((run / "report.json").read_text())
+    assert after["train_seconds"] == pytest.approx(before["train_seconds"]), "the checkpoint remembers the seconds"
+
+
+def test_eval_of_a_model_file_writes_only_where_it_is_told(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    model = Path(shutil.copy(trained["3dgs"] / "model.safetensors", tmp_path / "model.safetensors"))
+    told = ringlight("eval", model, tiny, "--lpips", "--json", "--quiet")
+    assert told.code == 0
+    truth = json.loads((trained["3dgs"] / "report.json").read_text())
+    report = json.loads(told.out)
+    assert report["psnr"] == truth["psnr"]
+    assert report["seed"] is None
+    assert files(tmp_path) == {"model.safetensors"}
+    words = ("eval", model, tiny, "--lpips", "--out", tmp_path / "out", "--images", tmp_path / "pictures")
+    assert ringlight(*words).code == 0
+    assert files(tmp_path / "out") == {"report.json"}
+    names = [picture_name(f"test/r_{i}.png") for i in range(2)]
+    assert files(tmp_path / "pictures") == {f"{kind}/{name}" for kind in ("test", "truth") for name in names}
+
+
+def test_eval_on_another_scene_leaves_the_run_alone(run_folder: Path, scene_copy: Path, ringlight: Command) -> None:
+    before = (run_folder / "report.json").read_bytes()
+    done = ringlight("eval", run_folder, scene_copy, "--background", "black", "--lpips")
+    assert done.code == 0
+    assert (run_folder / "report.json").read_bytes() == before
+
+
+# render
+
+
+def test_test_views_are_those_that_were_measured(run_folder: Path, ringlight: Command) -> None:
+    done = ringlight("render", run_folder)
+    folder = run_folder / "renders" / "test"
+    assert done.out == f"{folder}\n"
+    for index in range(2):
+        measured = run_folder / "images" / "test" / picture_name(f"test/r_{index}.png")
+        assert (picture(folder / "color" / f"r_{index}.png") == picture(measured)).all()
+
+
+def test_every_layer_of_every_path(run_folder: Path, ringlight: Command) -> None:
+    layers = ("color", "base", "residual", "modulation", "normal", "depth", "alpha")
+    for path in ("train", "orbit", "interpolated"):
+        done = ringlight("render", run_folder, "--path", path, "--frames", "3", "--layers", *layers)
+        folder = run_folder / "renders" / path
+        assert done.out == f"{folder}\n", done.err
+        shown_frames = (0, 2, 5) if path == "train" else range(3)
+        assert files(folder) == {f"{layer}/000{i}.png" for layer in layers for i in shown_frames}
+        shown = {layer: picture(folder / layer / "0000.png") for layer in layers}
+        assert all(image.shape == (20, 20, 3) for image in shown.values())
+        assert all(image.std() > 1 for image in shown.values()), "something is to be seen"
+
+
+def test_layers_add_up(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    """Over black, base plus residual is the colour, where the sum of the two was not clamped."""
+    words = ("--layers", "color", "base", "residual", "--background", "black", "--out", tmp_path / "out")
+    assert ringlight("render", trained["ringlight"], "--frames", "1", *words).code == 0
+    color, base, residual = (
+        picture(tmp_path / "out" / layer / "r_0.png").astype(float) / 255 for layer in ("color", "base", "residual")
+    )
+    assert np.median(np.abs(base + 2 * residual - 1 - color)) < 0.02
+
+
+def test_a_second_rendering_goes_beside_the_first(run_folder: Path, ringlight: Command) -> None:
+    words = ("render", run_folder, "--path", "orbit", "--frames", "2", "--quiet")
+    assert ringlight(*words).out == f"{run_folder / 'renders' / 'orbit'}\n"
+    assert ringlight(*words).out == f"{run_folder / 'renders' / 'orbit-2'}\n"
+    again = ringlight(*words, "--out", run_folder / "renders" / "orbit", "--overwrite", "--scale", "2")
+    assert again.code == 0
+    assert picture(run_folder / "renders" / "orbit" / "color" / "0000.png").shape == (40, 40, 3)
+    wide = ringlight(*words, "--out", run_folder / "wide", "--width", "30", "--background", "black")
+    assert wide.code == 0
+    assert picture(run_folder / "wide" / "color" / "0001.png").shape == (30, 30, 3)
+
+
+def test_a_model_file_is_enough_for_an_orbit(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    model = Path(shutil.copy(trained["ringlight"] / "model.safetensors", tmp_path / "m.safetensors"))
+    done = ringlight("render", model, "--path", "orbit", "--frames", "1")
+    assert done.out == f"{tmp_path / 'renders' / 'orbit'}\n"
+
+
+def test_a_film_of_each_layer(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    av = pytest.importorskip("av")
+    words = ("--path", "orbit", "--frames", "4", "--layers", "color", "depth", "--video", "--fps", "12")
+    assert ringlight("render", trained["3dgs"], *words, "--out", tmp_path / "out").code == 0
+    for layer in ("color", "depth"):
+        with av.open(str(tmp_path / "out" / f"{layer}.mp4")) as film:
+            assert len(list(film.decode(video=0))) == 4
+            assert film.streams.video[0].average_rate == 12
+
+
+# info
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_info_counts_every_byte(method: str, trained: dict[str, Path], ringlight: Command) -> None:
+    facts = json.loads(ringlight("info", trained[method], "--json").out)
+    report = json.loads((trained[method] / "report.json").read_text())
+    assert facts["bytes_raw"] == report["bytes_raw"] == sum(facts["bytes_by_part"].values())
+    assert facts["n_gaussians"] == report["n_gaussians"]
+    assert facts["n_cameras"] == 6
+    assert facts["run"]["psnr"] == report["psnr"]
+    assert facts["run"]["has_checkpoint"]
+    assert facts["run"]["resume"] is None, "the run has ended"
+    assert facts["run"]["problems"] == []
+    assert all(
+        np.prod(t["shape"]) * {"F32": 4, "BOOL": 1, "I64": 8}[t["dtype"]] == t["bytes"] for t in facts["tensors"]
+    )
+    text = ringlight("info", trained[method]).out
+    assert all(tensor["name"] in text for tensor in facts["tensors"])
+    assert f"{report['psnr']:.2f} dB" in text
+
+
+def test_info_of_a_model_file(trained: dict[str, Path], ringlight: Command) -> None:
+    facts = json.loads(ringlight("info", trained["3dgs"] / "model.safetensors", "--json").out)
+    assert facts["run"] is None
+    assert facts["header"]["step"] == 40
+
+
+# export
+
+
+def test_harmonics_are_exported_exactly(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    told = json.loads(ringlight("export", trained["3dgs"], tmp_path / "a.ply", "--json").out)
+    assert told["baked"] is False
+    assert told["rmse"] is None
+    model = load_model(trained["3dgs"], rasterizer_for("reference")).model
+    found = read_gaussian_ply(tmp_path / "a.ply").gaussians
+    for column in ("sh_dc", "sh_rest"):
+        assert torch.equal(found.appearance[column], model.gaussians.appearance[column])
+    assert torch.equal(found.means, model.gaussians.means)
+
+
+def test_a_neural_colour_is_baked_and_the_error_printed(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    done = ringlight("export", trained["ringlight"], tmp_path / "a.ply")
+    assert done.code == 0
+    assert "rmse" in done.out
+    again = ringlight("export", trained["ringlight"], tmp_path / "a.ply", "--overwrite", "--json")
+    told = json.loads(again.out)
+    assert told["baked"] is True
+    assert told["cameras"] == 6
+    assert 0 < told["rmse"] < 0.05
+    assert told["psnr"] > 25
+    assert len(read_gaussian_ply(tmp_path / "a.ply").gaussians) == told["n_gaussians"]
+
+
+# doctor, fetch-lpips
+
+
+def test_a_healthy_machine(ringlight: Command) -> None:
+    done = ringlight("doctor")
+    assert done.code == 0, done.out
+    assert "self test" in done.out
+    told = json.loads(ringlight("doctor", "--json").out)
+    assert told["healthy"]
+    assert all(finding["remedy"] for finding in told["findings"] if finding["state"] != "ok")
+
+
+def test_a_broken_module_is_essential(ringlight: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, "_difference_of_rasterizers", lambda: float("nan"))
+    done = ringlight("doctor")
+    assert done.code == 1
+    assert "problem  self test" in done.out
+    assert json.loads(ringlight("doctor", "--json").out)["healthy"] is False
+
+
+def test_lpips_weights_are_fetched_once(tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def fetch(destination: Path, archive: Path | None, progress: object) -> list[Path]:
+        asked.append(archive)
+        made = [destination / f"lpips-{net}.safetensors" for net in ("alex", "vgg")]
+        for path in made:
+            path.write_bytes(b"weights")
+        return made
+
+    monkeypatch.setenv("RINGLIGHT_CACHE", str(tmp_path))
+    monkeypatch.setattr("ringlight.files.lpips_weights.fetch_lpips", fetch)
+    assert "fetch-lpips" in ringlight("doctor").out
+    for _ in range(2):
+        done = ringlight("fetch-lpips")
+        assert done.code == 0
+        assert done.out.splitlines() == [str(tmp_path / f"lpips-{net}.safetensors") for net in ("alex", "vgg")]
+    assert asked == [None], "the second time they were there"
+    assert ringlight("fetch-lpips", "--archive", tmp_path / "missing.tar.gz").code == 0
+    assert asked[1:] == [tmp_path / "missing.tar.gz"]
