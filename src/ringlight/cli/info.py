@@ -73,10 +73,10 @@ def _run_lines(run: "RunFacts") -> Iterator[str]:
         seconds = f", trained in {run.train_seconds:.0f} s" if run.train_seconds else ""
         speed = f", {run.fps:.1f} FPS" if run.fps else ""
         yield _line("report", f"{run.psnr:.2f} dB, SSIM {run.ssim_same:.4f}{seconds}{speed}")
-    state = (
-        "none" if not run.has_checkpoint else f"yes; go on with: {run.resume}" if run.resume else "yes; run complete"
-    )
-    yield _line("checkpoint", state)
+    complete = "the run is complete" if run.scene else "but the run cannot go on, see below"
+    state = f"go on with: {run.resume}" if run.resume else complete
+    # Not wrapped: a command is copied whole.
+    yield f"{'checkpoint':{MARGIN}}" + (f"yes; {state}" if run.has_checkpoint else "none")
     for problem in run.problems:
         yield _line("problem", problem)
 
