@@ -5,24 +5,27 @@
 
 namespace ringlight {
 
-// A pinhole view and the margins of color/frustum.py, which explains them.
-struct FrustumView {
+// A pinhole view and the margins of color/drawable.py, which explains them.
+struct DrawableView {
   float world_to_camera[12];           // the upper three rows
   float focal[2], center[2], size[2];  // pixels
-  float reach_sigmas, reach_pixels, slope_margin;
+  float reach_sigmas, reach_pixels, slope_margin, faintest_logit;
+};
+
+struct SplatColumns {
+  const float *means, *log_scales, *opacity_logits;  // [count 3], [count 3], [count]
+  std::size_t count;
 };
 
 namespace v3 {
-// Writes the numbers of the rows that may be seen, ascending, and returns how many; `rows` has room for `count`.
-std::size_t rows_in_frustum(const float* means, const float* log_scales, std::size_t count, const FrustumView& view,
-                            std::int32_t* rows);
+// Writes the numbers of the rows that may be drawn, ascending, and returns how many; `rows` has room for `count`.
+std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows);
 // factor = 1 where sigmoid(logit) > threshold, else 0; the gradient is the sigmoid's (RingLight-GS, eq. 10).
 void straight_through(const float* logits, std::size_t count, float threshold, float* factor);
 void straight_through_gradient(const float* logits, const float* upstream, std::size_t count, float* gradient);
 }  // namespace v3
 namespace v4 {
-std::size_t rows_in_frustum(const float* means, const float* log_scales, std::size_t count, const FrustumView& view,
-                            std::int32_t* rows);
+std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows);
 void straight_through(const float* logits, std::size_t count, float threshold, float* factor);
 void straight_through_gradient(const float* logits, const float* upstream, std::size_t count, float* gradient);
 }  // namespace v4

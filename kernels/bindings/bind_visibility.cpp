@@ -21,21 +21,22 @@ void check(bool right, const char* message) {
   if (!right) throw std::invalid_argument(message);
 }
 
-std::size_t frustum(Input means, Input log_scales, const std::vector<float>& view, Rows rows) {
+std::size_t drawable(Input means, Input log_scales, Input opacity_logits, const std::vector<float>& view, Rows rows) {
   const std::size_t count = rows.size();
-  check(means.size() == 3 * count && log_scales.size() == 3 * count, "rows_in_frustum: means and scales must be [N 3]");
-  check(view.size() == 21, "rows_in_frustum: a view is a matrix, focal, center, size and three margins");
-  FrustumView frustum;
-  for (int i = 0; i < 12; i++) frustum.world_to_camera[i] = view[i];
+  check(means.size() == 3 * count && log_scales.size() == 3 * count && opacity_logits.size() == count,
+        "drawable_rows: means and log_scales must be [N 3], opacity_logits [N]");
+  check(view.size() == 22, "drawable_rows: a view is a matrix, focal, center, size and four margins");
+  DrawableView at;
+  for (int i = 0; i < 12; i++) at.world_to_camera[i] = view[i];
   for (int i = 0; i < 2; i++) {
-    frustum.focal[i] = view[12 + i];
-    frustum.center[i] = view[14 + i];
-    frustum.size[i] = view[16 + i];
+    at.focal[i] = view[12 + i];
+    at.center[i] = view[14 + i];
+    at.size[i] = view[16 + i];
   }
-  frustum.reach_sigmas = view[18], frustum.reach_pixels = view[19], frustum.slope_margin = view[20];
+  at.reach_sigmas = view[18], at.reach_pixels = view[19], at.slope_margin = view[20], at.faintest_logit = view[21];
+  const SplatColumns table{means.data(), log_scales.data(), opacity_logits.data(), count};
   const nb::gil_scoped_release unlocked;
-  return (current_isa() == Isa::v4 ? v4::rows_in_frustum : v3::rows_in_frustum)(means.data(), log_scales.data(), count,
-                                                                                frustum, rows.data());
+  return (current_isa() == Isa::v4 ? v4::drawable_rows : v3::drawable_rows)(table, at, rows.data());
 }
 
 void mask(Input logits, float threshold, Array factor) {
@@ -57,8 +58,9 @@ void mask_gradient(Input logits, Input upstream, Array gradient) {
 }  // namespace
 
 void bind_visibility(nb::module_& module) {
-  module.def("rows_in_frustum", &frustum, nb::arg("means").noconvert(), nb::arg("log_scales").noconvert(),
-             nb::arg("view"), nb::arg("rows").noconvert(), "Lists the rows that may be seen; returns how many.");
+  module.def("drawable_rows", &drawable, nb::arg("means").noconvert(), nb::arg("log_scales").noconvert(),
+             nb::arg("opacity_logits").noconvert(), nb::arg("view"), nb::arg("rows").noconvert(),
+             "Lists the rows that may be drawn; returns how many.");
   module.def("straight_through", &mask, nb::arg("logits").noconvert(), nb::arg("threshold"),
              nb::arg("factor").noconvert(), "One where sigmoid(logit) > threshold, else zero.");
   module.def("straight_through_gradient", &mask_gradient, nb::arg("logits").noconvert(),

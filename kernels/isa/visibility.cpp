@@ -24,7 +24,7 @@ Centers to_camera(const float* matrix, Vec x, Vec y, Vec z) {
 }
 
 // Sixteen rows; the largest scale times the Frobenius norm of the projection's Jacobian bounds the footprint.
-Mask may_be_seen(const float* means, const float* log_scales, const FrustumView& view) {
+Mask may_be_seen(const float* means, const float* log_scales, const DrawableView& view) {
   Vec x, y, z, first, second, third;
   load_columns(means, x, y, z);
   load_columns(log_scales, first, second, third);
@@ -47,19 +47,21 @@ Mask may_be_seen(const float* means, const float* log_scales, const FrustumView&
 }
 
 // Rows [begin, end) of the table, appended to `rows`.
-std::size_t list_rows(const float* means, const float* log_scales, std::size_t begin, std::size_t end,
-                      const FrustumView& view, std::int32_t* rows) {
+std::size_t list_rows(const SplatColumns& table, std::size_t begin, std::size_t end, const DrawableView& view,
+                      std::int32_t* rows) {
   std::size_t found = 0;
   for (std::size_t row = begin; row < end; row += LANES) {
     alignas(64) float last_means[3 * LANES] = {}, last_scales[3 * LANES] = {};
-    const float *mean = means + 3 * row, *scale = log_scales + 3 * row;
+    const float *mean = table.means + 3 * row, *scale = table.log_scales + 3 * row;
     const std::size_t left = end - row < LANES ? end - row : LANES;
     if (left < LANES) {
       std::memcpy(last_means, mean, 3 * left * sizeof(float));
       std::memcpy(last_scales, scale, 3 * left * sizeof(float));
       mean = last_means, scale = last_scales;
     }
-    unsigned seen = bits(may_be_seen(mean, scale, view)) & ((1u << left) - 1);
+    const Vec logits = load_first(table.opacity_logits + row, static_cast<int>(left));
+    const Mask strong = ge(logits, Vec(view.faintest_logit));
+    unsigned seen = bits(both(strong, may_be_seen(mean, scale, view))) & ((1u << left) - 1);
     for (; seen; seen &= seen - 1) rows[found++] = static_cast<std::int32_t>(row) + __builtin_ctz(seen);
   }
   return found;
@@ -67,12 +69,12 @@ std::size_t list_rows(const float* means, const float* log_scales, std::size_t b
 
 }  // namespace
 
-std::size_t rows_in_frustum(const float* means, const float* log_scales, std::size_t count, const FrustumView& view,
-                            std::int32_t* rows) {
+std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows) {
+  const std::size_t count = table.count;
   const std::size_t pieces = (count + GRAIN - 1) / GRAIN;
   auto* found = static_cast<std::size_t*>(std::malloc((pieces + 1) * sizeof(std::size_t)));
   parallel_ranges(count, GRAIN, [&](std::size_t begin, std::size_t end) {
-    found[begin / GRAIN] = list_rows(means, log_scales, begin, end, view, rows + begin);
+    found[begin / GRAIN] = list_rows(table, begin, end, view, rows + begin);
   });
   std::size_t total = 0;
   for (std::size_t piece = 0; piece < pieces; piece++) {

@@ -216,7 +216,7 @@ def test_avx2_build():
     here = Path(__file__)
     names = ("test_kernel_equals_twin", "test_layers_of_kernel_and_twin_agree")
     tests = [f"{here}::{name}" for name in names]
-    tests += [here.with_name("test_frustum.py"), here.with_name("test_visibility_mask.py")]
+    tests += [here.with_name("test_drawable.py"), here.with_name("test_visibility_mask.py")]
     tests.append(here.parents[1] / "fields" / "test_perceptron_kernel.py")
     environment = os.environ | {"RINGLIGHT_ISA": "avx2"}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *map(str, tests)]

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ringlight.color.frustum import rows_in_frustum
+from ringlight.color.drawable import drawable_rows
 from ringlight.color.render_module import LitColor, RenderModule
 from ringlight.color.ring_kernel import (
     LitRows,
@@ -126,14 +126,14 @@ class RingLight(nn.Module):
 
     def _lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         frame = torch.cat([camera.position[None], self.box])
-        return LitRows(gaussians.means.detach().contiguous(), rows_in_frustum(gaussians, camera), frame)
+        return LitRows(gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera), frame)
 
     def twin(self, gaussians: Gaussians, camera: Camera) -> LitColor:
         """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.
 
         Residual and modulation are zero where the camera cannot see.
         """
-        visible = rows_in_frustum(gaussians, camera).long()
+        visible = drawable_rows(gaussians, camera).long()
         means, base = gaussians.means.detach()[visible], gaussians.appearance[BASE].sigmoid()
         directions = view_directions(means, camera.position.to(means))
         points = self.unit_points(means)

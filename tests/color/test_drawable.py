@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from ringlight.color.frustum import in_frustum, rows_in_frustum
+from ringlight.color.drawable import drawable, drawable_rows
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 
@@ -21,12 +21,12 @@ def gaussians(means: list[list[float]], scale: float) -> Gaussians:
 
 def test_inside_outside_behind_and_broken():
     rows = [[0, 0, 0], [100, 0, 0], [0, -100, 0], [0, 0, -5], [float("nan"), 0, 0], [0, 0, float("inf")]]
-    assert in_frustum(gaussians(rows, 0.01), camera()).tolist() == [True, False, False, False, False, False]
+    assert drawable(gaussians(rows, 0.01), camera()).tolist() == [True, False, False, False, False, False]
 
 
 def test_large_gaussians_reach_into_the_image():
-    assert in_frustum(gaussians([[4.0, 0, 0]], 0.01), camera()).tolist() == [False]
-    assert in_frustum(gaussians([[4.0, 0, 0]], 1.5), camera()).tolist() == [True]
+    assert drawable(gaussians([[4.0, 0, 0]], 0.01), camera()).tolist() == [False]
+    assert drawable(gaussians([[4.0, 0, 0]], 1.5), camera()).tolist() == [True]
 
 
 def test_no_pixel_is_touched_by_a_row_outside():
@@ -37,7 +37,7 @@ def test_no_pixel_is_touched_by_a_row_outside():
     log_scales = torch.randn(count, 3, generator=generator) - 2
     table = Gaussians(means, log_scales, torch.randn(count, 4, generator=generator), torch.zeros(count))
     view = camera()
-    left_out = table.rows(~in_frustum(table, view) & (view.depths(means) > 0.01))
+    left_out = table.rows(~drawable(table, view) & (view.depths(means) > 0.01))
     assert len(left_out) > 100
     x, y, z = (left_out.means + view.world_to_camera[:3, 3]).unbind(-1)
     limit_x, limit_y = 1.3 * 0.5 * 64 / 100, 1.3 * 0.5 * 62 / 110
@@ -61,7 +61,15 @@ def test_kernel_lists_what_the_twin_marks(count):
     log_scales = torch.randn(count, 3, generator=generator) - 2
     broken = torch.rand(count, generator=generator) < 0.05
     means[broken, 1] = float("nan")
-    table = Gaussians(means, log_scales, torch.randn(count, 4, generator=generator), torch.zeros(count))
-    rows = rows_in_frustum(table, camera())
+    table = Gaussians(
+        means, log_scales, torch.randn(count, 4, generator=generator), 8 * torch.randn(count, generator=generator)
+    )
+    rows = drawable_rows(table, camera())
     assert rows.dtype == torch.int32
-    assert torch.equal(rows.long(), in_frustum(table, camera()).nonzero()[:, 0])
+    assert torch.equal(rows.long(), drawable(table, camera()).nonzero()[:, 0])
+
+
+def test_too_faint_to_change_a_picture():
+    table = gaussians([[0.0, 0.0, 0.0]] * 3, 0.01)
+    table.opacity_logits[:] = torch.tensor([1 / 255, 1 / 257, 0.5]).logit()
+    assert drawable(table, camera()).tolist() == [True, False, True]

@@ -1,5 +1,7 @@
 """Which Gaussians a rasterizer could draw, so that a costly colour is evaluated for those only."""
 
+import math
+
 import torch
 from jaxtyping import Bool, Int32
 from torch import Tensor
@@ -16,24 +18,28 @@ REACH_PIXELS = 4.0
 SLOPE_MARGIN = 1.5
 
 
+# Logit of the opacity 1/256: every rasterizer skips what is weaker than 1/255, a step of an 8-bit picture.
+FAINTEST_LOGIT = math.log(1 / 255)
+
+
 @torch.no_grad()
-def rows_in_frustum(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "V"]:
-    """Numbers of the rows that :func:`in_frustum` marks, ascending; by the kernel for float32 on the CPU."""
-    means, log_scales = gaussians.means.detach(), gaussians.log_scales.detach()
-    if means.dtype != torch.float32 or means.device.type != "cpu":
-        return in_frustum(gaussians, camera).nonzero()[:, 0].int()
+def drawable_rows(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "V"]:
+    """Numbers of the rows that :func:`drawable` marks, ascending; by the kernel for float32 on the CPU."""
+    columns = [gaussians.means, gaussians.log_scales, gaussians.opacity_logits]
+    if any(column.dtype != torch.float32 or column.device.type != "cpu" for column in columns):
+        return drawable(gaussians, camera).nonzero()[:, 0].int()
     pose = camera.world_to_camera[:3].flatten().tolist()
-    size = (camera.width, camera.height)
-    view = [*pose, *camera.focal, *camera.center, *size, REACH_SIGMAS, REACH_PIXELS, SLOPE_MARGIN]
-    rows = torch.empty(len(means), dtype=torch.int32)
-    return rows[: _kernels.rows_in_frustum(means.contiguous(), log_scales.contiguous(), view, rows)]
+    margins = (REACH_SIGMAS, REACH_PIXELS, SLOPE_MARGIN, FAINTEST_LOGIT)
+    view = [*pose, *camera.focal, *camera.center, camera.width, camera.height, *margins]
+    rows = torch.empty(len(gaussians), dtype=torch.int32)
+    return rows[: _kernels.drawable_rows(*(column.detach().contiguous() for column in columns), view, rows)]
 
 
 @torch.no_grad()
-def in_frustum(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "N"]:
-    """False only for rows that fall outside the image or behind the camera, whatever their orientation.
+def drawable(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "N"]:
+    """False only for rows off the image, behind the camera, or too faint, whatever their orientation.
 
-    The slow twin of :func:`rows_in_frustum`. The projected standard deviation is at most the largest scale times the
+    The slow twin of :func:`drawable_rows`. The projected standard deviation is at most the largest scale times the
     Frobenius norm of the projection's Jacobian. Rows with a non-finite centre are False.
     """
     matrix = camera.world_to_camera.to(gaussians.means)
@@ -49,4 +55,5 @@ def in_frustum(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "N"]:
     reach = REACH_SIGMAS * gaussians.log_scales.amax(-1).exp() * jacobian + REACH_PIXELS
     off_x = (fx * slope_x + cx - camera.width / 2).abs() - camera.width / 2
     off_y = (fy * slope_y + cy - camera.height / 2).abs() - camera.height / 2
-    return (z > 0) & (off_x <= reach) & (off_y <= reach)
+    strong = gaussians.opacity_logits >= FAINTEST_LOGIT
+    return strong & (z > 0) & (off_x <= reach) & (off_y <= reach)
