@@ -14,7 +14,7 @@ from ringlight.measure.metrics import psnr
 from ringlight.runs.session import Session
 
 if TYPE_CHECKING:
-    from ringlight.cli.train import ReaderOptions
+    from ringlight.cli.fitting import ReaderOptions
 
 LIVE_SECONDS, LOG_SECONDS = 0.25, 10.0
 SMOOTHING = 0.8

@@ -1,16 +1,15 @@
 """``ringlight train SCENE METHOD``: learn a scene from a folder of posed photographs."""
 
-import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from ringlight.cli.arguments import Device, MaybeFolder, Net
+from ringlight.cli.arguments import Device, MaybeFolder
+from ringlight.cli.fitting import ReaderOptions, fit
+from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.data.options import SceneOptions
@@ -19,24 +18,6 @@ from ringlight.methods.table import METHODS, method_named
 
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
-
-
-@dataclass(frozen=True)
-class ReaderOptions:
-    """What is watched and kept while a run trains; none of it changes the numbers."""
-
-    threads: int = 0
-    """Threads of the kernels; 0 takes every core. Results do not depend on it."""
-    save_every: float = 120.0
-    """Seconds between two checkpoints."""
-    eval_at: tuple[int, ...] = ()
-    """Steps after which the test views are measured on the way."""
-    lpips: tuple[Net, ...] = ("alex",)
-    """Networks for LPIPS at the end; their weights come by 'ringlight fetch-lpips'."""
-    json: bool = False
-    """Print the report as JSON on standard output instead of the table."""
-    quiet: bool = False
-    """No progress line."""
 
 
 @dataclass(frozen=True)
@@ -99,43 +80,14 @@ def main(arguments: list[str]) -> int:
 def _train(session: "Session", options: ReaderOptions) -> int:
     from rich.console import Console
 
-    from ringlight.cli.progress import announce, show_steps
     from ringlight.measure.table import ResultsTable
-    from ringlight.runs.finish import measure_session
 
-    announce(session, options.quiet)
-    with _deferred_interrupt() as interrupted:
-        show_steps(session, options, interrupted)
-    session.save()
-    if session.training.step < session.training.steps:
-        sys.stderr.write(
-            f"stopped after step {session.training.step} and saved; go on with: "
-            f"ringlight train --resume {session.folder.path}\n"
-        )
-        return 130
-    report = measure_session(session, options.lpips)
+    report = fit(session, options, f"ringlight train --resume {session.folder.path}")
+    if report is None:
+        return INTERRUPTED
     if options.json:
         sys.stdout.write(report.to_json())
     else:
         Console().print(ResultsTable([(report.preset, report)]))
         sys.stderr.write(f"written to {session.folder.path}; see it with: ringlight render {session.folder.path}\n")
     return 0
-
-
-@contextmanager
-def _deferred_interrupt() -> Iterator[list[bool]]:
-    """Ctrl-C inside the block only sets a flag, so that the step under way ends; a second one acts at once."""
-    flags: list[bool] = []
-
-    def remember(number: int, frame: object) -> None:
-        if flags:
-            raise KeyboardInterrupt
-        flags.append(True)
-        sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
-
-    previous = {number: signal.signal(number, remember) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield flags
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

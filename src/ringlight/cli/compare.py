@@ -1,0 +1,126 @@
+"""``ringlight compare RUN RUN ...``: several runs in one table and one contact sheet."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ringlight.cli.parse import parse, refuse
+from ringlight.errors import OutputError, RecipeError
+
+if TYPE_CHECKING:
+    from ringlight.measure.compare import Comparison
+    from ringlight.measure.report import Report
+
+LONGEST_NAME = 100
+"""Characters of a sheet's name made from the names of runs; file systems allow 255."""
+
+
+@dataclass(frozen=True)
+class CompareArguments:
+    """Runs side by side: one table, and one picture with the views on which they differ most.
+
+    Reads what the run folders hold (report.json, images/), so neither models nor photographs are needed.
+    """
+
+    runs: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RUN [RUN ...]", help_behavior_hint="(required)")
+    ]
+    """Folders that train or eval --out wrote."""
+    baseline: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
+    """The run that others are compared with; by default the first."""
+    views: int = 3
+    """Test views on the sheet."""
+    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png", help_behavior_hint="")] = None
+    """File of the contact sheet; by default named after the runs, in the current folder."""
+    overwrite: bool = False
+    """Replace --sheet if it exists."""
+    markdown: bool = False
+    """Print the table as markdown, with all columns."""
+    json: bool = False
+    """Print the reports as JSON."""
+
+
+@dataclass(frozen=True)
+class LabelledReport:
+    """A run by the name it has in the table."""
+
+    label: str
+    report: "Report"
+
+
+@dataclass(frozen=True)
+class ComparisonRecord:
+    """What --json prints. ``sheet`` is the file of the contact sheet."""
+
+    baseline: str | None
+    runs: tuple[LabelledReport, ...]
+    sheet: str | None
+    notes: tuple[str, ...]
+
+
+def main(arguments: list[str]) -> int:
+    """Compare; returns the exit code."""
+    asked = parse(CompareArguments, "compare", arguments)
+    if not asked.runs:
+        refuse("compare", "no runs are named; give the folders that 'ringlight train' wrote")
+    if asked.json and asked.markdown:
+        refuse("compare", "--json and --markdown cannot both be printed; choose one")
+    _check(asked)
+    from ringlight.measure.compare import compare
+    from ringlight.runs.sheet import write_sheet
+
+    comparison = compare(_ordered(asked), asked.views)
+    path = None
+    if comparison.sheet is not None:
+        path = asked.sheet or _free_name(asked.runs)
+        write_sheet(comparison.sheet, path)
+    _print(asked, comparison, path)
+    return 0
+
+
+def _check(asked: CompareArguments) -> None:
+    """What can be refused before anything is read."""
+    if asked.views < 1:
+        raise RecipeError(f"--views is {asked.views}; give at least 1")
+    if asked.sheet is not None and asked.sheet.exists() and not asked.overwrite:
+        raise OutputError(f"{asked.sheet}: exists already; give another name, or --overwrite to replace it")
+
+
+def _ordered(asked: CompareArguments) -> list[Path]:
+    """The baseline first: the comparison holds the others against the first."""
+    if asked.baseline is None:
+        return list(asked.runs)
+    return [asked.baseline, *(run for run in asked.runs if run.resolve() != asked.baseline.resolve())]
+
+
+def _print(asked: CompareArguments, comparison: "Comparison", sheet: Path | None) -> None:
+    from rich.console import Console
+
+    from ringlight.measure.json_record import to_json
+
+    table = comparison.table
+    if asked.json:
+        runs = tuple(LabelledReport(label, report) for label, report in table.runs)
+        record = ComparisonRecord(table.baseline, runs, str(sheet) if sheet else None, comparison.notes)
+        sys.stdout.write(to_json(record))
+        return
+    if asked.markdown:
+        sys.stdout.write(table.markdown())
+    else:
+        Console().print(table)
+    sys.stderr.write("".join(f"{note}\n" for note in comparison.notes))
+    if sheet is not None:
+        sys.stderr.write(f"side by side: {sheet}\n")
+
+
+def _free_name(runs: tuple[Path, ...]) -> Path:
+    """Named after the runs, in the current folder, with the first number behind it that is free."""
+    names = dict.fromkeys(run.resolve().name for run in runs)
+    stem = "-vs-".join(names)[:LONGEST_NAME]
+    path, number = Path(f"{stem}.png"), 2
+    while path.exists():
+        path, number = Path(f"{stem}-{number}.png"), number + 1
+    return path

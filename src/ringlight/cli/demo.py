@@ -1,0 +1,103 @@
+"""``ringlight demo``: two methods on a bundled scene, one table, one picture, and what to do next."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ringlight.cli.arguments import MaybeFolder
+from ringlight.cli.fitting import ReaderOptions, fit
+from ringlight.cli.main import INTERRUPTED
+from ringlight.cli.parse import parse
+from ringlight.errors import RecipeError
+
+if TYPE_CHECKING:
+    from ringlight.runs.demo import Demo
+
+STEPS = 3000
+"""Both methods together stay below four minutes on two cores."""
+
+
+@dataclass(frozen=True)
+class DemoArguments:
+    """Train 3dgs and ringlight on a bundled scene, and compare them on views that neither has seen.
+
+    Ctrl-C finishes the step and saves; ``ringlight demo --resume FOLDER`` goes on from there.
+    """
+
+    scene: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[toaster|carpaint]")] = "toaster"
+    """toaster (chrome) or carpaint (clear coat)."""
+    steps: int = STEPS
+    """Training steps of each method."""
+    seed: int = 0
+    """Same seed, same machine kind: the same bits."""
+    out: MaybeFolder = None
+    """Folder to make; by default runs/demo-SCENE, with a number behind it where that exists."""
+    resume: MaybeFolder = None
+    """Go on with the demo in this folder."""
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core."""
+    quiet: bool = False
+    """No progress line."""
+
+
+def main(arguments: list[str]) -> int:
+    """Train what is left to train, then show; returns the exit code."""
+    asked = parse(DemoArguments, "demo", arguments)
+    from ringlight.cli.threads import use_threads
+    from ringlight.runs.demo import METHODS_SHOWN
+
+    use_threads(asked.threads)
+    demo = _demo(asked)
+    options = ReaderOptions(quiet=asked.quiet)
+    for method in METHODS_SHOWN:
+        session = demo.session(method)
+        if session is not None and fit(session, options, f"ringlight demo --resume {demo.folder}") is None:
+            return INTERRUPTED
+        if not asked.quiet:
+            sys.stderr.write("\n")
+    _show(demo, asked.quiet)
+    return 0
+
+
+def _demo(asked: DemoArguments) -> "Demo":
+    from ringlight.runs.demo import Demo, Plan
+    from ringlight.runs.folder import free_folder
+
+    if asked.resume is not None:
+        return Demo.open(asked.resume)
+    if asked.steps < 1:
+        raise RecipeError(f"--steps is {asked.steps}; give at least 1")
+    out = asked.out or free_folder(Path("runs") / f"demo-{asked.scene}")
+    return Demo.create(out, Plan(asked.scene, asked.steps, asked.seed))
+
+
+def _show(demo: "Demo", quiet: bool) -> None:
+    from rich.console import Console
+
+    from ringlight.measure.compare import compare
+    from ringlight.runs.sheet import write_sheet
+
+    comparison = compare(demo.runs)
+    Console().print(comparison.table)
+    if comparison.sheet is not None:
+        write_sheet(comparison.sheet, demo.sheet)
+        sys.stdout.write(f"side by side: {demo.sheet}\n")
+    if not quiet:
+        sys.stderr.write(_next_steps(demo.runs[-1]))
+
+
+def _next_steps(run: Path) -> str:
+    return "\n".join(
+        [
+            "",
+            "what next:",
+            f"  fly around it             ringlight render {run} --path orbit",
+            f"  open it in other viewers  ringlight export {run} scene.ply",
+            "  your own photographs      ringlight train my-photos ringlight",
+            "      my-photos holds images/ and sparse/0/ (COLMAP), or transforms.json (nerfstudio)",
+            "",
+        ]
+    )

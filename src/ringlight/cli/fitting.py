@@ -1,0 +1,71 @@
+"""What the commands that train share: progress, Ctrl-C that saves, numbers at the end."""
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ringlight.cli.arguments import Net
+
+if TYPE_CHECKING:
+    from ringlight.measure.report import Report
+    from ringlight.runs.session import Session
+
+
+@dataclass(frozen=True)
+class ReaderOptions:
+    """What is watched and kept while a run trains; none of it changes the numbers."""
+
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core. Results do not depend on it."""
+    save_every: float = 120.0
+    """Seconds between two checkpoints."""
+    eval_at: tuple[int, ...] = ()
+    """Steps after which the test views are measured on the way."""
+    lpips: tuple[Net, ...] = ("alex",)
+    """Networks for LPIPS at the end; their weights come by 'ringlight fetch-lpips'."""
+    json: bool = False
+    """Print the report as JSON on standard output instead of the table."""
+    quiet: bool = False
+    """No progress line."""
+
+
+def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":
+    """Train what remains, save, and measure the test views; None where Ctrl-C stopped it, which is saved too.
+
+    ``resume_with`` is the command line that goes on from there.
+    """
+    from ringlight.cli.counting import counting
+    from ringlight.cli.progress import announce, show_steps
+    from ringlight.runs.finish import measure_session
+
+    announce(session, options.quiet)
+    with _deferred_interrupt() as interrupted:
+        show_steps(session, options, interrupted)
+    session.save()
+    if session.training.step < session.training.steps:
+        sys.stderr.write(f"stopped after step {session.training.step} and saved; go on with: {resume_with}\n")
+        return None
+    with counting("measuring test views", options.quiet) as tell:
+        return measure_session(session, options.lpips, tell)
+
+
+@contextmanager
+def _deferred_interrupt() -> Iterator[list[bool]]:
+    """Ctrl-C inside the block only sets a flag, so that the step under way ends; a second one acts at once."""
+    flags: list[bool] = []
+
+    def remember(number: int, frame: object) -> None:
+        if flags:
+            raise KeyboardInterrupt
+        flags.append(True)
+        sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
+
+    previous = {number: signal.signal(number, remember) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield flags
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

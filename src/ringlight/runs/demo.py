@@ -1,0 +1,82 @@
+"""The demo: two methods on one bundled scene, side by side below one folder."""
+
+import json
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from ringlight.data.bundled import bundled_scene
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RunError
+from ringlight.files.atomic import write_text
+from ringlight.methods.table import method_named
+from ringlight.runs.folder import REPORT_NAME, empty_folder
+from ringlight.runs.record import RECORD_NAME
+from ringlight.runs.session import Session
+
+METHODS_SHOWN = ("3dgs", "ringlight")
+"""In the order in which they are trained and shown: the yardstick first."""
+
+PLAN_NAME = "demo.json"
+SHEET_NAME = "contact_sheet.png"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What one demo trains; kept as demo.json, so that it can go on after an interrupt."""
+
+    scene: str
+    steps: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Demo:
+    """``folder`` holds demo.json, a run folder for each method, and the contact sheet."""
+
+    folder: Path
+    plan: Plan
+
+    @staticmethod
+    def create(folder: Path, plan: Plan) -> "Demo":
+        """A new demo. Raises SceneError for an unknown scene, RunError if the folder holds anything."""
+        bundled_scene(plan.scene)
+        empty_folder(folder)
+        write_text(folder / PLAN_NAME, json.dumps(asdict(plan), indent=2) + "\n")
+        return Demo(folder, plan)
+
+    @staticmethod
+    def open(folder: Path) -> "Demo":
+        """A demo that was begun. Raises RunError where there is none."""
+        path = folder / PLAN_NAME
+        try:
+            values = json.loads(path.read_text(encoding="utf-8"))
+            return Demo(folder, Plan(str(values["scene"]), int(values["steps"]), int(values["seed"])))
+        except FileNotFoundError:
+            raise RunError(f"{folder}: holds no {PLAN_NAME}; start a demo with 'ringlight demo'") from None
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise RunError(f"{path}: cannot be understood ({reason}); start a new one with 'ringlight demo'") from None
+
+    @property
+    def runs(self) -> tuple[Path, ...]:
+        """The run folders."""
+        return tuple(self.folder / method for method in METHODS_SHOWN)
+
+    @property
+    def sheet(self) -> Path:
+        """The picture with both methods side by side."""
+        return self.folder / SHEET_NAME
+
+    def session(self, method: str) -> Session | None:
+        """The training of ``method``, from its start or from where it stopped; None if it has been measured."""
+        folder = self.folder / method
+        if (folder / REPORT_NAME).exists():
+            return None
+        if (folder / RECORD_NAME).exists():
+            return Session.resume(folder)
+        recipe = replace(method_named(method), steps=self.plan.steps)
+        scene = bundled_scene(self.plan.scene)
+        session = Session.start(folder, scene, method, recipe, SceneOptions(), self.plan.seed, "auto")
+        # From here on there is something to resume from, whatever happens.
+        session.save()
+        return session
