@@ -52,6 +52,8 @@ RINGLIGHT_INLINE Ellipses find_ellipses(const Frame& frame, const Projection& p)
   const Vec width(static_cast<float>(camera.width)), height(static_cast<float>(camera.height)), zero(0.f);
   const Vec z = p.position[2];
   Mask drawn = both(both(ge(z, Vec(frame.settings.near)), gt(z, zero)), both(gt(reach, zero), gt(p.det, zero)));
+  // Nor what is so far away that its gradient would overflow.
+  drawn = both(drawn, is_finite(fma(p.position[0], p.position[0], fma(p.position[1], p.position[1], z * z))));
   drawn = both(drawn, both(is_finite(e.along_x * e.turn), both(is_finite(p.det), is_finite(e.along_y * e.spread))));
   drawn = both(drawn, both(gt(e.x + e.radius_x, zero), lt(e.x - e.radius_x, width)));
   e.drawn = both(drawn, both(gt(e.y + e.radius_y, zero), lt(e.y - e.radius_y, height)));

@@ -118,15 +118,14 @@ class _Job:
     """One view to draw: everything about it that has no gradient."""
 
     def __init__(self, camera: Camera, background: Tensor, options: RasterOptions, count: int) -> None:
-        self.camera = _kernels.Pinhole(
-            camera.world_to_camera.contiguous(), camera.focal, camera.center, camera.width, camera.height
-        )
+        pose = camera.world_to_camera.detach().float().contiguous()
+        self.camera = _kernels.Pinhole(pose, camera.focal, camera.center, camera.width, camera.height)
         self.settings = _kernels.RasterSettings(
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
         self.absgrad = options.absgrad
         self.size = (camera.height, camera.width)
-        self.background = background.detach().contiguous()
+        self.background = background.detach().float().contiguous()
         self.footprint = Footprint(torch.empty(count, 2), torch.empty(count, 2))
 
     def table(self, columns: Sequence[Tensor | None]) -> "_kernels.SplatTable":

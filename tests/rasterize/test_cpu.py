@@ -1,0 +1,231 @@
+"""What only the CPU back end promises; the contract itself is in tests/contracts/test_rasterizers.py."""
+
+import gc
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from contracts.raster_cases import Case, judge, random_case, random_cotangents, run
+from raster_oracle import ORACLES, load_oracle
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.errors import BackendError
+from ringlight.rasterize.contract import RasterOptions
+
+_kernels = pytest.importorskip("ringlight._kernels", reason="needs the compiled module")
+cpu = pytest.importorskip("ringlight.rasterize.cpu", reason="needs the compiled module")
+
+
+@pytest.fixture
+def rasterizer() -> "cpu.CpuRasterizer":
+    return cpu.CpuRasterizer()
+
+
+@pytest.fixture(autouse=True)
+def _all_cores_afterwards() -> Iterator[None]:
+    yield
+    _kernels.set_threads(0)
+
+
+def crowd(seed: int, count: int = 3000, channels: int = 3, size: tuple[int, int] = (150, 110)) -> Case:
+    """Enough Gaussians for several chunks per tile and several pieces of the table, a few of them image-wide."""
+    case = random_case(seed, count, channels, size, with_factor=True)
+    case.gaussians.log_scales[::50] += 2.5
+    return case
+
+
+def all_bits(rasterizer: "cpu.CpuRasterizer", case: Case, threads: int) -> list[Tensor]:
+    _kernels.set_threads(threads)
+    generator = torch.Generator().manual_seed(0)
+    shape = case.camera.height, case.camera.width
+    by_image = torch.randn(*shape, case.channels.shape[1], generator=generator)
+    outcome = run(rasterizer, case, by_image, torch.randn(*shape, 1, generator=generator))
+    footprint = outcome.raster.footprint
+    marks = [footprint.means2d, footprint.radii, footprint.means2d_gradient, footprint.absolute_gradient]
+    return [outcome.raster.image, outcome.raster.alpha, *marks, *outcome.gradients.values()]
+
+
+@pytest.mark.parametrize("channels", [3, 16, 40])
+def test_any_number_of_threads_gives_the_same_bits(rasterizer, channels: int):
+    case = crowd(channels, channels=channels)
+    alone = all_bits(rasterizer, case, 1)
+    for threads in (2, 4):
+        for ours, theirs in zip(alone, all_bits(rasterizer, case, threads), strict=True):
+            assert torch.equal(ours, theirs)
+
+
+# An alpha that lies on 1/255 up to rounding is drawn or not: up to 1/255 of a channel, at single pixels.
+ORACLE_IMAGE_TOLERANCE = 2e-4
+# Of the largest gradient of the column; the oracle's own float32 run is off by as much.
+ORACLE_GRADIENT_TOLERANCE = 1.5e-4
+
+
+def off_by(found: Tensor, expected: Tensor) -> float:
+    """Largest difference as a share of the largest expected value."""
+    return ((found.double() - expected).abs().max() / expected.abs().max()).item()
+
+
+@pytest.mark.parametrize("name", ORACLES)
+def test_equals_the_oracle(rasterizer, name: str):
+    oracle = load_oracle(name, torch.float32)
+    arrays = oracle.arrays
+    raster = rasterizer(oracle.gaussians, oracle.channels, oracle.camera, oracle.background, oracle.options)
+    torch.autograd.backward([raster.image, raster.alpha], oracle.cotangents)
+
+    assert (raster.image.detach() - arrays["img"]).abs().max() < ORACLE_IMAGE_TOLERANCE
+    assert (raster.alpha.detach()[..., 0] - arrays["alpha"]).abs().max() < ORACLE_IMAGE_TOLERANCE
+    for column in ("means", "scales", "quats", "opacities", "colors"):  # torch differentiates logit and log
+        assert off_by(oracle.leaves[column].grad, arrays[f"g_{column}"]) < ORACLE_GRADIENT_TOLERANCE, column
+    footprint, seen = raster.footprint, raster.footprint.visible
+    assert torch.equal(footprint.radii, arrays["radii"].float())
+    assert off_by(footprint.means2d[seen], arrays["means2d"][seen]) < 1e-6
+    assert off_by(footprint.means2d_gradient, arrays["g_means2d"]) < ORACLE_GRADIENT_TOLERANCE
+    assert off_by(footprint.absolute_gradient, arrays["absgrad_means2d"]) < ORACLE_GRADIENT_TOLERANCE
+
+
+@pytest.mark.skipif(os.environ.get("RINGLIGHT_ISA") == "avx2", reason="this process runs on AVX2 already")
+def test_avx2_equals_the_oracle_and_the_reference():
+    """The instruction set is chosen once per process."""
+    here = Path(__file__)
+    contract = here.parents[1] / "contracts" / "test_rasterizers.py"
+    chosen = "equals_the_oracle or (cpu and (channels or option or image_size))"
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here), str(contract), "-k", chosen]
+    answer = subprocess.run(
+        command, env=os.environ | {"RINGLIGHT_ISA": "avx2"}, cwd=here.parents[2], capture_output=True, text=True
+    )
+    assert answer.returncode == 0, answer.stdout[-2000:]
+
+
+extreme = st.one_of(
+    st.floats(-3, 3, width=32), st.sampled_from([0.0, 1e-30, -1e-30, 1e8, -1e8, 1e30, -1e30, 3e38, -3e38, 88.0, -88.0])
+)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(values=st.lists(extreme, min_size=12 * 5, max_size=12 * 5), near=st.sampled_from([0.0, 0.01]))
+def test_finite_input_never_gives_nan(values: list[float], near: float):
+    rows = torch.tensor(values).view(5, 12)
+    case = replace(random_case(0, count=21, with_factor=True), options=RasterOptions(near=near, absgrad=True))
+    columns = (case.gaussians.means, case.gaussians.log_scales, case.gaussians.quats)
+    for column, new in zip(columns, rows.split([3, 3, 4, 2], 1), strict=False):
+        column[::5] = new
+    case.gaussians.opacity_logits[::5], case.opacity_factor[::5] = rows[:, 10], rows[:, 11]
+    outcome = run(cpu.CpuRasterizer(), case, *random_cotangents(case, 0))
+    assert outcome.raster.image.isfinite().all()
+    assert ((outcome.raster.alpha >= 0) & (outcome.raster.alpha <= 1)).all()
+    for name, gradient in outcome.gradients.items():
+        assert not gradient.isnan().any(), name
+
+
+@pytest.mark.parametrize("size", [(8192, 3), (3, 8192), (4097, 40)])
+def test_large_images_have_their_last_tile(rasterizer, size: tuple[int, int]):
+    case = random_case(3, count=12, size=size)
+    cotangents = random_cotangents(case, 0)
+    found, expected = run(rasterizer, case, *cotangents), judge(case, *cotangents)
+    # Pixel coordinates in the thousands leave float32 four digits behind the point.
+    difference = (found.raster.image.double() - expected.raster.image).abs()
+    assert difference.mean() < 1e-4
+    assert found.raster.image[-1, -1].isfinite().all()
+    assert (found.raster.footprint.radii > 0).any()
+
+
+def test_larger_images_are_refused_with_the_limit(rasterizer):
+    with pytest.raises(BackendError, match="8192"):
+        run(rasterizer, random_case(0, size=(8193, 2)), torch.zeros(2, 8193, 3), torch.zeros(2, 8193, 1))
+
+
+def test_more_entries_than_can_be_counted_are_refused(rasterizer):
+    """Seventy thousand Gaussians that each cover 65,536 tiles: refused before the memory is asked for."""
+    count = 70_000
+    means = torch.tensor([0.0, 0, 1]).repeat(count, 1)
+    table = Gaussians(means, torch.full((count, 3), 3.0), torch.ones(count, 4), torch.zeros(count))
+    camera = Camera(torch.eye(4), (8192.0, 8192.0), (4096.0, 4096.0), 8192, 8192)
+    with pytest.raises(BackendError, match="more memory"):
+        rasterizer(table, torch.ones(count, 1), camera, torch.zeros(1))
+
+
+def test_other_types_are_refused_with_the_remedy(rasterizer):
+    case = random_case(0).to(torch.float64)
+    with pytest.raises(BackendError, match="float32"):
+        rasterizer(case.gaussians, case.channels, case.camera, case.background)
+
+
+def gradients_of(rasterizer: "cpu.CpuRasterizer", cases: list[Case]) -> list[Tensor]:
+    """Draws all cases first and runs the backward passes afterwards, last one first."""
+    leaves = [case.gaussians.means.clone().requires_grad_() for case in cases]
+    rasters = [
+        rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
+        for case, means in zip(cases, leaves, strict=True)
+    ]
+    for raster in reversed(rasters):
+        raster.image.square().sum().backward()
+    return [means.grad for means in leaves]
+
+
+def test_graphs_may_overlap(rasterizer):
+    cases = [random_case(seed, size=(40 + seed, 30)) for seed in range(3)]
+    together = gradients_of(rasterizer, cases)
+    for case, gradient in zip(cases, together, strict=True):
+        assert torch.equal(gradients_of(rasterizer, [case])[0], gradient)
+
+
+def test_a_retained_graph_gives_the_same_gradient_again_even_after_other_views(rasterizer):
+    case = random_case(1)
+    means = case.gaussians.means.clone().requires_grad_()
+    raster = rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
+    loss = raster.image.square().sum()
+    (first,) = torch.autograd.grad(loss, means, retain_graph=True)
+    (second,) = torch.autograd.grad(loss, means, retain_graph=True)
+    gradients_of(rasterizer, [random_case(2, size=(90, 70))])
+    (third,) = torch.autograd.grad(loss, means)
+    assert torch.equal(first, second)
+    assert torch.equal(first, third)
+    torch.testing.assert_close(raster.footprint.means2d_gradient, 3 * gradient_of_centers(rasterizer, case))
+
+
+def gradient_of_centers(rasterizer: "cpu.CpuRasterizer", case: Case) -> Tensor:
+    means = case.gaussians.means.clone().requires_grad_()
+    raster = rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
+    raster.image.square().sum().backward()
+    return raster.footprint.means2d_gradient
+
+
+def test_workspaces_are_used_again(rasterizer):
+    case = random_case(1)
+    for _ in range(4):
+        gradients_of(rasterizer, [case])
+        with torch.no_grad():
+            rasterizer(case.gaussians, case.channels, case.camera, case.background)
+    gradients_of(rasterizer, [case])
+    means = case.gaussians.means.clone().requires_grad_()
+    rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)  # never backward
+    gc.collect()
+    assert len(rasterizer._spare) == 1
+
+
+def test_the_memory_order_of_the_upstream_gradient_does_not_matter(rasterizer):
+    case = random_case(4)
+    by_image, by_alpha = random_cotangents(case, 0)
+    planar = by_image.permute(2, 0, 1).contiguous().permute(1, 2, 0)
+    ours, theirs = run(rasterizer, case, by_image, by_alpha), run(rasterizer, case, planar, by_alpha)
+    assert all(torch.equal(ours.gradients[name], theirs.gradients[name]) for name in ours.gradients)
+    assert ours.raster.image.permute(2, 0, 1).is_contiguous()
+
+
+def test_a_column_changed_in_place_before_backward_is_noticed(rasterizer):
+    case = random_case(5)
+    means = case.gaussians.means.clone().requires_grad_()
+    raster = rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
+    with torch.no_grad():
+        means += 1
+    with pytest.raises(RuntimeError, match="modified by an inplace operation"):
+        raster.image.sum().backward()
