@@ -87,7 +87,7 @@ def _recipe_lines(recipe: dict[str, Any]) -> Iterator[str]:
     plain = {name: value for name, value in recipe.items() if not isinstance(value, dict)}
     groups = {"": plain} | {name: value for name, value in recipe.items() if isinstance(value, dict)}
     for group, values in groups.items():
-        texts = [f"{name} {_short(value)}" for name, value in values.items()]
+        texts = [f"{name}={_short(value)}" for name, value in values.items()]
         yield _line(label, (f"{group}: " if group else "") + ", ".join(texts))
         label = ""
 
@@ -118,5 +118,5 @@ def _number(value: object) -> str:
 
 def _short(value: object) -> str:
     if isinstance(value, dict):
-        return "(" + ", ".join(f"{name} {_short(inner)}" for name, inner in value.items()) + ")"
+        return "(" + ", ".join(f"{name}={_short(inner)}" for name, inner in value.items()) + ")"
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -92,8 +92,8 @@ def main(arguments: list[str]) -> int:
     with counting(f"{opened.file}: {asked.path}", asked.quiet) as tell:
         written = render_film(opened.stored.model, film, _background(asked, opened), layers, folder, tell)
     for pictures in written if asked.video else ():
-        with counting(f"{pictures.name}.mp4", asked.quiet):
-            film_to_video(pictures, film.names, asked.fps)
+        with counting(f"{pictures.name}.mp4", asked.quiet) as tell:
+            film_to_video(pictures, film.names, asked.fps, tell)
     if not asked.quiet:
         size = f"{film.cameras[0].width}x{film.cameras[0].height}"
         kinds = "  ".join(f"{layer}{'  ' + layer + '.mp4' if asked.video else ''}" for layer in layers)

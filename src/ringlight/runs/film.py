@@ -1,6 +1,6 @@
 """Where the camera goes for pictures of a trained model, and the pictures on disk."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Literal
@@ -100,22 +100,24 @@ def render_film(
     return list(folders.values())
 
 
-def film_to_video(pictures: Path, names: Sequence[str], fps: float) -> Path:
+def film_to_video(pictures: Path, names: Sequence[str], fps: float, tell: Tell) -> Path:
     """The pictures of one folder as ``FOLDER.mp4`` beside it. Raises BackendError without the video extra."""
     target = pictures.with_name(f"{pictures.name}.mp4")
-    write_video(target, (_read(pictures / name) for name in names), fps)
+    write_video(target, _read_all([pictures / name for name in names], tell), fps)
     return target
+
+
+def _read_all(paths: Sequence[Path], tell: Tell) -> Iterator[Float[Tensor, "H W 3"]]:
+    for done, path in enumerate(paths, 1):
+        with Image.open(path) as picture:
+            yield torch.from_numpy(np.array(picture.convert("RGB"))).float() / 255
+        tell(done, len(paths))
 
 
 def _file_names(views: Sequence[str]) -> tuple[str, ...]:
     """Short names where they stay apart: "test/r_0.png" becomes "r_0.png"."""
     short = tuple(f"{PurePath(view).stem}.png" for view in views)
     return short if len(set(short)) == len(short) else tuple(picture_name(view) for view in views)
-
-
-def _read(path: Path) -> Float[Tensor, "H W 3"]:
-    with Image.open(path) as picture:
-        return torch.from_numpy(np.array(picture.convert("RGB"))).float() / 255
 
 
 def _resized(camera: Camera, factor: float) -> Camera:
