@@ -1,0 +1,65 @@
+"""Help costs nothing and is complete: no command loads torch before it knows what it is asked for."""
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ringlight.cli.main import VERBS, run
+
+QUESTIONS = [[], ["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)]
+HEAVY = ("torch", "scipy", "PIL")
+"""Libraries that take long to load."""
+
+PROBE = f"""
+import sys
+import ringlight
+assert not [name for name in {HEAVY} if name in sys.modules], "import ringlight"
+from ringlight.cli.main import run
+code = run(sys.argv[1:])
+loaded = [name for name in {HEAVY} if name in sys.modules]
+assert code == 0 and not loaded, (code, loaded)
+"""
+
+
+@pytest.mark.parametrize("words", QUESTIONS, ids=lambda words: " ".join(words) or "nothing")
+def test_help_loads_no_torch(words: list[str]) -> None:
+    if words and words[0] in VERBS:
+        _module_of(words[0])
+    source = Path(importlib.import_module("ringlight").__file__ or "").parents[1]
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(source)!r})\n{PROBE}", *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "ringlight" in done.stdout
+    assert not done.stderr
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_command_has_a_module_that_explains_it(verb: str) -> None:
+    module = importlib.import_module(f"ringlight.cli.{_module_of(verb)}")
+    assert callable(module.main)
+    assert (module.__doc__ or "").startswith(f"``ringlight {verb}")
+
+
+def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(f"  {verb} " in shown and VERBS[verb].help in shown for verb in VERBS)
+    assert max(map(len, shown.splitlines())) <= 120
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_explains_every_option(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([verb, "--help"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"usage: ringlight {verb}")
+    assert "{None}" not in captured.out.split("--format")[0], "the words of a person, not of Python"
+    assert not captured.err
+
+
+def _module_of(verb: str) -> str:
+    module = VERBS[verb].module
+    assert importlib.util.find_spec(f"ringlight.cli.{module}") is not None, f"ringlight {verb} has no module"
+    return module
