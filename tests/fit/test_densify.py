@@ -1,0 +1,142 @@
+"""Density control: who is cloned, split, pruned; budget, resets, and that counting can resume."""
+
+import math
+
+import pytest
+import torch
+
+from ringlight.color.harmonics import SphericalHarmonics
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Footprint, Raster, Rendering
+from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.rates import Adam, Rate
+from ringlight.fit.strategies.densify import Densify, accumulate_pull_
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.prune import Prune
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.reference import ReferenceRasterizer
+from ringlight.shade.passthrough import PassThrough
+
+EXTENT = 1.0
+SIZE = 8
+SETTINGS = DensifySettings(threshold=0.1, begin=0, every=1, reset_every=0, stop=1.0)
+
+
+def model_of(log_scales: list[float], opacities: list[float]) -> SplatModel:
+    count = len(log_scales)
+    means = torch.arange(3.0 * count).view(count, 3)
+    table = Gaussians(
+        means,
+        torch.tensor(log_scales)[:, None].repeat(1, 3),
+        torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
+        torch.tensor(opacities).logit(),
+        {"sh_dc": means / 10, "sh_rest": torch.zeros(count, 15, 3)},
+    )
+    return SplatModel(table, SphericalHarmonics(), PassThrough(), ReferenceRasterizer())
+
+
+def rendering_with(pulls: list[float]) -> Rendering:
+    """A rendering whose backward pass left these pulls, in NDC units, on the Gaussians; negative: not drawn."""
+    gradient = torch.tensor([[max(pull, 0.0) / (SIZE / 2), 0.0] for pull in pulls])
+    radii = torch.tensor([[1.0 if pull >= 0 else 0.0] * 2 for pull in pulls])
+    alpha = torch.zeros(SIZE, SIZE, 1)
+    image = torch.zeros(SIZE, SIZE, 3)
+    return Rendering(image, alpha, {}, Raster(image, alpha, Footprint(torch.zeros(len(pulls), 2), radii, gradient)))
+
+
+def densify_once(model: SplatModel, pulls: list[float], settings: DensifySettings = SETTINGS, step: int = 1) -> None:
+    optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.0))}, steps=100)
+    Densify(settings, EXTENT, steps=100, seed=0, white=False).update(step, model, optimizer, rendering_with(pulls))
+
+
+SMALL, LARGE = math.log(0.005), math.log(0.05)
+
+
+def test_small_ones_under_pull_are_cloned():
+    model = model_of([SMALL, SMALL], [0.5, 0.5])
+    densify_once(model, [0.2, 0.05])
+    means = model.columns["means"].detach()
+    assert len(means) == 3
+    assert (means == torch.tensor([0.0, 1.0, 2.0])).all(1).sum() == 2
+
+
+def test_large_ones_under_pull_become_two_narrower_ones():
+    model = model_of([LARGE, SMALL], [0.5, 0.5])
+    densify_once(model, [0.2, 0.0])
+    scales = model.columns["log_scales"].detach()[:, 0].sort().values
+    assert len(model) == 3
+    assert scales[1:].tolist() == pytest.approx([LARGE - math.log(1.6)] * 2)
+
+
+def test_faint_and_huge_ones_are_removed():
+    model = model_of([SMALL, SMALL, math.log(0.2)], [0.5, 0.004, 0.5])
+    densify_once(model, [0.0, 0.0, 0.0], DensifySettings(begin=0, every=1, reset_every=1, stop=1.0), step=2)
+    assert len(model) == 1
+
+
+def test_the_budget_goes_to_the_strongest_pulls():
+    model = model_of([SMALL] * 4, [0.5] * 4)
+    densify_once(
+        model, [0.2, 0.5, 0.3, 0.4], DensifySettings(threshold=0.1, begin=0, every=1, max_gaussians=6, stop=1.0)
+    )
+    counts = [(model.columns["means"].detach()[:, 0] == 3.0 * row).sum().item() for row in range(4)]
+    assert counts == [1, 2, 1, 2]
+
+
+def test_never_everything_is_removed():
+    model = model_of([SMALL] * 3, [0.001, 0.003, 0.002])
+    densify_once(model, [0.0, 0.0, 0.0])
+    assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.003])
+
+
+def test_opacity_resets_lower_but_never_raise():
+    model = model_of([SMALL, SMALL], [0.5, 0.006])
+    settings = DensifySettings(begin=10_000, reset_every=2, stop=1.0)
+    densify_once(model, [0.0, 0.0], settings, step=2)
+    assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.01, 0.006])
+
+
+def test_nothing_changes_after_the_last_step():
+    model = model_of([SMALL, LARGE], [0.5, 0.001])
+    densify_once(model, [0.9, 0.9], DensifySettings(threshold=0.1, begin=0, every=1, stop=0.5), step=51)
+    assert len(model) == 2
+
+
+def test_the_pull_is_a_mean_over_the_views_that_saw_the_gaussian():
+    pull, views = torch.zeros(2), torch.zeros(2)
+    for pulls in ([0.4, 0.2], [0.2, -1.0]):
+        footprint = rendering_with(pulls).raster.footprint
+        accumulate_pull_(footprint.means2d_gradient, footprint.radii, (SIZE / 2, SIZE / 2), pull, views)
+    assert (pull / views).tolist() == pytest.approx([0.3, 0.2])
+    assert views.tolist() == [2.0, 1.0]
+
+
+def test_counting_resumes():
+    model = model_of([SMALL, SMALL], [0.5, 0.5])
+    optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.0))}, steps=100)
+    settings = DensifySettings(threshold=0.1, begin=1, every=3, reset_every=0, stop=1.0)
+    first = Densify(settings, EXTENT, steps=100, seed=0, white=False)
+    first.update(1, model, optimizer, rendering_with([0.3, 0.0]))
+    second = Densify(settings, EXTENT, steps=100, seed=0, white=False)
+    second.restore(first.state())
+    second.update(2, model, optimizer, rendering_with([0.0, 0.0]))
+    second.update(3, model, optimizer, rendering_with([0.03, 0.0]))
+    assert len(model) == 3
+
+
+def test_prune_drops_faint_rows_and_waits_for_its_turn():
+    model = model_of([SMALL] * 3, [0.5, 0.001, 0.5])
+    optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.0))}, steps=100)
+    prune = Prune(begin=10, every=5, opacity=0.005)
+    for step, rows in ((5, 3), (12, 3), (15, 2)):
+        prune.update(step, model, optimizer, rendering_with([0.0] * len(model)))
+        assert len(model) == rows
+
+
+def test_rows_leave_in_morton_order_with_their_columns():
+    model = model_of([SMALL] * 5, [0.5] * 5)
+    densify_once(model, [0.2] * 5)
+    means, colors = model.columns["means"].detach(), model.columns["sh_dc"].detach()
+    assert len(model) == 10
+    assert torch.equal(means[:, 0].sort().values, means[:, 0])
+    assert torch.allclose(colors, means / 10)
