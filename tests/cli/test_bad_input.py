@@ -22,6 +22,7 @@ from scenes_on_disk import edit_json
 
 import ringlight as ringlight_package
 from data.scene_folders import write_colmap
+from ringlight import _kernels
 
 QUIET = ("--quiet", "--lpips")
 SHORT = ("--steps", "2", "--initial-points", "100", *QUIET)
@@ -348,6 +349,21 @@ def test_a_damaged_report_is_made_again_by_eval(run_folder: Path, ringlight: Com
     assert "report.json" in told.out
     assert ringlight("eval", run_folder, *QUIET).code == 0
     assert json.loads((run_folder / "report.json").read_text())["train_seconds"] > 0
+
+
+def test_kernels_that_cannot_run(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse() -> str:
+        raise RuntimeError("this processor lacks AVX2; use another machine")
+
+    monkeypatch.setattr(_kernels, "isa", refuse)
+    refused(ringlight("train", tiny, "3dgs", "--out", tmp_path / "out", *SHORT), 1, "AVX2")
+    for verb in ("eval", "render"):
+        refused(ringlight(verb, trained["3dgs"]), 1, "AVX2")
+    refused(ringlight("export", trained["3dgs"], tmp_path / "a.ply"), 1, "AVX2")
+    assert ringlight("info", trained["3dgs"]).code == 0
+    assert not (tmp_path / "out").exists()
 
 
 FULL_DISK = """

@@ -72,7 +72,8 @@ def _kernels() -> Finding:
         remedy = 'build it again with "pip install ringlight", which needs a C++20 compiler'
         return Finding("kernels", "problem", f"the compiled module cannot be loaded: {error}", remedy, essential=True)
     except RuntimeError as error:
-        return Finding("kernels", "problem", str(error), "use --device reference, which is slow", essential=True)
+        remedy = "ringlight needs a processor with AVX2, as x86-64 has since 2013"
+        return Finding("kernels", "problem", str(error), remedy, essential=True)
     return Finding("kernels", "ok", detail)
 
 
