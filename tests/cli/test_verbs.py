@@ -46,6 +46,7 @@ def test_a_run_folder_holds_everything(method: str, trained: dict[str, Path]) ->
     report = json.loads((trained[method] / "report.json").read_text())
     assert report["preset"] == method
     assert report["iterations"] == 40
+    assert report["n_gaussians"] != 300, "density control was at work"
     assert report["bytes_file"] == (trained[method] / "model.safetensors").stat().st_size
     assert report["background"] == "white"
 
