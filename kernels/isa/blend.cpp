@@ -52,24 +52,32 @@ RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::ui
   for (int i = count; i < CHUNK; i++) masks[i] = 0;
 }
 
-// Blends the listed rows into one block. Returns false when all of its pixels are finished.
+RINGLIGHT_INLINE Vec sample_alpha(const float* row, Vec x, Vec y, Vec strongest) {
+  const Vec dx = x - Vec(row[CENTER_X]), dy = y - Vec(row[CENTER_Y]);
+  const Vec along = fma(Vec(row[ALONG_Y]), dy, Vec(row[ALONG_X]) * dx), across = Vec(row[ACROSS_Y]) * dy;
+  const Vec log2_alpha = fnma(across, across, fnma(along, along, Vec(row[LOG2_OPACITY])));
+  return keep(ge(log2_alpha, Vec(LOG2_MIN_ALPHA)), min(exp2_fast(log2_alpha), strongest));
+}
+
+// Blends the listed rows into one block. Returns false when all of its pixels are finished. The list must be
+// followed by the number of any row.
 template <int C>
 RINGLIGHT_INLINE bool blend_block(const float* rows, const std::uint8_t* list, int count, Vec x, Vec y, float max_alpha,
                                   int width, float* state) {
   constexpr int KEPT = C == WIDE ? 1 : C;
-  const int stride = row_stride(C == WIDE ? width : C);
+  const std::size_t stride = static_cast<std::size_t>(row_stride(C == WIDE ? width : C));
   Vec running = load(state + RUNNING), final = load(state + FINAL), color[KEPT];
   if constexpr (C != WIDE)
 #pragma GCC unroll 16
     for (int c = 0; c < C; c++) color[c] = load(state + COLOR + c * LANES);
-  const Vec weakest(LOG2_MIN_ALPHA), strongest(max_alpha), least(convention::MIN_TRANSMITTANCE);
+  const Vec strongest(max_alpha), least(convention::MIN_TRANSMITTANCE);
   bool open = true;
+  const float* row = rows + list[0] * stride;
+  Vec alpha = sample_alpha(row, x, y, strongest);
   for (int k = 0; k < count; k++) {
-    const float* const row = rows + static_cast<std::size_t>(list[k]) * stride;
-    const Vec dx = x - Vec(row[CENTER_X]), dy = y - Vec(row[CENTER_Y]);
-    const Vec along = fma(Vec(row[ALONG_Y]), dy, Vec(row[ALONG_X]) * dx), across = Vec(row[ACROSS_Y]) * dy;
-    const Vec log2_alpha = fnma(across, across, fnma(along, along, Vec(row[LOG2_OPACITY])));
-    const Vec alpha = keep(ge(log2_alpha, weakest), min(exp2_fast(log2_alpha), strongest));
+    // One row ahead: alpha takes long to compute, but does not wait for the rows in front.
+    const float* const next_row = rows + list[k + 1] * stride;
+    const Vec next_alpha = sample_alpha(next_row, x, y, strongest);
     const Vec behind = fnma(running, alpha, running);
     const Mask drawn = gt(behind, least);  // else the pixel is finished, before this Gaussian
     const Vec weight = keep(drawn, alpha * running);
@@ -88,6 +96,8 @@ RINGLIGHT_INLINE bool blend_block(const float* rows, const std::uint8_t* list, i
       open = false;
       break;
     }
+    row = next_row;
+    alpha = next_alpha;
   }
   store(state + RUNNING, running);
   store(state + FINAL, final);
@@ -150,6 +160,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       int listed = 0;
       for (int i = 0; i < count; i += 64) listed += list_set_bits(masks[i + block], i, list + listed);
       if (!listed) continue;
+      list[listed] = list[0];
       const Vec x = load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * (block % BLOCKS_PER_SIDE)));
       const Vec y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * (block / BLOCKS_PER_SIDE)));
       const float max_alpha = frame.settings.max_alpha;

@@ -82,68 +82,98 @@ RINGLIGHT_INLINE void write_slot(float* slot, const Vec* sums, const Workplace& 
   }
 }
 
+// The ellipse of an entry at the pixels of one block: all that does not wait for the entries in front.
+struct Sample {
+  Vec along, across, alpha;
+};
+
+struct Ellipse {
+  Vec center_x, center_y, along_x, along_y, across_y, log2_opacity, strongest;
+};
+
+RINGLIGHT_INLINE Ellipse ellipse_of(const float* record, float max_alpha) {
+  return {Vec(record[CENTER_X]), Vec(record[CENTER_Y]),     Vec(record[ALONG_X]), Vec(record[ALONG_Y]),
+          Vec(record[ACROSS_Y]), Vec(record[LOG2_OPACITY]), Vec(max_alpha)};
+}
+
+RINGLIGHT_INLINE Sample sample(const Ellipse& e, const Workplace& place, int block) {
+  const Vec dx = load(place.x[block % BLOCKS_PER_SIDE]) - e.center_x;
+  const Vec dy = load(place.y[block / BLOCKS_PER_SIDE]) - e.center_y;
+  const Vec along = fma(e.along_y, dy, e.along_x * dx), across = e.across_y * dy;
+  const Vec log2_alpha = fnma(across, across, fnma(along, along, e.log2_opacity));
+  return {along, across, keep(ge(log2_alpha, Vec(LOG2_MIN_ALPHA)), min(exp2_fast(log2_alpha), e.strongest))};
+}
+
+// Moves one block past the entry and adds its pixels to the sums. Returns whether any pixel is still unfinished.
+template <int C, bool Absolute>
+RINGLIGHT_INLINE bool add_block(const Ellipse& e, const Sample& at, const float* channels, const Workplace& place,
+                                float* state, Vec* sums) {
+  constexpr int moments = slot_moments(Absolute);
+  const int width = C == WIDE ? place.width : C;
+  const Vec running = load(state + RUNNING), rest_before = load(state + REST), one(1.f);
+  const Vec behind = fnma(running, at.alpha, running);
+  const Mask drawn = gt(behind, Vec(convention::MIN_TRANSMITTANCE));
+  const Vec weight = keep(drawn, at.alpha * running);
+  store(state + RUNNING, behind);
+
+  Vec dot = load(state + UPSTREAM) * Vec(channels[0]);
+#pragma GCC unroll 16
+  for (int c = 1; c < width; c++) dot = fma(load(state + UPSTREAM + c * LANES), Vec(channels[c]), dot);
+  const Vec own = weight * dot, rest = rest_before - own;
+  store(state + REST, rest);
+  // A clamped alpha does not move with the geometry; its channels still do.
+  const Mask moves = both(drawn, lt(at.alpha, e.strongest));
+  const Vec g = keep(moves, fnma(rest, at.alpha * reciprocal(one - at.alpha), own));
+
+  const Vec g_along = g * at.along, g_across = g * at.across;
+  sums[SUM_G] += g;
+  sums[SUM_GU] += g_along;
+  sums[SUM_GV] += g_across;
+  sums[SUM_GUU] = fma(g_along, at.along, sums[SUM_GUU]);
+  sums[SUM_GUV] = fma(g_along, at.across, sums[SUM_GUV]);
+  sums[SUM_GVV] = fma(g_across, at.across, sums[SUM_GVV]);
+  if constexpr (Absolute) {
+    sums[ABSOLUTE_X] += abs(g_along);
+    sums[ABSOLUTE_Y] += abs(fma(e.along_y, g_along, e.across_y * g_across));
+  }
+  if constexpr (C == WIDE) {
+    for (int c = 0; c < width; c++) {
+      float* const sum = place.wide_sums + c * LANES;
+      store(sum, fma(weight, load(state + UPSTREAM + c * LANES), load(sum)));
+    }
+  } else {
+#pragma GCC unroll 16
+    for (int c = 0; c < C; c++)
+      sums[moments + c] = fma(weight, load(state + UPSTREAM + c * LANES), sums[moments + c]);
+  }
+  return any(drawn);
+}
+
 // Adds up one entry over the blocks in `mask`. Returns the blocks whose pixels are all finished.
 template <int C, bool Absolute>
-RINGLIGHT_INLINE std::uint64_t walk_entry(const float* record, const float* channels, std::uint64_t mask,
-                                          float max_alpha, const Workplace& place, float* slot) {
-  constexpr int moments = slot_moments(Absolute), kept = C == WIDE ? 0 : C;
+RINGLIGHT_INLINE std::uint64_t walk_entry(const Ellipse& e, const float* channels, std::uint64_t mask,
+                                          const Workplace& place, float* slot) {
+  constexpr int terms = slot_moments(Absolute) + (C == WIDE ? 0 : C);
   const int width = C == WIDE ? place.width : C;
-  const Vec center_x(record[CENTER_X]), center_y(record[CENTER_Y]), along_x(record[ALONG_X]);
-  const Vec along_y(record[ALONG_Y]), across_y(record[ACROSS_Y]), log2_opacity(record[LOG2_OPACITY]);
-  const Vec weakest(LOG2_MIN_ALPHA), strongest(max_alpha), least(convention::MIN_TRANSMITTANCE), one(1.f);
-  Vec sums[moments + kept];
+  Vec sums[terms];
 #pragma GCC unroll 32
-  for (int i = 0; i < moments + kept; i++) sums[i] = Vec(0.f);
+  for (int i = 0; i < terms; i++) sums[i] = Vec(0.f);
   if constexpr (C == WIDE)
     for (int c = 0; c < width; c++) store(place.wide_sums + c * LANES, Vec(0.f));
   std::uint64_t finished = 0;
-  do {
-    const int block = __builtin_ctzll(mask);
-    mask &= mask - 1;
-    float* const state = state_of(place, block, width);
-    const Vec running = load(state + RUNNING), rest_before = load(state + REST);
-    const Vec dx = load(place.x[block % BLOCKS_PER_SIDE]) - center_x;
-    const Vec dy = load(place.y[block / BLOCKS_PER_SIDE]) - center_y;
-    const Vec along = fma(along_y, dy, along_x * dx), across = across_y * dy;
-    const Vec log2_alpha = fnma(across, across, fnma(along, along, log2_opacity));
-    const Vec alpha = keep(ge(log2_alpha, weakest), min(exp2_fast(log2_alpha), strongest));
-    const Vec behind = fnma(running, alpha, running);
-    const Mask drawn = gt(behind, least);
-    const Vec weight = keep(drawn, alpha * running);
-    store(state + RUNNING, behind);
-
-    Vec dot = load(state + UPSTREAM) * Vec(channels[0]);
-#pragma GCC unroll 16
-    for (int c = 1; c < width; c++) dot = fma(load(state + UPSTREAM + c * LANES), Vec(channels[c]), dot);
-    const Vec own = weight * dot, rest = rest_before - own;
-    store(state + REST, rest);
-    // A clamped alpha does not move with the geometry; its channels still do.
-    const Mask moves = both(drawn, lt(alpha, strongest));
-    const Vec g = keep(moves, fnma(rest, alpha * reciprocal(one - alpha), own));
-
-    const Vec g_along = g * along, g_across = g * across;
-    sums[SUM_G] += g;
-    sums[SUM_GU] += g_along;
-    sums[SUM_GV] += g_across;
-    sums[SUM_GUU] = fma(g_along, along, sums[SUM_GUU]);
-    sums[SUM_GUV] = fma(g_along, across, sums[SUM_GUV]);
-    sums[SUM_GVV] = fma(g_across, across, sums[SUM_GVV]);
-    if constexpr (Absolute) {
-      sums[ABSOLUTE_X] += abs(g_along);
-      sums[ABSOLUTE_Y] += abs(fma(along_y, g_along, across_y * g_across));
-    }
-    if constexpr (C == WIDE) {
-      for (int c = 0; c < width; c++) {
-        float* const sum = place.wide_sums + c * LANES;
-        store(sum, fma(weight, load(state + UPSTREAM + c * LANES), load(sum)));
-      }
-    } else {
-#pragma GCC unroll 16
-      for (int c = 0; c < C; c++)
-        sums[moments + c] = fma(weight, load(state + UPSTREAM + c * LANES), sums[moments + c]);
-    }
-    if (__builtin_expect(!any(drawn), 0)) finished |= std::uint64_t{1} << block;
-  } while (mask);
+  int block = __builtin_ctzll(mask);
+  Sample now = sample(e, place, block);
+  // One block ahead: the long chain of a sample overlaps the other long chain, that of the block before.
+  while (mask &= mask - 1) {
+    const int next_block = __builtin_ctzll(mask);
+    const Sample next = sample(e, place, next_block);
+    if (!add_block<C, Absolute>(e, now, channels, place, state_of(place, block, width), sums)) [[unlikely]]
+      finished |= std::uint64_t{1} << block;
+    block = next_block;
+    now = next;
+  }
+  if (!add_block<C, Absolute>(e, now, channels, place, state_of(place, block, width), sums)) [[unlikely]]
+    finished |= std::uint64_t{1} << block;
   write_slot<C, Absolute>(slot, sums, place);
   return finished;
 }
@@ -180,8 +210,8 @@ RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Imag
     const float* const record = frame.records + row * RECORD;
     const float* const channels = channels_of<C>(frame, record, row, place);
     frame.slot_used[slot] = 1;
-    alive &= ~walk_entry<C, Absolute>(record, channels, mask, frame.settings.max_alpha, place,
-                                      frame.slots + slot * stride);
+    const Ellipse ellipse = ellipse_of(record, frame.settings.max_alpha);
+    alive &= ~walk_entry<C, Absolute>(ellipse, channels, mask, place, frame.slots + slot * stride);
   }
 }
 
