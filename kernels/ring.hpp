@@ -1,6 +1,6 @@
 // RingLight's light field: from a Gaussian's centre and base colour to its colour (RingLight-GS, eq. 5, 7 and 8).
 //
-//   a = tanh(core . vec(H_x H_y H_z H_v)), H_x, H_y, H_z between the nodes of tables on [-1, 1], H_v of an octahedral map
+//   a = tanh(core . vec(H_x H_y H_z H_v)), H_x, H_y, H_z between nodes on [-1, 1], H_v on an octahedral map
 //   m = sigmoid(modulation(v, a)),  r = tanh(render(a, m, b)),  color = clamp(b + r, 0, 1),  b = sigmoid(base)
 //
 // Nothing is kept between forward and backward: the backward pass recomputes, for rows with a gradient only.

@@ -20,6 +20,12 @@ struct Arena {
   }
 };
 
+// Rank at which a row of a matrix is one Vec, so that the ring is evaluated by rows: ring_rows.hpp.
+constexpr int ROW_RANK = LANES;
+constexpr int MATRIX = ROW_RANK * ROW_RANK;
+
+static inline bool by_rows(const RingShape& shape) { return shape.rank == ROW_RANK; }
+
 // The dense layers in the order of use.
 struct RingPanels {
   Panels core, modulation[2], render[3];
@@ -43,7 +49,7 @@ static inline RingPanels pack_layers(const RingShape& shape, const RingParameter
   return panels;
 }
 
-// Sixteen Gaussians' ring: where they fall in the tables, and the matrices [R^2][16].
+// Sixteen Gaussians' ring: where they fall in the tables, and the matrices [R^2][16], or [16][R^2] by rows.
 struct RingHalf {
   Cells axes[3], across, down;
   float *x, *y, *z, *view;  // H_x, H_y, H_z, H_v
@@ -53,6 +59,7 @@ struct RingHalf {
 struct Batch {
   std::int32_t rows[GROUP];  // of the table of Gaussians; the last one is repeated in an incomplete group
   int count;                 // how many of them count
+  bool keep_ring;            // whether the matrices of all are kept, or overwritten by the next
   RingHalf halves[2];
   float* product;            // H_x H_y H_z H_v, [R^2][GROUP] like everything below
   float* inputs;             // v 3, a C, m 1 (if modulated), b 3: the networks' inputs overlap
@@ -64,6 +71,7 @@ struct Batch {
 // With keep_ring, both halves keep their matrices; else they share the memory.
 static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring, Arena& arena) {
   const std::size_t matrix = matrix_size(shape) * LANES;
+  batch.keep_ring = keep_ring;
   for (int half = 0; half < 2; half++) {
     RingHalf& ring = batch.halves[half];
     if (half && !keep_ring) {

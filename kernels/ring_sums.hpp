@@ -8,7 +8,7 @@ namespace ringlight::RINGLIGHT_ISA {
 
 // One shard's sums, in the layout of its part of the workspace.
 struct ShardSums {
-  float *axes, *view;
+  float *axes, *view;  // as the tables, but each matrix of an axis is transposed if the ring is evaluated by rows
   LayerSums core, modulation[2], render[3];
 };
 
@@ -58,6 +58,22 @@ static inline void add_up_rows(const Shards& shards, const float* part, std::siz
   });
 }
 
+// to[matrices][MATRIX] = the sum of the shards' matrices, each transposed.
+static inline void add_up_transposed(const Shards& shards, const float* part, std::size_t matrices, float* to) {
+  parallel_ranges(matrices, SUM_GRAIN / MATRIX, [=](std::size_t begin, std::size_t end) {
+    for (std::size_t at = begin * MATRIX; at < end * MATRIX; at += MATRIX) {
+      Vec square[LANES];
+      for (int row = 0; row < LANES; row++) {
+        const float* from = part + at + row * LANES;
+        square[row] = load(from);
+        for (int shard = 1; shard < shards.count; shard++) square[row] += load(from + shard * shards.stride);
+      }
+      transpose(square);
+      for (int row = 0; row < LANES; row++) store(to + at + row * LANES, square[row]);
+    }
+  });
+}
+
 static inline void add_up_layer(const Shards& shards, const LayerSums& of_first, const RingLayer<float>& to) {
   add_up_rows(shards, of_first.weight, padded(of_first.inputs), of_first.outputs, of_first.inputs, to.weight);
   if (!of_first.bias) return;
@@ -73,7 +89,11 @@ static inline void add_up_shards(const RingShape& shape, const Shards& shards, c
   Arena first{const_cast<float*>(shards.sums)};
   const ShardSums sums = lay_out_sums(shape, first);
   const std::size_t matrix = matrix_size(shape);
-  add_up_rows(shards, sums.axes, matrix, 3 * static_cast<std::size_t>(shape.nodes), matrix, to.axes);
+  const std::size_t nodes = 3 * static_cast<std::size_t>(shape.nodes);
+  if (by_rows(shape))
+    add_up_transposed(shards, sums.axes, nodes, to.axes);
+  else
+    add_up_rows(shards, sums.axes, matrix, nodes, matrix, to.axes);
   add_up_rows(shards, sums.view, matrix, view_size(shape) / matrix, matrix, to.view);
   add_up_layer(shards, sums.core, {to.core, nullptr});
   for (int layer = 0; layer < 2 && modulated(shape); layer++)

@@ -48,7 +48,10 @@ struct StackPanels {
   int heads;
 
   StackPanels(const PerceptronShape& shape, const PerceptronLayers<const float>& from, bool with_transposed)
-      : widths(shape), layers(from), memory(widths.weights() * shape.heads * (1 + with_transposed)), heads(shape.heads) {
+      : widths(shape),
+        layers(from),
+        memory(widths.weights() * shape.heads * (1 + with_transposed)),
+        heads(shape.heads) {
     parallel_for(static_cast<std::size_t>(heads) * (1 + with_transposed), [this](std::size_t piece) {
       walk(static_cast<int>(piece) % heads, static_cast<int>(piece) >= heads, true);
     });
@@ -91,8 +94,8 @@ void lanes_to_rows(const float* lanes, int count, int width, float* blocks, floa
   for (int first = 0; first < width; first += LANES) {
     const int left = width - first < LANES ? width - first : LANES;
     for (int lane = 0; lane < count; lane++)
-      store_first(rows + static_cast<std::size_t>(lane) * width + first, load(blocks + (first / LANES * GROUP + lane) * LANES),
-                  left);
+      store_first(rows + static_cast<std::size_t>(lane) * width + first,
+                  load(blocks + (first / LANES * GROUP + lane) * LANES), left);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include "parallel.hpp"
 #include "ring_batch.hpp"
+#include "ring_rows.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -53,7 +54,7 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
     for (std::size_t first = begin; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
       start(batch, shape, scene, scene.visible + first, count);
-      multiply_ring(batch, shape, parameters);
+      multiply(batch, shape, parameters);
       shade(batch, shape, panels);
       write(batch, shape, outputs);
     }

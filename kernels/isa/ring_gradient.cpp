@@ -7,6 +7,7 @@
 #include "parallel.hpp"
 #include "ring.hpp"
 #include "ring_batch.hpp"
+#include "ring_rows.hpp"
 #include "ring_sums.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -172,7 +173,12 @@ void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, 
   to_rows(batch.product, static_cast<int>(matrix_size(shape)), gradient.rows);
   add_layer_gradient(sums.core, gradient.features, gradient.rows);
   dense(pass.transposed.core, gradient.features, gradient.product);
-  ring_gradient(pass, batch, gradient, sums);
+  if (by_rows(shape))
+    for (int half = 0; half < 2; half++)
+      ring_gradient_rows(batch.halves[half], shape, gradient.product + half * LANES, sums, gradient.left,
+                         gradient.right);
+  else
+    ring_gradient(pass, batch, gradient, sums);
 }
 
 // Base colours alone: right for every row that is not lit, and zero where the colour got no gradient.
@@ -211,7 +217,7 @@ void run_shard(const Backward& pass, const std::int32_t* active, std::size_t beg
   for (std::size_t first = begin; first < end; first += GROUP) {
     const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
     start(batch, pass.shape, pass.scene, active + first, count);
-    multiply_ring(batch, pass.shape, pass.parameters);
+    multiply(batch, pass.shape, pass.parameters);
     shade(batch, pass.shape, pass.panels);
     backpropagate(pass, batch, gradient, sums);
   }
