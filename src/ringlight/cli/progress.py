@@ -20,6 +20,9 @@ LIVE_SECONDS, LOG_SECONDS = 0.25, 10.0
 SMOOTHING = 0.8
 """Share of the old value kept in the shown training PSNR, which jumps from photograph to photograph."""
 
+RATE_SECONDS = 3.0
+"""The shown speed is that of the last few seconds: it changes as Gaussians are added and schedules move on."""
+
 
 def announce(session: Session, quiet: bool) -> None:
     """Say what is about to be trained on what, and where it goes."""
@@ -47,7 +50,7 @@ def show_steps(session: Session, options: "ReaderOptions", interrupted: list[boo
     every = LIVE_SECONDS if live else LOG_SECONDS
     meter = _Meter(session)
     with _bar(console, live) as bar:
-        task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="")
+        task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="", clock="ETA")
         shown = saved = time.monotonic()
         for progress in session.steps():
             now = time.monotonic()
@@ -62,6 +65,7 @@ def show_steps(session: Session, options: "ReaderOptions", interrupted: list[boo
                 saved = time.monotonic()
             if interrupted:
                 return
+        bar.update(task, clock="took")
 
 
 def test_psnr(session: Session) -> float:
@@ -78,18 +82,27 @@ class _Meter:
 
     def __init__(self, session: Session):
         self.session = session
-        self.first_step, self.first_second = session.training.step, session.clock.wall
-        self.decibels = math.nan
+        self.is_first_window = True
+        self.mark = (session.training.step, session.clock.wall)
+        self.decibels = self.rate = math.nan
 
     def line(self, progress: Progress) -> str:
         truth = progress.target.image.permute(1, 2, 0)
         now = psnr(progress.rendering.color.detach().clamp(0, 1), truth)
         kept = SMOOTHING if math.isfinite(self.decibels) else 0.0
         self.decibels = (kept * self.decibels if kept else 0.0) + (1 - kept) * now
-        rate = (progress.step - self.first_step) / max(self.session.clock.wall - self.first_second, 1e-9)
+        self._time(progress.step, self.session.clock.wall)
         model = self.session.training.model
         size = sum(tensor.numel() * tensor.element_size() for tensor in model.state_dict().values())
-        return f"{rate:6.1f} it/s  {self.decibels:5.2f} dB  {len(model):,} Gaussians  {size / 1e6:.1f} MB"
+        return f"{self.rate:6.1f} it/s  {self.decibels:5.2f} dB  {len(model):,} Gaussians  {size / 1e6:.1f} MB"
+
+    def _time(self, step: int, second: float) -> None:
+        """Steps a second since the mark, which moves on every few seconds."""
+        elapsed = second - self.mark[1]
+        if self.is_first_window or elapsed >= RATE_SECONDS:
+            self.rate = (step - self.mark[0]) / max(elapsed, 1e-9)
+        if elapsed >= RATE_SECONDS:
+            self.mark, self.is_first_window = (step, second), False
 
 
 def _bar(console: Console, live: bool) -> Bar:
@@ -97,7 +110,7 @@ def _bar(console: Console, live: bool) -> Bar:
         TextColumn("{task.completed:>6.0f}/{task.total:.0f}"),
         BarColumn(bar_width=20),
         TextColumn("{task.fields[facts]}"),
-        TextColumn("ETA"),
+        TextColumn("{task.fields[clock]}"),
         TimeRemainingColumn(elapsed_when_finished=True),
         console=console,
         disable=not live,
