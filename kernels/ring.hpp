@@ -58,12 +58,11 @@ struct RingOutputs {
   float *color, *residual, *modulation;
 };
 
-// Shards of the backward pass: more rows than a few thousand each, so that the sums of one, which hold a copy of the
-// tables, pay. A function of the rows alone, because the order of summation must not depend on the machine.
+// Shards of the backward pass: a power of two, so that two, four or eight threads have equal shares, and few for few
+// rows, because the sums of each hold a copy of the tables. A function of the number of rows alone: the order of
+// summation must not depend on the machine.
 static inline int ring_shards(std::size_t active_count) {
-  constexpr std::size_t MOST = 8, ROWS = 4096;
-  const std::size_t wanted = (active_count + ROWS - 1) / ROWS;
-  return static_cast<int>(wanted < 1 ? 1 : wanted < MOST ? wanted : MOST);
+  return active_count <= 1024 ? 1 : active_count <= 8192 ? 2 : active_count <= 32768 ? 4 : 8;
 }
 
 namespace v3 {

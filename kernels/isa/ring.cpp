@@ -9,8 +9,8 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr std::size_t ROWS_PER_PIECE = 1024;   // some milliseconds; scratch memory is made once a piece
-constexpr std::size_t BASE_GRAIN = 16384;      // floats a piece of the base colours
+constexpr std::size_t ROWS_PER_PIECE = 512;  // a fraction of a millisecond; scratch memory is made once a piece
+constexpr std::size_t BASE_GRAIN = 16384;    // floats a piece of the base colours
 
 void write(const Batch& batch, const RingShape& shape, const RingOutputs& outputs) {
   for (int i = 0; i < 3 * GROUP; i += LANES) {

@@ -144,7 +144,7 @@ SMALL = RingLightSettings(
 
 
 def test_the_same_bits_for_any_number_of_threads():
-    """Enough rows for all eight shards."""
+    """Enough rows for eight shards, the most there are."""
     model, gaussians = model_and_table(SMALL, 40_000, 0)
     upstream = torch.randn(40_000, 3, generator=torch.Generator().manual_seed(1))
     before = _kernels.threads()
