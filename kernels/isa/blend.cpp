@@ -21,24 +21,30 @@ RINGLIGHT_INLINE int channel_offset() {
   return C != WIDE && C <= RECORD_CHANNELS ? FIRST_CHANNELS : RECORD;
 }
 
-// Copies the records (and channels) of `count` entries into `rows` and finds the blocks that they touch. The masks
-// without finished blocks are also kept for the backward pass.
+// Entries [at, at + count) of a tile, copied together: their rows, and the blocks that each of them touches.
+struct Chunk {
+  std::uint32_t at;
+  int count;
+  float* rows;
+  std::uint64_t* masks;  // [CHUNK]
+};
+
+// Fills in rows and masks of a chunk. The masks without finished blocks are also kept for the backward pass.
 template <int C>
-RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::uint32_t at, int count,
-                                   std::uint64_t alive, float* rows, std::uint64_t* masks) {
+RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::uint64_t alive, const Chunk& chunk) {
   const int channels = frame.splats.channel_count;
   const int stride = row_stride(C == WIDE ? channels : C);
-  const std::uint64_t* const entries = frame.entries + at;
-  const std::uint32_t last = tile.end - at - 1;
-  for (int first = 0; first < count; first += LANES) {
+  const std::uint64_t* const entries = frame.entries + chunk.at;
+  const std::uint32_t last = tile.end - chunk.at - 1;
+  for (int first = 0; first < chunk.count; first += LANES) {
     Vec fields[LANES];
     for (int i = 0; i < LANES; i++) {
-      const std::uint32_t k = static_cast<std::uint32_t>(first + i < count ? first + i : count - 1);
+      const std::uint32_t k = static_cast<std::uint32_t>(first + i < chunk.count ? first + i : chunk.count - 1);
       const std::size_t row = static_cast<std::uint32_t>(entries[k]);
       const std::uint32_t ahead = k + PREFETCH < last ? k + PREFETCH : last;
       __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * RECORD);
       fields[i] = load(frame.records + row * RECORD);
-      float* const to = rows + (first + i) * stride;
+      float* const to = chunk.rows + (first + i) * stride;
       store(to, fields[i]);
       if (C != WIDE && C <= RECORD_CHANNELS) continue;
       const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
@@ -46,10 +52,11 @@ RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::ui
         store(to + RECORD + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
     }
     transpose(fields);
-    find_blocks(fields, static_cast<float>(tile.left), static_cast<float>(tile.top), masks + first);
-    for (int i = first; i < first + LANES && i < count; i++) frame.block_masks[at + i] = masks[i] &= alive;
+    find_blocks(fields, static_cast<float>(tile.left), static_cast<float>(tile.top), chunk.masks + first);
+    for (int i = first; i < first + LANES && i < chunk.count; i++)
+      frame.block_masks[chunk.at + i] = chunk.masks[i] &= alive;
   }
-  for (int i = count; i < CHUNK; i++) masks[i] = 0;
+  for (int i = chunk.count; i < CHUNK; i++) chunk.masks[i] = 0;
 }
 
 RINGLIGHT_INLINE Vec sample_alpha(const float* row, Vec x, Vec y, Vec strongest) {
@@ -59,24 +66,29 @@ RINGLIGHT_INLINE Vec sample_alpha(const float* row, Vec x, Vec y, Vec strongest)
   return keep(ge(log2_alpha, Vec(LOG2_MIN_ALPHA)), min(exp2_fast(log2_alpha), strongest));
 }
 
-// Blends the listed rows into one block. Returns false when all of its pixels are finished. The list must be
-// followed by the number of any row.
+// Rows of the chunk that touch one block, in order; one more number follows the last.
+struct RowList {
+  const float* rows;
+  const std::uint8_t* numbers;
+  int count;
+};
+
+// Blends the listed rows into the block with pixel centres (x, y). Returns false when all of its pixels are finished.
 template <int C>
-RINGLIGHT_INLINE bool blend_block(const float* rows, const std::uint8_t* list, int count, Vec x, Vec y, float max_alpha,
-                                  int width, float* state) {
+RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec strongest, int width, float* state) {
   constexpr int KEPT = C == WIDE ? 1 : C;
   const std::size_t stride = static_cast<std::size_t>(row_stride(C == WIDE ? width : C));
   Vec running = load(state + RUNNING), final = load(state + FINAL), color[KEPT];
   if constexpr (C != WIDE)
 #pragma GCC unroll 16
     for (int c = 0; c < C; c++) color[c] = load(state + COLOR + c * LANES);
-  const Vec strongest(max_alpha), least(convention::MIN_TRANSMITTANCE);
+  const Vec least(convention::MIN_TRANSMITTANCE);
   bool open = true;
-  const float* row = rows + list[0] * stride;
+  const float* row = list.rows + list.numbers[0] * stride;
   Vec alpha = sample_alpha(row, x, y, strongest);
-  for (int k = 0; k < count; k++) {
+  for (int k = 0; k < list.count; k++) {
     // One row ahead: alpha takes long to compute, but does not wait for the rows in front.
-    const float* const next_row = rows + list[k + 1] * stride;
+    const float* const next_row = list.rows + list.numbers[k + 1] * stride;
     const Vec next_alpha = sample_alpha(next_row, x, y, strongest);
     const Vec behind = fnma(running, alpha, running);
     const Mask drawn = gt(behind, least);  // else the pixel is finished, before this Gaussian
@@ -148,23 +160,23 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
     for (int c = 0; c < width; c++) store(state + COLOR + c * LANES, Vec(0.f));
   }
   alignas(64) std::uint64_t masks[CHUNK];
-  std::uint8_t list[CHUNK + 64];  // list_set_bits may write past the end
+  std::uint8_t numbers[CHUNK + 64];  // list_set_bits may write past the end
   std::uint64_t alive = tile.inside;
   std::uint32_t at = tile.begin;
   while (at < tile.end && alive) {
     const int count = tile.end - at < CHUNK ? static_cast<int>(tile.end - at) : CHUNK;
-    gather_chunk<C>(frame, tile, at, count, alive, rows, masks);
+    gather_chunk<C>(frame, tile, alive, {at, count, rows, masks});
     for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
     for (std::uint64_t left = alive; left; left &= left - 1) {
       const int block = __builtin_ctzll(left);
-      int listed = 0;
-      for (int i = 0; i < count; i += 64) listed += list_set_bits(masks[i + block], i, list + listed);
-      if (!listed) continue;
-      list[listed] = list[0];
+      int length = 0;
+      for (int i = 0; i < count; i += 64) length += list_set_bits(masks[i + block], i, numbers + length);
+      if (!length) continue;
+      numbers[length] = numbers[0];
       const Vec x = load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * (block % BLOCKS_PER_SIDE)));
       const Vec y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * (block / BLOCKS_PER_SIDE)));
-      const float max_alpha = frame.settings.max_alpha;
-      if (!blend_block<C>(rows, list, listed, x, y, max_alpha, width, states + block * floats))
+      const RowList list{rows, numbers, length};
+      if (!blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, states + block * floats))
         alive &= ~(std::uint64_t{1} << block);
     }
     at += static_cast<std::uint32_t>(count);

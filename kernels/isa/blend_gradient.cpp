@@ -51,7 +51,8 @@ RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const Imag
     const BlockPlace at = block_at(frame, tile, block);
     float* const state = state_of(place, block, place.width);
     Vec rest(0.f);
-    if (from.alpha_gradient) rest = -(read_block(from.alpha_gradient, at, stride) * load(transmittance + block * LANES));
+    if (from.alpha_gradient)
+      rest = -(read_block(from.alpha_gradient, at, stride) * load(transmittance + block * LANES));
     for (int c = 0; c < place.width; c++) {
       Vec upstream(0.f);
       if (c < frame.splats.channel_count) {

@@ -52,7 +52,7 @@ RINGLIGHT_INLINE Ellipses find_ellipses(const Frame& frame, const Projection& p)
   const Vec width(static_cast<float>(camera.width)), height(static_cast<float>(camera.height)), zero(0.f);
   const Vec z = p.position[2];
   Mask drawn = both(both(ge(z, Vec(frame.settings.near)), gt(z, zero)), both(gt(reach, zero), gt(p.det, zero)));
-  // Nor what is so far away that its gradient would overflow.
+  // What is so far away that squares overflow would be a point at infinity, with gradients of infinity times zero.
   drawn = both(drawn, is_finite(fma(p.position[0], p.position[0], fma(p.position[1], p.position[1], z * z))));
   drawn = both(drawn, both(is_finite(e.along_x * e.turn), both(is_finite(p.det), is_finite(e.along_y * e.spread))));
   drawn = both(drawn, both(gt(e.x + e.radius_x, zero), lt(e.x - e.radius_x, width)));
@@ -120,8 +120,10 @@ RINGLIGHT_INLINE IVec touched_2x2(const Ellipses& e, Vec x0, Vec y0, Vec x1, Vec
     const Vec left_at = min(max(-e.turn, top), bottom), right_at = min(max(e.turn, top), bottom);
     const Vec nearest = min(max(zero, top), bottom);
     const Vec offset = fnma(x0, Vec(TILE), e.x);
-    const Vec left = fnma(e.spread, sqrt(max(fnma(left_at, left_at, e.reach2), zero)), fma(e.shear, left_at, offset));
-    const Vec right = fma(e.spread, sqrt(max(fnma(right_at, right_at, e.reach2), zero)), fma(e.shear, right_at, offset));
+    const Vec left_width = sqrt(max(fnma(left_at, left_at, e.reach2), zero));
+    const Vec right_width = sqrt(max(fnma(right_at, right_at, e.reach2), zero));
+    const Vec left = fnma(e.spread, left_width, fma(e.shear, left_at, offset));
+    const Vec right = fma(e.spread, right_width, fma(e.shear, right_at, offset));
     Mask in_row = both(e.drawn, ge(e.reach2 + Vec(1e-3f), nearest * nearest));
     if (row == 1) in_row = both(in_row, gt(y1, y0));
     const Mask first = both(ge(Vec(TILE - 0.5f), left - margin), ge(right + margin, Vec(0.5f)));

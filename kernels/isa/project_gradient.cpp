@@ -43,20 +43,16 @@ RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int c
 }
 
 // Gradients of channels that do not all lie in the first LANES floats of a slot, straight to their rows.
-RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t first, int count, std::size_t stride, int moments,
-                                   float* to) {
-  const Piece& piece = frame.pieces[first / ROWS_PER_PIECE];
+RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::size_t stride, bool seen, float* to) {
+  const SlotRange range = slots_of(frame, frame.pieces[row / ROWS_PER_PIECE], row);
+  const float* const from = frame.slots + slot_moments(frame.settings.absgrad);
   const int channels = frame.splats.channel_count;
-  for (int i = 0; i < count; i++) {
-    const std::size_t row = first + static_cast<std::size_t>(i);
-    const SlotRange range = slots_of(frame, piece, row);
-    for (int c = 0; c < channels; c += LANES) {
-      const int width = channels - c < LANES ? channels - c : LANES;
-      Vec total(0.f);
-      for (std::size_t slot = range.begin; slot < range.end; slot++)
-        if (frame.slot_used[slot]) total += load_first(frame.slots + slot * stride + moments + c, width);
-      store_first(to + row * channels + c, total, width);
-    }
+  for (int c = 0; c < channels; c += LANES) {
+    const int width = channels - c < LANES ? channels - c : LANES;
+    Vec total(0.f);
+    for (std::size_t slot = range.begin; seen && slot < range.end; slot++)
+      if (frame.slot_used[slot]) total += load_first(from + slot * stride + c, width);
+    store_first(to + c, total, width);
   }
 }
 
@@ -198,19 +194,23 @@ RINGLIGHT_INLINE void write_rows(const SplatGradients& to, std::size_t first, in
   if (to.absolute) write_columns<2>(to.absolute, first, count, on, from.absolute);
 }
 
-RINGLIGHT_INLINE void write_channels(const Frame& frame, const SplatGradients& to, std::size_t first, int count,
-                                     std::size_t stride, const Vec* columns) {
+RINGLIGHT_INLINE void write_channels(const Frame& frame, float* to, std::size_t first, int count, unsigned seen,
+                                     const Vec* columns) {
   const Mask all = mask_from_bits(0xffff);
-  const int channels = frame.splats.channel_count, moments = slot_moments(frame.settings.absgrad);
-  if (channels == 1) return write_columns<1>(to.channels, first, count, all, columns + moments);
-  if (channels == 3) return write_columns<3>(to.channels, first, count, all, columns + moments);
-  if (channels == 4) return write_columns<4>(to.channels, first, count, all, columns + moments);
-  add_channels(frame, first, count, stride, moments, to.channels);
+  const int channels = frame.splats.channel_count;
+  if (channels == 1) return write_columns<1>(to, first, count, all, columns);
+  if (channels == 3) return write_columns<3>(to, first, count, all, columns);
+  if (channels == 4) return write_columns<4>(to, first, count, all, columns);
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(channels, frame.settings.absgrad));
+  for (int i = 0; i < count; i++) {
+    const std::size_t row = first + static_cast<std::size_t>(i);
+    add_channels(frame, row, stride, seen >> i & 1, to + row * static_cast<std::size_t>(channels));
+  }
 }
 
 void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t begin, std::size_t end) {
-  const int channels = frame.splats.channel_count;
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(channels, frame.settings.absgrad));
+  const bool absgrad = frame.settings.absgrad;
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(frame.splats.channel_count, absgrad));
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
     Vec t[LANES];
@@ -227,7 +227,7 @@ void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t be
       row_gradients(frame, p, m, rows);
     }
     write_rows(to, first, count, mask_from_bits(seen), rows);
-    write_channels(frame, to, first, count, stride, t);
+    write_channels(frame, to.channels, first, count, seen, t + slot_moments(absgrad));
   }
 }
 
