@@ -32,7 +32,8 @@ def drawable_rows(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "V"]:
     margins = (REACH_SIGMAS, REACH_PIXELS, SLOPE_MARGIN, FAINTEST_LOGIT)
     view = [*pose, *camera.focal, *camera.center, camera.width, camera.height, *margins]
     rows = torch.empty(len(gaussians), dtype=torch.int32)
-    return rows[: _kernels.drawable_rows(*(column.detach().contiguous() for column in columns), view, rows)]
+    means, log_scales, opacity_logits = (column.detach().contiguous() for column in columns)
+    return rows[: _kernels.drawable_rows(means, log_scales, opacity_logits, view, rows)]
 
 
 @torch.no_grad()
