@@ -1,14 +1,11 @@
 """A user's mistake: one sentence that names the place and the remedy, the right exit code, nothing overwritten.
 
-Every line of this table is a promise of the program; damage at every byte of COLMAP, PLY and model files is tested
-beside their readers.
+Damaged scenes are in test_bad_scenes.py; damage at every byte of PLY and model files is tested beside their readers.
 """
 
 import errno
-import hashlib
 import json
 import os
-import re
 import shutil
 import struct
 import subprocess
@@ -18,121 +15,11 @@ from pathlib import Path
 
 import pytest
 from command import Command, Outcome
+from refusal import QUIET, SHORT, Damage, refused, snapshot
 from scenes_on_disk import edit_json
 
 import ringlight as ringlight_package
-from data.scene_folders import write_colmap
 from ringlight import _kernels
-
-QUIET = ("--quiet", "--lpips")
-SHORT = ("--steps", "2", "--initial-points", "100", *QUIET)
-
-
-def snapshot(*roots: Path) -> dict[str, str]:
-    """Hash of every file below the roots."""
-    files = [file for root in roots for file in ([root] if root.is_file() else sorted(root.rglob("*")))]
-    return {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files if file.is_file()}
-
-
-def refused(outcome: Outcome, code: int, *names: object) -> str:
-    """Exactly one sentence that mentions ``names``; returns it."""
-    assert outcome.code == code, outcome
-    assert not outcome.out
-    assert "Traceback" not in outcome.err
-    lines = outcome.err.splitlines()
-    assert len(lines) == 1, outcome.err
-    assert lines[0].startswith("ringlight"), lines[0]
-    for name in names:
-        assert str(name) in lines[0], f"{name} is not in: {lines[0]}"
-    assert re.search(r"[;,:] ", lines[0]), f"no remedy in: {lines[0]}"
-    return lines[0]
-
-
-Damage = Callable[[Path], object]
-
-
-def _missing_image(scene: Path) -> None:
-    (scene / "train" / "r_1.png").unlink()
-
-
-def _not_an_image(scene: Path) -> None:
-    (scene / "train" / "r_1.png").write_text("not a picture")
-
-
-def _no_frames(scene: Path) -> None:
-    edit_json(scene / "transforms_train.json", lambda document: document.pop("frames"))
-
-
-def _zero_frames(scene: Path) -> None:
-    edit_json(scene / "transforms_train.json", lambda document: document.update(frames=[]))
-
-
-def _zero_test_frames(scene: Path) -> None:
-    edit_json(scene / "transforms_test.json", lambda document: document.update(frames=[]))
-
-
-def _not_json(scene: Path) -> None:
-    (scene / "transforms_train.json").write_text("{")
-
-
-def _outside(scene: Path) -> None:
-    shutil.copy(scene / "train" / "r_0.png", scene.parent / "secret.png")
-    edit_json(scene / "transforms_train.json", lambda document: document["frames"][0].update(file_path="../secret.png"))
-
-
-def _infinite_pose(scene: Path) -> None:
-    def change(document: dict) -> None:
-        document["frames"][2]["transform_matrix"][0][3] = float("inf")
-
-    edit_json(scene / "transforms_train.json", change)
-
-
-def _unsupported_camera(scene: Path) -> None:
-    document = json.loads((scene / "transforms_train.json").read_text())
-    for split in ("train", "test"):
-        (scene / f"transforms_{split}.json").unlink()
-    document |= {"camera_model": "OPENCV_FISHEYE", "fl_x": 20.0, "fl_y": 20.0, "w": 20, "h": 20}
-    (scene / "transforms.json").write_text(json.dumps(document))
-
-
-DAMAGED_SCENES: dict[str, tuple[Damage, str]] = {
-    "a frame whose image is missing": (_missing_image, "r_1"),
-    "a file that is no image": (_not_an_image, "r_1.png"),
-    "JSON without frames": (_no_frames, "transforms_train.json"),
-    "JSON with zero frames": (_zero_frames, "transforms_train.json"),
-    "zero images in the test split": (_zero_test_frames, "transforms_test.json"),
-    "broken JSON": (_not_json, "transforms_train.json"),
-    "an image outside the scene folder": (_outside, "secret.png"),
-    "a non-finite pose": (_infinite_pose, "transforms_train.json"),
-    "an unsupported camera model": (_unsupported_camera, "FISHEYE"),
-}
-
-
-@pytest.mark.parametrize("name", DAMAGED_SCENES)
-def test_a_damaged_scene_is_refused_before_a_folder_is_made(
-    name: str, scene_copy: Path, tmp_path: Path, ringlight: Command
-) -> None:
-    damage, place = DAMAGED_SCENES[name]
-    damage(scene_copy)
-    before = snapshot(scene_copy)
-    out = tmp_path / "out"
-    refused(ringlight("train", scene_copy, "3dgs", "--out", out, "--steps", "8", *QUIET), 1, place)
-    assert snapshot(scene_copy) == before
-    assert not out.exists()
-
-
-def test_a_truncated_image_ends_training(scene_copy: Path, tmp_path: Path, ringlight: Command) -> None:
-    image = scene_copy / "train" / "r_1.png"
-    image.write_bytes(image.read_bytes()[:150])
-    refused(ringlight("train", scene_copy, "3dgs", "--out", tmp_path / "out", "--steps", "8", *QUIET), 1, image)
-
-
-def test_a_truncated_test_image_ends_the_evaluation(run_folder: Path, scene_copy: Path, ringlight: Command) -> None:
-    image = scene_copy / "test" / "r_1.png"
-    image.write_bytes(image.read_bytes()[:150])
-    before = snapshot(run_folder)
-    refused(ringlight("eval", run_folder, scene_copy, "--quiet", "--lpips"), 1, image)
-    assert snapshot(run_folder) == before
 
 
 def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
@@ -151,22 +38,6 @@ def test_a_folder_of_photographs_is_no_run(tiny: Path, tmp_path: Path, ringlight
     refused(ringlight("info", tiny), 1, tiny, "model.safetensors")
     refused(ringlight("train", "--resume", tiny), 1, tiny)
     refused(ringlight("train", "--resume", tmp_path / "missing"), 1, tmp_path / "missing")
-
-
-@pytest.mark.parametrize("file", ["cameras.bin", "images.bin", "points3D.bin"])
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_a_colmap_file_that_is_cut(file: str, share: float, tmp_path: Path, ringlight: Command) -> None:
-    scene = write_colmap(tmp_path / "scene")
-    model = scene / "sparse" / "0"
-    content = (model / file).read_bytes()
-    (model / file).write_bytes(content[: int(share * len(content))])
-    refused(ringlight("train", scene, "3dgs", "--out", tmp_path / "out", *QUIET), 1, model / file)
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_distorted_colmap_camera_is_refused_with_the_remedy(tmp_path: Path, ringlight: Command) -> None:
-    scene = write_colmap(tmp_path / "scene", camera=("OPENCV", 4, (20.0, 20.0, 8.0, 6.0, 0.1, 0.0, 0.0, 0.0)))
-    refused(ringlight("train", scene, "3dgs", "--out", tmp_path / "out", *QUIET), 1, "OPENCV", "undistort")
 
 
 def test_a_gaussian_ply_is_no_model_file(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
