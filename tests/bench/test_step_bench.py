@@ -42,7 +42,7 @@ def test_repeating_leaves_the_training_where_it_was(circumstances):
     assert result.gaussians == TINY.gaussians
     assert result.image == "32x32"
     assert set(result.stages) == set(StagedStep(before.training, before.step).stages())
-    assert result.floor_ratio > 0
+    assert result.wall_floor_ratio > 0
 
 
 def test_photographs_can_be_stepped_on_too():

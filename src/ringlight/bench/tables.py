@@ -23,7 +23,7 @@ def raster_tables(record: RasterBench) -> Iterator[Block]:
     """Milliseconds a frame; with a peer a second table of the same, and the ratios."""
     yield Text(f"rasterizer {record.rasterizer}: milliseconds a frame of the standard workload, medians", style="bold")
     yield from _circumstances(record.circumstances)
-    table = _table("size", "channels", "forward", "backward", "both", "CPU both", "frames/s")
+    table = _table("size", "channels", "forward", "backward", "both", "CPU both", "per second")
     for row in record.rows:
         per_second = f"{1e3 / row.ours.both.wall_ms:,.0f}"
         table.add_row(row.size.name, str(row.size.channels), *_passes(row.ours), per_second)
@@ -69,7 +69,8 @@ def step_tables(record: StepBench) -> Iterator[Block]:
     rate = f"{1e3 / record.whole.wall_ms:.0f} it/s"
     table.add_row("the loop's step", _ms(record.whole.wall_ms), _ms(record.whole.cpu_ms), rate, style="bold")
     yield table
-    yield Text(f"the step takes {record.floor_ratio:.2f} times its raster + loss + Adam stages", style="dim")
+    ratios = f"{record.wall_floor_ratio:.2f} times its raster + loss + Adam stages (CPU {record.cpu_floor_ratio:.2f})"
+    yield Text(f"the step takes {ratios}", style="dim")
 
 
 def _circumstances(now: Circumstances) -> Iterator[Text]:
