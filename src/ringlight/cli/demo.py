@@ -54,7 +54,9 @@ def main(arguments: list[str]) -> int:
     options = ReaderOptions(quiet=asked.quiet)
     for method in METHODS_SHOWN:
         session = demo.session(method)
-        if session is not None and fit(session, options, f"ringlight demo --resume {demo.folder}") is None:
+        if session is None:
+            continue
+        if fit(session, options, f"ringlight demo --resume {demo.folder}") is None:
             return INTERRUPTED
         if not asked.quiet:
             sys.stderr.write("\n")
