@@ -1,5 +1,8 @@
 // Sixteen Gaussians from the table to ellipses on the image, with all that the gradient needs on the way back.
 // Zwicker et al. 2001, EWA volume splatting; the frustum clamp and the low-pass filter are gsplat's.
+//
+// Differences of two products name their fma: the compiler might fuse either product, and not the same one in both
+// halves of an AVX2 register, so that a Gaussian's bits would depend on its row.
 #pragma once
 #include "raster.hpp"
 #include "simd.hpp"
@@ -105,20 +108,20 @@ RINGLIGHT_INLINE void rotate(const float* quats, Projection& p) {
   p.unit_quat[0] = w, p.unit_quat[1] = x, p.unit_quat[2] = y, p.unit_quat[3] = z;
   const Vec two(2.f), one(1.f);
   p.rotation[0] = fnma(two, fma(y, y, z * z), one);
-  p.rotation[1] = two * (x * y - w * z);
-  p.rotation[2] = two * (x * z + w * y);
-  p.rotation[3] = two * (x * y + w * z);
+  p.rotation[1] = two * fnma(w, z, x * y);
+  p.rotation[2] = two * fma(w, y, x * z);
+  p.rotation[3] = two * fma(w, z, x * y);
   p.rotation[4] = fnma(two, fma(x, x, z * z), one);
-  p.rotation[5] = two * (y * z - w * x);
-  p.rotation[6] = two * (x * z - w * y);
-  p.rotation[7] = two * (y * z + w * x);
+  p.rotation[5] = two * fnma(w, x, y * z);
+  p.rotation[6] = two * fnma(w, y, x * z);
+  p.rotation[7] = two * fma(w, x, y * z);
   p.rotation[8] = fnma(two, fma(x, x, y * y), one);
 }
 
 RINGLIGHT_INLINE void cross(const Vec* a, const Vec* b, Vec* to) {
-  to[0] = a[1] * b[2] - a[2] * b[1];
-  to[1] = a[2] * b[0] - a[0] * b[2];
-  to[2] = a[0] * b[1] - a[1] * b[0];
+  to[0] = fnma(a[2], b[1], a[1] * b[2]);
+  to[1] = fnma(a[0], b[2], a[2] * b[0]);
+  to[2] = fnma(a[1], b[0], a[0] * b[1]);
 }
 
 RINGLIGHT_INLINE void spread(const Pinhole& camera, float eps2d, const float* log_scales, Projection& p) {
