@@ -15,7 +15,7 @@ from ringlight.core.scene import Scene
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
-from ringlight.methods.table import METHODS
+from ringlight.methods.table import METHODS, method_of
 from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
@@ -53,7 +53,7 @@ def model_header(
 ) -> ModelHeader:
     """The header of a model file; ``metrics`` are those of the test views, if measured."""
     return ModelHeader(
-        method=type(recipe).__name__,
+        method=method_of(recipe),
         preset=preset,
         recipe=recipe_to_dict(recipe),
         step=step,
@@ -92,7 +92,7 @@ def load_model(path: Path, rasterize: Rasterizer) -> StoredModel:
     if path.is_dir():
         path = path / "model.safetensors"
     stored = read_model_file(path)
-    kinds = {type(recipe).__name__: type(recipe) for recipe in METHODS.values()}
+    kinds = {method_of(recipe): type(recipe) for recipe in METHODS.values()}
     if stored.header.method not in kinds:
         raise ModelFileError(
             f"{path}: method {stored.header.method!r} is unknown to this version of ringlight; update it"

@@ -14,6 +14,11 @@ METHODS: dict[str, Any] = {
 }
 
 
+def method_of(recipe: Any) -> str:
+    """What model files and reports call the method of a recipe: the first preset of its kind, whatever its settings."""
+    return next(name for name, preset in METHODS.items() if type(preset) is type(recipe))
+
+
 def method_named(name: str) -> Any:
     """The preset called ``name``; raises RecipeError with the nearest names."""
     if name in METHODS:

@@ -24,6 +24,7 @@ from ringlight.measure.report import Report, read_report
 from ringlight.measure.size import bytes_by_part
 from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.store import for_rendering
+from ringlight.methods.table import method_of
 from ringlight.models.splats import SplatModel
 from ringlight.runs.folder import RunFolder, make_folder
 from ringlight.runs.opened import Opened
@@ -77,7 +78,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
     """End a training run: measure it, write its report, and put its numbers into the model file too."""
     facts = TrainingFacts(
         preset=session.record.preset,
-        method=type(session.record.recipe).__name__,
+        method=method_of(session.record.recipe),
         seed=session.record.seed,
         steps=session.training.step,
         wall_seconds=session.clock.wall,
