@@ -98,6 +98,10 @@ def test_runs_of_one_method_are_told_apart(make_run):
 def test_a_folder_named_twice_counts_once(make_run):
     run = make_run("a")
     assert len(compare([run, run.parent / "." / "a"]).table.runs) == 1
+    other = make_run("b", preset="ringlight")
+    again = compare([run, other, run]).table
+    assert [label for label, _ in again.runs] == ["3dgs", "ringlight"], "its first place counts"
+    assert again.baseline == "3dgs"
 
 
 def test_missing_or_damaged_runs_are_refused(make_run, tmp_path):

@@ -46,7 +46,8 @@ def compare(runs: Sequence[Path], views: int = 3) -> Comparison:
     Raises:
         RunError: no runs, a report is missing or damaged, or two runs of a scene have different test views.
     """
-    folders = list({folder.resolve(): folder for folder in reversed(runs)}.values())[::-1]
+    # The first mention decides the place: the first run named stays the baseline.
+    folders = list({folder.resolve(): folder for folder in runs}.values())
     if not folders:
         raise RunError("no runs to compare; give the folders that 'ringlight train' wrote")
     loaded = [_Run(folder, read_report(folder)) for folder in folders]
