@@ -5,10 +5,11 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from ringlight.cli.arguments import Device
 from ringlight.cli.parse import parse
 from ringlight.methods.table import method_named
 
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from ringlight.bench.tables import Block
     from ringlight.bench.timing import Budget
     from ringlight.rasterize.contract import Rasterizer
-
-Device = Literal["auto", "cpu", "reference", "cuda"]
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,6 @@ class RasterOptions:
 
 
 @runtime_checkable
-@runtime_checkable
 class Rasterizer(Protocol):
     """A back end. Differentiable in the table's geometry, the channels, the opacity factor and nothing else."""
 

@@ -10,7 +10,6 @@ from ringlight.core.rendering import Channels
 
 
 @runtime_checkable
-@runtime_checkable
 class Shader(Protocol):
     """May be an ``nn.Module`` with shared parameters."""
 
