@@ -8,6 +8,7 @@ import torch
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Footprint, Raster, Rendering
+from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.strategies.densify import Densify, accumulate_pull_
@@ -87,6 +88,27 @@ def test_never_everything_is_removed():
     model = model_of([SMALL] * 3, [0.001, 0.003, 0.002])
     densify_once(model, [0.0, 0.0, 0.0])
     assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.003])
+
+
+def test_faint_ones_under_pull_do_not_empty_the_table():
+    model = model_of([SMALL] * 3, [0.001, 0.003, 0.002])
+    densify_once(model, [0.5, 0.0, 0.5])
+    assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.003])
+
+
+def test_no_reset_follows_the_last_round():
+    model = model_of([SMALL], [0.5])
+    densify_once(model, [0.0], DensifySettings(begin=10_000, reset_every=25, stop=0.5), step=50)
+    assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"every": 0}, {"reset_every": -1}, {"max_gaussians": 0}, {"reset_opacity": 1.0}, {"prune_opacity": 1.0}],
+)
+def test_settings_that_cannot_work_are_refused(wrong: dict[str, float]):
+    with pytest.raises(RecipeError, match=rf"densify\.{next(iter(wrong))} is .*; "):
+        DensifySettings(**wrong)
 
 
 def test_opacity_resets_lower_but_never_raise():

@@ -54,9 +54,10 @@ class Densify:
         self._pull, self._views = state["pull"].clone(), state["views"].clone()
 
     def _resets(self, step: int) -> bool:
-        # The last steps of densification see no reset, as a faint scene would be pruned away before it recovers.
         every = self.settings.reset_every
-        return every > 0 and (step % every == 0 or (self.white and step == WHITE_RESET_STEP))
+        if not every or step >= self.last_step:  # as 3DGS: after the last round nothing would prune what a reset bares
+            return False
+        return step % every == 0 or (self.white and step == WHITE_RESET_STEP)
 
     def _observe(self, model: SplatModel, rendering: Rendering) -> None:
         if len(self._pull) != len(model):
@@ -77,7 +78,7 @@ class Densify:
         small = widest <= self.settings.clone_below * self.extent
         split = strong & ~small
         keep = ~split & self._worth_keeping(step, table, widest, model)
-        if not bool(keep.any() | strong.any()):
+        if not bool((keep | split).any()):  # clones come from rows that are kept
             keep[table.opacity_logits.argmax()] = True
         clones = table.rows((strong & small & keep).nonzero()[:, 0])
         children = self._children(table.rows(split.nonzero()[:, 0]), step)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from ringlight.errors import RecipeError
+
 
 @dataclass(frozen=True)
 class DensifySettings:
@@ -29,6 +31,15 @@ class DensifySettings:
     """Opacities are lowered to this at a reset."""
     max_gaussians: int = 1_000_000
     """Never more than this many; the strongest pulls are served first."""
+
+    def __post_init__(self) -> None:
+        for name, least in {"every": 1, "reset_every": 0, "max_gaussians": 1}.items():
+            if getattr(self, name) < least:
+                raise RecipeError(f"densify.{name} is {getattr(self, name)}; give at least {least}")
+        if not 0 < self.reset_opacity < 1:
+            raise RecipeError(f"densify.reset_opacity is {self.reset_opacity}; an opacity lies between 0 and 1")
+        if not 0 <= self.prune_opacity < 1:
+            raise RecipeError(f"densify.prune_opacity is {self.prune_opacity}; give 0 (keep all) or more, below 1")
 
     def last_step(self, steps: int) -> int:
         """The last step at which rows may be added."""
