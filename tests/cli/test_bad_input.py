@@ -34,6 +34,22 @@ def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["empty"]
 
 
+@pytest.mark.parametrize(
+    "flag",
+    [
+        ("--steps", "0"),
+        ("--seed", "-1"),
+        ("--seed", str(2**63)),
+        ("--sh-degree", "4"),
+        ("--densify.every", "0"),
+        ("--rates.means", "-1"),
+    ],
+)
+def test_settings_beyond_their_range(flag: tuple[str, str], tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    refused(ringlight("train", tiny, "3dgs", "--out", tmp_path / "out", *flag, "--quiet"), 1)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_folder_of_photographs_is_no_run(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     refused(ringlight("info", tiny), 1, tiny, "model.safetensors")
     refused(ringlight("train", "--resume", tiny), 1, tiny)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from ringlight.errors import RecipeError
 from ringlight.fit.rates import GaussianRates, Rate
 
 
@@ -19,6 +20,12 @@ def test_progress_outside_the_run_is_clamped():
 
 def test_a_rate_of_zero_freezes():
     assert Rate.constant(0.0).at(0.3) == 0.0
+
+
+@pytest.mark.parametrize("ends", [(-1e-3, 1e-3), (1e-3, -1e-3), (float("nan"), 1.0), (1.0, float("inf"))])
+def test_a_rate_that_is_none_is_refused(ends: tuple[float, float]):
+    with pytest.raises(RecipeError, match="learning rate"):
+        Rate(*ends)
 
 
 def test_only_the_centres_scale_with_the_scene():

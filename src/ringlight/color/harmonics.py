@@ -13,6 +13,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_sh, sh_basis, sh_from_rgb
+from ringlight.errors import RecipeError
 
 try:
     from ringlight import _kernels
@@ -34,6 +35,8 @@ class SphericalHarmonics(nn.Module):
 
     def __init__(self, degree: int = MAX_DEGREE):
         super().__init__()
+        if not 0 <= degree <= MAX_DEGREE:
+            raise RecipeError(f"the degree of the spherical harmonics is {degree}; give 0 to {MAX_DEGREE}")
         self.register_buffer("active_degree", torch.tensor(degree))
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:

@@ -1,6 +1,9 @@
 """Learning rates as functions of the progress through training. Torch-free: recipes hold these."""
 
+import math
 from dataclasses import dataclass
+
+from ringlight.errors import RecipeError
 
 
 @dataclass(frozen=True)
@@ -9,6 +12,10 @@ class Rate:
 
     start: float
     end: float
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.start < math.inf and 0 <= self.end < math.inf):
+            raise RecipeError(f"a learning rate goes from {self.start:g} to {self.end:g}; give 0 (frozen) or more")
 
     @staticmethod
     def constant(rate: float) -> "Rate":

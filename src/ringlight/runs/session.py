@@ -10,13 +10,16 @@ import ringlight
 from ringlight.core.scene import Scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
-from ringlight.errors import RunError
+from ringlight.errors import RecipeError, RunError
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.fit.train import Progress, Training, train
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
+
+LARGEST_SEED = 2**63 - 1
+"""torch's generators take no more."""
 
 
 @dataclass
@@ -40,6 +43,7 @@ class Session:
         out: Path, scene_path: Path, preset: str, recipe: Any, options: SceneOptions, seed: int, device: str
     ) -> "Session":
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
+        _check(recipe.steps, seed)
         record = RunRecord(preset, recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         scene = load_scene(scene_path, options)
         training = recipe.build(scene, rasterizer_for(device), seed)
@@ -68,7 +72,7 @@ class Session:
             clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
-                f"{folder.checkpoint}: does not fit {folder.path / 'recipe.json'} ({type(error).__name__}); "
+                f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({type(error).__name__}); "
                 "it was written by another version of ringlight: start again with --out NEW"
             ) from None
         return Session(folder, record, scene, training, clock)
@@ -101,3 +105,10 @@ class Session:
         )
         cameras = [view.camera for view in self.scene.train]
         save_model(self.folder.model, self.training.model, header, cameras)
+
+
+def _check(steps: int, seed: int) -> None:
+    if steps < 1:
+        raise RecipeError(f"--steps is {steps}; give at least 1")
+    if not 0 <= seed <= LARGEST_SEED:
+        raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
