@@ -113,6 +113,20 @@ def test_cameras_that_look_elsewhere_hardly_count() -> None:
     assert bake_to_sh(table, views + blind, misled).rmse < bake_to_sh(table, views, glossy).rmse + 0.03
 
 
+def test_what_no_camera_sees_is_no_error():
+    table, views = gaussians(30), cameras(60, upper_only=True)
+    above = Gaussians.from_columns({n: torch.cat([c, c]) for n, c in table.columns().items()})
+    above.means[30:, 2] += 100
+
+    def unfit(part: Gaussians, camera: Camera) -> torch.Tensor:
+        # So far above, all cameras are in one direction: colours that differ between them fit no harmonics.
+        return torch.where(part.means[:, 2:] > 50, float(camera.position[0] > 0), glossy(part, camera))
+
+    seen, both = bake_to_sh(table, views, glossy), bake_to_sh(above, views, unfit)
+    assert both.rmse == pytest.approx(seen.rmse, rel=1e-4)
+    assert both.worst == pytest.approx(seen.worst, rel=1e-4)
+
+
 def test_the_chunks_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
     table = gaussians(64)
     whole = bake_to_sh(table, cameras(20), glossy)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from ringlight.core.camera import Camera
@@ -40,7 +40,7 @@ class Baked:
     """Harmonics as viewers use them: colour = max(0, 0.5 + sum), and how far they are from the colour asked for.
 
     ``rmse`` is over all Gaussians, channels and cameras that see them, in units of display-referred colour (0 to 1);
-    ``worst`` is that of the worst single Gaussian.
+    ``worst`` is that of the worst single Gaussian. Cameras whose picture a centre misses are not counted.
     """
 
     sh_dc: Float[Tensor, "N 3"]
@@ -69,40 +69,40 @@ def bake_to_sh(gaussians: Gaussians, cameras: Sequence[Camera], colors_from: Col
     ]
     harmonics = torch.cat([part[0] for part in parts]) if parts else torch.zeros(0, COEFFICIENTS, 3)
     squares = torch.cat([part[1] for part in parts]) if parts else torch.zeros(0)
-    weights = torch.cat([part[2] for part in parts]) if parts else torch.zeros(0)
-    each = (squares.double() / weights.double().clamp_min(1e-12)).sqrt()
+    views = torch.cat([part[2] for part in parts]) if parts else torch.zeros(0, dtype=torch.int64)
+    each = (squares.double() / views.clamp_min(1)).sqrt()
     return Baked(
         sh_dc=harmonics[:, 0].contiguous(),
         sh_rest=harmonics[:, 1:].contiguous(),
-        rmse=math.sqrt(squares.double().sum().item() / max(weights.double().sum().item(), 1e-12)),
+        rmse=math.sqrt(squares.double().sum().item() / max(views.sum().item(), 1)),
         worst=each.max().item() if len(each) else 0.0,
     )
 
 
 def _fit(
     gaussians: Gaussians, cameras: Sequence[Camera], colors_from: ColorsFrom
-) -> tuple[Float[Tensor, "n 16 3"], Float[Tensor, "n"], Float[Tensor, "n"]]:
-    """Coefficients, weighted sum of squared errors (mean over channels), and sum of weights, of every row."""
+) -> tuple[Float[Tensor, "n 16 3"], Float[Tensor, "n"], Int[Tensor, "n"]]:
+    """Of every row: coefficients, sum of squared errors (mean over channels) and number of the cameras that see it."""
     means = gaussians.means
     basis = torch.stack([sh_basis(view_directions(means, camera.position), DEGREE) for camera in cameras], 1)
     colors = torch.stack([colors_from(gaussians, camera) for camera in cameras], 1)
-    weights = torch.stack([_weights(means, camera) for camera in cameras], 1)
+    seen = torch.stack([_sees(camera, means) for camera in cameras], 1)
+    weights = torch.where(seen, 1.0, UNSEEN_WEIGHT)
     weighted = (basis * weights[..., None]).transpose(1, 2)
     normal = torch.bmm(weighted, basis) + RIDGE * len(cameras) * torch.diag(_laplacian())
     harmonics = torch.linalg.solve(normal, torch.bmm(weighted, colors - GREY))
     shown = (torch.bmm(basis, harmonics) + GREY).clamp_min(0)
     squares = ((shown - colors) ** 2).mean(-1)
-    return harmonics, (squares * weights).sum(1), weights.sum(1)
+    return harmonics, (squares * seen).sum(1), seen.sum(1)
 
 
-def _weights(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "n"]:
-    """1 where the centre falls into the picture, else UNSEEN_WEIGHT."""
+def _sees(camera: Camera, means: Float[Tensor, "n 3"]) -> Bool[Tensor, "n"]:
+    """Whether the centre falls into the picture."""
     x, y, depth = (means @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]).unbind(1)
     front = depth > 0
     z = torch.where(front, depth, 1.0)
     u, v = x / z * camera.focal[0] + camera.center[0], y / z * camera.focal[1] + camera.center[1]
-    inside = front & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
-    return torch.where(inside, 1.0, UNSEEN_WEIGHT)
+    return front & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
 
 
 def _laplacian() -> Float[Tensor, "16"]:
