@@ -13,7 +13,7 @@ from cli_session import QUICK, SMALL_LIGHT
 from command import Command
 from scenes_on_disk import picture
 
-from ringlight.cli import checks
+from ringlight.cli import checks, progress
 from ringlight.files.ply import read_gaussian_ply
 from ringlight.fit.train import Progress
 from ringlight.measure.picture_names import picture_name
@@ -91,6 +91,12 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(
     assert finished.code == 0, finished.err
     assert (run / "model.safetensors").read_bytes() == (trained["ringlight"] / "model.safetensors").read_bytes()
     assert numbers(run / "report.json") == numbers(trained["ringlight"] / "report.json")
+
+
+def test_a_resumed_run_says_where_it_goes_on(trained: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    session = Session.resume(trained["3dgs"])
+    progress.announce(session, quiet=False)
+    assert "Gaussians going on after step 40" in capsys.readouterr().err
 
 
 def test_runs_without_a_name_stand_beside_each_other(

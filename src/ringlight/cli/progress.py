@@ -32,11 +32,12 @@ def announce(session: Session, quiet: bool) -> None:
 
     scene, training = session.scene, session.training
     camera = scene.train[0].camera
+    place = "to start with" if training.step == 0 else f"going on after step {training.step}"
     lines = [
         f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
         f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
         *(f"  {note}" for note in scene.notes),
-        f"{training.steps} steps, seed {session.record.seed}, {len(training.model)} Gaussians to start with; "
+        f"{training.steps} steps, seed {session.record.seed}, {len(training.model):,} Gaussians {place}; "
         f"{training.model.rasterize.name} rasterizer, {_kernels.isa()}, {_kernels.threads()} threads",
         f"writing to {session.folder.path}",
     ]

@@ -7,6 +7,7 @@ from statistics import median
 
 import torch
 
+from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Rendering
 
@@ -49,7 +50,8 @@ def frames_per_second(
         while not times or (len(times) < passes and time.perf_counter() - begun < max_seconds):
             times.append(_one_pass(render, cameras, device))
     wall, cpu = (median(column) / len(cameras) for column in zip(*times, strict=True))
-    size = f"{cameras[0].width}x{cameras[0].height}"
+    sizes = sorted({(camera.width, camera.height) for camera in cameras})
+    size = " to ".join(dict.fromkeys(f"{width}x{height}" for width, height in (sizes[0], sizes[-1])))
     note = (
         f"render call only, {len(cameras)} views of {size}, one at a time, median of {len(times)} passes "
         f"after {warmup_passes} to warm up, on {_device_name(device)}"
@@ -92,7 +94,7 @@ def _wait_for(device: torch.device) -> None:
 def _device_name(device: torch.device) -> str:
     if device.type == "cuda":
         return torch.cuda.get_device_name(device)
-    return f"the CPU ({torch.get_num_threads()} torch threads)"
+    return f"the CPU ({_kernels.threads()} threads)"
 
 
 def _median_seconds(work: Callable[[], object], repeats: int) -> float:
