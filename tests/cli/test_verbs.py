@@ -13,7 +13,8 @@ from cli_session import QUICK, SMALL_LIGHT
 from command import Command
 from scenes_on_disk import picture
 
-from ringlight.cli import checks, progress
+from ringlight.cli import checks
+from ringlight.cli.progress import announce
 from ringlight.files.ply import read_gaussian_ply
 from ringlight.fit.train import Progress
 from ringlight.measure.picture_names import picture_name
@@ -95,7 +96,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(
 
 def test_a_resumed_run_says_where_it_goes_on(trained: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     session = Session.resume(trained["3dgs"])
-    progress.announce(session, quiet=False)
+    announce(session, quiet=False)
     assert "Gaussians going on after step 40" in capsys.readouterr().err
 
 
