@@ -6,7 +6,7 @@ namespace ringlight {
 
 constexpr int SH_REST = 45;  // coefficients after the constant ones: 15 harmonics by 3 colours
 
-// N rows as they lie in the table. Only the harmonics up to `degree` (0 to 3) are read.
+// N rows as they lie in the table. Only the harmonics up to `degree` (0 to 3) count.
 struct Harmonics {
   const float* means;     // [N 3] world units
   const float* constant;  // [N 3]

@@ -1,9 +1,7 @@
 #include "sh.hpp"
 
-#include <cmath>
-
 #include "parallel.hpp"
-#include "transpose.hpp"
+#include "simd.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -42,7 +40,7 @@ void find_directions(const Harmonics& table, Block& block) {
   }
   for (int i = 0; i < LANES; i++) {
     const float square = block.x[i] * block.x[i] + block.y[i] * block.y[i] + block.z[i] * block.z[i];
-    const float inverse = 1 / std::sqrt(square > SMALLEST_SQUARE ? square : SMALLEST_SQUARE);
+    const float inverse = 1 / __builtin_sqrtf(square > SMALLEST_SQUARE ? square : SMALLEST_SQUARE);
     block.inverse_distance[i] = inverse;
     block.x[i] *= inverse;
     block.y[i] *= inverse;
@@ -91,6 +89,32 @@ void prefetch_block(const float* rows) {
   for (int i = 0; i < SH_REST * LANES; i += LINE) __builtin_prefetch(rows + i, intent);
 }
 
+// First of the sixteen coefficients of a row that are turned together: the last sixteen are pulled back, so that they
+// end with the row, and repeat some work instead of touching the next row.
+int piece_start(int coefficient) { return coefficient + LANES <= SH_REST ? coefficient : SH_REST - LANES; }
+
+// planar[k][lane] = rows[lane][k] for at least the first `count` coefficients.
+void to_planar(const float* rows, int count, Lanes* planar) {
+  for (int first = 0; first < count; first += LANES) {
+    const int start = piece_start(first);
+    Vec square[LANES];
+    for (int lane = 0; lane < LANES; lane++) square[lane] = load(rows + SH_REST * lane + start);
+    transpose(square);
+    for (int k = 0; k < LANES; k++) store(planar[start + k], square[k]);
+  }
+}
+
+// rows[lane][k] = planar[k][lane], all coefficients.
+void to_rows(const Lanes* planar, float* rows) {
+  for (int first = 0; first < SH_REST; first += LANES) {
+    const int start = piece_start(first);
+    Vec square[LANES];
+    for (int k = 0; k < LANES; k++) square[k] = load(planar[start + k]);
+    transpose(square);
+    for (int lane = 0; lane < LANES; lane++) store(rows + SH_REST * lane + start, square[lane]);
+  }
+}
+
 // The table's rows of coefficients, turned into one planar row per coefficient.
 void load_coefficients(const Harmonics& table, Block& block) {
   const float* rows = table.rest + SH_REST * block.first;
@@ -99,11 +123,11 @@ void load_coefficients(const Harmonics& table, Block& block) {
   if (block.rows < LANES) {
     for (int lane = 0; lane < LANES; lane++) {
       const int row = lane < block.rows ? lane : block.rows - 1;
-      for (int k = 0; k < 3 * block.count; k++) tail[lane][k] = rows[SH_REST * row + k];
+      for (int k = 0; k < SH_REST; k++) tail[lane][k] = rows[SH_REST * row + k];
     }
     rows = tail[0];
   }
-  transpose(rows, SH_REST, block.coefficients[0], LANES, 3 * block.count);
+  to_planar(rows, 3 * block.count, block.coefficients);
 }
 
 void sum_harmonics(const Harmonics& table, Block& block) {
@@ -193,7 +217,7 @@ void store_rest(Block& block, const Lanes* by_sum, float* rest) {
     for (int i = 0; i < LANES; i++) coefficients[k][i] = 0;
   float* rows = rest + SH_REST * block.first;
   prefetch_block<FOR_WRITING>(rows + SH_REST * LANES);
-  if (block.rows == LANES) return transpose_back(block.coefficients[0], LANES, rows, SH_REST, SH_REST);
+  if (block.rows == LANES) return to_rows(block.coefficients, rows);
   for (int lane = 0; lane < block.rows; lane++)
     for (int k = 0; k < SH_REST; k++) rows[SH_REST * lane + k] = block.coefficients[k][lane];
 }
