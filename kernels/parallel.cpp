@@ -4,9 +4,14 @@
 #include <pthread.h>
 #include <sched.h>
 
+#include <algorithm>
 #include <atomic>
+#include <exception>
 #include <mutex>
+#include <new>
+#include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace ringlight {
@@ -14,11 +19,12 @@ namespace {
 
 constexpr unsigned FLUSH_TO_ZERO = 0x8040;  // MXCSR: FTZ and DAZ; subnormal alphas cost a hundred cycles each
 constexpr int SPINS = 4000;                 // about 50 us: the usual gap between two loops of one training step
+constexpr int MOST_THREADS = 1024;          // more than any machine has cores: a slip of the keyboard must not pass
 
 int cores() {
   cpu_set_t set;
   if (sched_getaffinity(0, sizeof set, &set) == 0) return CPU_COUNT(&set);
-  return static_cast<int>(std::thread::hardware_concurrency());
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));  // 0 where it is not known
 }
 
 class FlushToZero {
@@ -35,10 +41,23 @@ struct Loop {
   void* closure = nullptr;
   std::size_t pieces = 0;
   std::atomic<std::size_t> next{0};
+  std::atomic<bool> failed{false};
+  std::exception_ptr failure;  // of the piece that set `failed`
 
-  void work() {
+  // No exception leaves a worker, where it would end the process, nor the caller before the workers are out.
+  void work() noexcept {
     FlushToZero mode;
-    for (std::size_t i; (i = next.fetch_add(1, std::memory_order_relaxed)) < pieces;) body(closure, i);
+    try {
+      for (std::size_t i; (i = next.fetch_add(1, std::memory_order_relaxed)) < pieces;) body(closure, i);
+    } catch (...) {
+      next.store(pieces);
+      if (!failed.exchange(true)) failure = std::current_exception();
+    }
+  }
+
+  // When all who worked are done.
+  void rethrow() {
+    if (failed.exchange(false)) std::rethrow_exception(std::exchange(failure, nullptr));
   }
 };
 
@@ -46,8 +65,13 @@ struct Loop {
 // caller closes the loop when the pieces are used up and waits only for workers that did get in.
 class Pool {
  public:
-  explicit Pool(int workers) {
-    for (int i = 0; i < workers; i++) threads_.emplace_back([this] { serve(); });
+  // With fewer threads than asked for where the system gives no more: slower, and otherwise the same.
+  explicit Pool(int workers) : workers_(workers) {
+    threads_.reserve(static_cast<std::size_t>(workers));
+    try {
+      for (int i = 0; i < workers; i++) threads_.emplace_back([this] { serve(); });
+    } catch (const std::system_error&) {
+    }
   }
 
   ~Pool() {
@@ -57,7 +81,7 @@ class Pool {
     for (auto& thread : threads_) thread.join();
   }
 
-  int workers() const { return static_cast<int>(threads_.size()); }
+  int workers() const { return workers_; }
 
   void run(std::size_t pieces, detail::Body body, void* closure) {
     loop_.body = body;
@@ -73,6 +97,7 @@ class Pool {
       if (++spins < SPINS) _mm_pause();
       else std::this_thread::yield();
     }
+    loop_.rethrow();
   }
 
  private:
@@ -101,6 +126,7 @@ class Pool {
     }
   }
 
+  const int workers_;
   std::vector<std::thread> threads_;
   Loop loop_;
   std::atomic<unsigned> generation_{0};
@@ -109,18 +135,17 @@ class Pool {
 };
 
 std::mutex guard;  // one parallel loop at a time per process
-Pool* pool = nullptr;
-int wanted = 0;
+Pool* pool = nullptr;  // never deleted when the process ends: its threads may still spin then
+std::atomic<int> wanted{0};
 
 // A forked child has no workers: drop the parent's pool (leaked on purpose, its threads do not exist here).
 void forget_pool() {
   pool = nullptr;
   new (&guard) std::mutex;
 }
+[[maybe_unused]] const int registered = pthread_atfork(nullptr, nullptr, forget_pool);
 
 Pool& current_pool() {
-  static const int registered = pthread_atfork(nullptr, nullptr, forget_pool);
-  (void)registered;
   const int workers = threads() - 1;
   if (pool && pool->workers() != workers) {
     delete pool;
@@ -132,12 +157,12 @@ Pool& current_pool() {
 
 }  // namespace
 
-void set_threads(int count) {
-  const std::lock_guard lock(guard);
-  wanted = count;
-}
+void set_threads(int count) { wanted = count; }
 
-int threads() { return wanted > 0 ? wanted : cores(); }
+int threads() {
+  const int count = wanted;
+  return std::min(count > 0 ? count : cores(), MOST_THREADS);
+}
 
 void detail::run(std::size_t pieces, Body body, void* closure) {
   if (pieces == 0) return;
@@ -148,6 +173,7 @@ void detail::run(std::size_t pieces, Body body, void* closure) {
     loop.closure = closure;
     loop.pieces = pieces;
     loop.work();
+    loop.rethrow();
     return;
   }
   current_pool().run(pieces, body, closure);

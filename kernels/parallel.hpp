@@ -9,7 +9,8 @@
 
 namespace ringlight {
 
-// Threads that a parallel loop uses, the caller included. 0 sets the number of cores this process may run on.
+// Threads that a parallel loop uses, the caller included, at most 1024. 0 sets the number of cores this process may
+// run on.
 void set_threads(int count);
 int threads();
 
@@ -20,6 +21,7 @@ void run(std::size_t pieces, Body body, void* closure);
 
 // Calls body(piece) for every piece in [0, pieces), flush-to-zero on, in any order and from any thread.
 // The caller works too and never waits for a worker that has not started: a busy machine cannot stall it.
+// An exception of a piece ends the loop and reaches the caller. A body must not begin a loop of its own.
 template <class F>
 void parallel_for(std::size_t pieces, F&& body) {
   using Closure = std::remove_reference_t<F>;

@@ -1,24 +1,16 @@
 #include "perceptron.hpp"
 
-#include <cstdlib>
 #include <cstring>
 
 #include "lane_layers.hpp"
 #include "parallel.hpp"
+#include "scratch.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
 constexpr int LAYERS = 3;
 constexpr int SHARD = 8 * GROUP;  // nodes whose gradients are summed together: a fixed share, for the same bits
-
-// Memory of known size, from malloc: no constructors run and nothing is zeroed.
-struct Block {
-  float* floats;
-  explicit Block(std::size_t count)
-      : floats(static_cast<float*>(std::aligned_alloc(64, (count * sizeof(float) + 63) / 64 * 64))) {}
-  ~Block() { std::free(floats); }
-};
 
 struct Widths {
   int of[LAYERS + 1];  // inputs, hidden, hidden, outputs
@@ -44,13 +36,13 @@ struct HeadPanels {
 struct StackPanels {
   Widths widths;
   PerceptronLayers<const float> layers;
-  Block memory;
+  Scratch memory;
   int heads;
 
   StackPanels(const PerceptronShape& shape, const PerceptronLayers<const float>& from, bool with_transposed)
       : widths(shape),
         layers(from),
-        memory(widths.weights() * shape.heads * (1 + with_transposed)),
+        memory(widths.weights() * shape.heads * (1 + with_transposed) * sizeof(float)),
         heads(shape.heads) {
     parallel_for(static_cast<std::size_t>(heads) * (1 + with_transposed), [this](std::size_t piece) {
       walk(static_cast<int>(piece) % heads, static_cast<int>(piece) >= heads, true);
@@ -61,7 +53,7 @@ struct StackPanels {
  private:
   HeadPanels walk(int head, bool transposed, bool write) const {
     HeadPanels panels;
-    float* to = memory.floats + widths.weights() * (head + (transposed ? heads : 0));
+    float* to = memory.floats() + widths.weights() * (head + (transposed ? heads : 0));
     for (int layer = 0; layer < LAYERS; layer++) {
       const int inputs = widths.of[layer], outputs = widths.of[layer + 1];
       const float* weight = layers.weight[layer] + static_cast<std::size_t>(head) * inputs * outputs;
@@ -180,10 +172,10 @@ void perceptron_forward(const PerceptronShape& shape, const PerceptronLayers<con
   const int shards = (shape.nodes + SHARD - 1) / SHARD;
   parallel_for(static_cast<std::size_t>(shape.heads) * shards, [&](std::size_t piece) {
     const int head = static_cast<int>(piece) / shards, begin = static_cast<int>(piece) % shards * SHARD;
-    const Block memory(static_cast<std::size_t>(SPARE + 1) * (widths.widest + LANES) * GROUP);
+    const Scratch memory(static_cast<std::size_t>(SPARE + 1) * (widths.widest + LANES) * GROUP * sizeof(float));
     const HeadPanels panels = packed.of(head, false);
-    const Activations at = lay_out(widths, memory.floats);
-    float* blocks = memory.floats + static_cast<std::size_t>(SPARE) * widths.widest * GROUP;
+    const Activations at = lay_out(widths, memory.floats());
+    float* blocks = memory.floats() + static_cast<std::size_t>(SPARE) * widths.widest * GROUP;
     for (int node = begin; node < begin + SHARD && node < shape.nodes; node += GROUP) {
       const int count = shape.nodes - node < GROUP ? shape.nodes - node : GROUP;
       const std::size_t row = static_cast<std::size_t>(head) * shape.nodes + node;
@@ -201,14 +193,14 @@ void perceptron_backward(const PerceptronShape& shape, const PerceptronLayers<co
   const Widths& widths = packed.widths;
   const int shards = (shape.nodes + SHARD - 1) / SHARD;
   const std::size_t size = sums_size(widths);
-  const Block sums(size * shape.heads * shards);
+  const Scratch sums(size * shape.heads * shards * sizeof(float));
   parallel_for(static_cast<std::size_t>(shape.heads) * shards, [&](std::size_t piece) {
     const int head = static_cast<int>(piece) / shards, begin = static_cast<int>(piece) % shards * SHARD;
-    const Block memory(static_cast<std::size_t>(2 * SPARE + 1) * (widths.widest + LANES) * GROUP);
+    const Scratch memory(static_cast<std::size_t>(2 * SPARE + 1) * (widths.widest + LANES) * GROUP * sizeof(float));
     const HeadPanels panels = packed.of(head, false), transposed = packed.of(head, true);
     const std::size_t half = static_cast<std::size_t>(SPARE) * widths.widest * GROUP;
-    const Activations at = lay_out(widths, memory.floats), gradient = lay_out(widths, memory.floats + half);
-    float* own = sums.floats + piece * size;
+    const Activations at = lay_out(widths, memory.floats()), gradient = lay_out(widths, memory.floats() + half);
+    float* own = sums.floats() + piece * size;
     std::memset(own, 0, size * sizeof(float));
     for (int node = begin; node < begin + SHARD && node < shape.nodes; node += GROUP) {
       const int count = shape.nodes - node < GROUP ? shape.nodes - node : GROUP;
@@ -216,11 +208,11 @@ void perceptron_backward(const PerceptronShape& shape, const PerceptronLayers<co
       rows_to_lanes(rows + row * shape.inputs, count, shape.inputs, at.of[0]);
       rows_to_lanes(upstream + row * shape.outputs, count, shape.outputs, gradient.of[LAYERS]);
       evaluate_hidden(widths, panels, at);
-      add_gradients(widths, transposed, at, gradient, memory.floats + 2 * half, own);
+      add_gradients(widths, transposed, at, gradient, memory.floats() + 2 * half, own);
     }
   });
   parallel_for(shape.heads, [&](std::size_t head) {
-    const float* of_head = sums.floats + head * shards * size;
+    const float* of_head = sums.floats() + head * shards * size;
     write_gradients(widths, of_head, shards, static_cast<int>(head), gradients);
   });
 }

@@ -1,10 +1,9 @@
 #include "ring.hpp"
 
-#include <cstdlib>
-
 #include "parallel.hpp"
 #include "ring_batch.hpp"
 #include "ring_rows.hpp"
+#include "scratch.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -43,13 +42,15 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
   write_base_colors(scene, outputs.color);
   Arena counter{nullptr};
   pack_layers(shape, parameters, counter);
-  Arena weights{static_cast<float*>(std::aligned_alloc(64, counter.used * sizeof(float)))};
+  const Scratch packed(counter.used * sizeof(float));
+  Arena weights{packed.floats()};
   const RingPanels panels = pack_layers(shape, parameters, weights);
   parallel_ranges(scene.visible_count, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
     Batch batch;
     Arena needed{nullptr};
     lay_out(batch, shape, false, needed);
-    Arena scratch{static_cast<float*>(std::aligned_alloc(64, needed.used * sizeof(float)))};
+    const Scratch memory(needed.used * sizeof(float));
+    Arena scratch{memory.floats()};
     lay_out(batch, shape, false, scratch);
     for (std::size_t first = begin; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
@@ -58,9 +59,7 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
       shade(batch, shape, panels);
       write(batch, shape, outputs);
     }
-    std::free(scratch.block);
   });
-  std::free(weights.block);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -1,7 +1,6 @@
 // The backward pass of the light field. Rows whose colour got no gradient, because something opaque is in front of
 // them, are skipped: their share is exactly zero. The others are dealt to a fixed number of shards, each with sums of
 // its own, which are added in order: the same bits for any number of threads.
-#include <cstdlib>
 #include <cstring>
 
 #include "parallel.hpp"
@@ -9,6 +8,7 @@
 #include "ring_batch.hpp"
 #include "ring_rows.hpp"
 #include "ring_sums.hpp"
+#include "scratch.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -211,7 +211,8 @@ void run_shard(const Backward& pass, const std::int32_t* active, std::size_t beg
   Arena needed{nullptr};
   lay_out(batch, pass.shape, true, needed);
   lay_out_gradient(gradient, pass.shape, needed);
-  Arena scratch{static_cast<float*>(std::aligned_alloc(64, needed.used * sizeof(float)))};
+  const Scratch own(needed.used * sizeof(float));
+  Arena scratch{own.floats()};
   lay_out(batch, pass.shape, true, scratch);
   lay_out_gradient(gradient, pass.shape, scratch);
   for (std::size_t first = begin; first < end; first += GROUP) {
@@ -221,7 +222,6 @@ void run_shard(const Backward& pass, const std::int32_t* active, std::size_t beg
     shade(batch, pass.shape, pass.panels);
     backpropagate(pass, batch, gradient, sums);
   }
-  std::free(scratch.block);
 }
 
 // What the backward pass needs beside the shards: the list of active rows and the packed weights.

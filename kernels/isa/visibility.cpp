@@ -1,9 +1,9 @@
 #include "visibility.hpp"
 
-#include <cstdlib>
 #include <cstring>
 
 #include "parallel.hpp"
+#include "scratch.hpp"
 #include "simd.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -72,7 +72,8 @@ std::size_t list_rows(const SplatColumns& table, std::size_t begin, std::size_t 
 std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows) {
   const std::size_t count = table.count;
   const std::size_t pieces = (count + GRAIN - 1) / GRAIN;
-  auto* found = static_cast<std::size_t*>(std::malloc((pieces + 1) * sizeof(std::size_t)));
+  const Scratch memory(pieces * sizeof(std::size_t));
+  auto* const found = static_cast<std::size_t*>(memory.data());
   parallel_ranges(count, GRAIN, [&](std::size_t begin, std::size_t end) {
     found[begin / GRAIN] = list_rows(table, begin, end, view, rows + begin);
   });
@@ -81,7 +82,6 @@ std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, s
     std::memmove(rows + total, rows + piece * GRAIN, found[piece] * sizeof(std::int32_t));
     total += found[piece];
   }
-  std::free(found);
   return total;
 }
 
