@@ -58,6 +58,7 @@ std::uint64_t Workspace::number_slots() {
 void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats,
                         const Images& images, const Footprints& footprints) {
   passes_++;
+  complete_ = false;
   frame_.camera = camera;
   frame_.settings = settings;
   frame_.splats = splats;
@@ -70,6 +71,7 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   binning_.bin(frame_, sort_.sort(frame_, drawn), drawn);
   frame_.block_masks = block_masks_.reserve(slots_in_use_);
   (is_v4() ? v4::blend : v3::blend)(frame_, images);
+  complete_ = true;
 }
 
 void Workspace::backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to) {

@@ -20,6 +20,8 @@ class Workspace {
 
   // Counts the forward passes: a caller that remembers the value knows whether its pass is still the last one.
   std::uint64_t passes() const { return passes_; }
+  // Whether the last forward pass came to its end, so that there is something for a backward pass.
+  bool complete() const { return complete_; }
   const Frame& frame() const { return frame_; }
 
  private:
@@ -28,6 +30,7 @@ class Workspace {
   void reserve_scratch();
 
   Frame frame_{};
+  bool complete_ = false;
   std::uint64_t passes_ = 0, slots_in_use_ = 0;
   DepthSort sort_;
   Binning binning_;

@@ -12,6 +12,7 @@ namespace ringlight {
 
 // The largest sizes that the kernels take.
 constexpr int RING_MAX_RANK = 32, RING_MAX_FEATURES = 64, RING_MAX_HIDDEN = 128;
+constexpr int RING_MAX_NODES = 1 << 16;  // a node's number must be exact as a float
 
 struct RingShape {
   int rank, features;

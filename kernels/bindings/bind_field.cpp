@@ -2,6 +2,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <vector>
@@ -31,7 +32,9 @@ RingShape shape_from(const std::vector<int>& sizes) {
   check(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
   check(shape.modulation_hidden >= 0 && shape.modulation_hidden <= RING_MAX_HIDDEN,
         "ring: modulation_hidden out of range");
-  check(shape.nodes >= 2 && shape.view_nodes >= 2, "ring: tables need two nodes");
+  check(shape.nodes >= 2 && shape.nodes <= RING_MAX_NODES && shape.view_nodes >= 2 &&
+            shape.view_nodes <= RING_MAX_NODES,
+        "ring: nodes out of range");
   return shape;
 }
 
@@ -118,17 +121,18 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
 
 std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
   const RingShape shape = shape_from(sizes);
+  check(visible_count <= std::numeric_limits<std::int32_t>::max(), "ring: too many rows");
   return (current_isa() == Isa::v4 ? v4::ring_workspace : v3::ring_workspace)(shape, visible_count);
 }
 
 }  // namespace
 
 void bind_field(nb::module_& module) {
-  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters"), nb::arg("means").noconvert(),
+  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters").noconvert(), nb::arg("means").noconvert(),
              nb::arg("base").noconvert(), nb::arg("visible").noconvert(), nb::arg("frame").noconvert(),
              nb::arg("color").noconvert(), nb::arg("residual").noconvert() = nb::none(),
              nb::arg("modulation").noconvert() = nb::none(), "Colours of the visible rows by the light field.");
-  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters"), nb::arg("means").noconvert(),
+  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters").noconvert(), nb::arg("means").noconvert(),
              nb::arg("base").noconvert(), nb::arg("visible").noconvert(), nb::arg("frame").noconvert(),
              nb::arg("color_gradient").noconvert(), nb::arg("gradients").noconvert(),
              nb::arg("base_gradient").noconvert(), nb::arg("workspace").noconvert(),

@@ -20,6 +20,7 @@ void adam_step(Array value, Input gradient, Array mean, Array square, float rate
   const std::size_t count = value.size();
   if (gradient.size() != count || mean.size() != count || square.size() != count)
     throw std::invalid_argument("adam: value, gradient and moments must have the same size");
+  if (step < 1) throw std::invalid_argument("adam: steps count from 1");
   const nb::gil_scoped_release unlocked;
   const auto run = current_isa() == Isa::v4 ? v4::adam : v3::adam;
   run(value.data(), gradient.data(), mean.data(), square.data(), count, {rate, beta1, beta2, epsilon, step});

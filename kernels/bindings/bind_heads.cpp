@@ -40,10 +40,16 @@ PerceptronLayers<Float> layers_from(const PerceptronShape& shape, const Arrays& 
 }
 
 PerceptronShape shape_from(const Stack& rows, const std::vector<Input>& parameters, std::size_t results) {
-  const std::size_t heads = rows.shape(0), nodes = rows.shape(1);
+  constexpr std::size_t MOST_HEADS = 1 << 10, MOST_NODES = 1 << 20, WIDEST = 1 << 14;  // products fit an int
+  const std::size_t heads = rows.shape(0), nodes = rows.shape(1), inputs = rows.shape(2);
   check(heads && nodes && parameters.size() == 6, "perceptron: no rows, or not three layers");
-  return {static_cast<int>(heads), static_cast<int>(nodes), static_cast<int>(rows.shape(2)),
-          static_cast<int>(parameters[1].size() / heads), static_cast<int>(results / (heads * nodes))};
+  check(heads <= MOST_HEADS && nodes <= MOST_NODES, "perceptron: too many heads or nodes");
+  const std::size_t hidden = parameters[1].size() / heads, outputs = results / (heads * nodes);
+  check(results == heads * nodes * outputs, "perceptron: results and their gradient must be [H K outputs]");
+  check(inputs && hidden && outputs && inputs <= WIDEST && hidden <= WIDEST && outputs <= WIDEST,
+        "perceptron: a width is 0 or above 2^14");
+  return {static_cast<int>(heads), static_cast<int>(nodes), static_cast<int>(inputs), static_cast<int>(hidden),
+          static_cast<int>(outputs)};
 }
 
 void forward(const std::vector<Input>& parameters, Stack rows, Array results) {
@@ -66,10 +72,10 @@ void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, 
 }  // namespace
 
 void bind_heads(nb::module_& module) {
-  module.def("perceptron_forward", &forward, nb::arg("parameters"), nb::arg("rows").noconvert(),
+  module.def("perceptron_forward", &forward, nb::arg("parameters").noconvert(), nb::arg("rows").noconvert(),
              nb::arg("results").noconvert(), "H perceptrons of three layers, each at its own rows [H K inputs].");
-  module.def("perceptron_backward", &backward, nb::arg("parameters"), nb::arg("rows").noconvert(),
-             nb::arg("upstream").noconvert(), nb::arg("gradients"), "Gradients of all weights and biases.");
+  module.def("perceptron_backward", &backward, nb::arg("parameters").noconvert(), nb::arg("rows").noconvert(),
+             nb::arg("upstream").noconvert(), nb::arg("gradients").noconvert(), "Gradients of all weights and biases.");
 }
 
 }  // namespace ringlight

@@ -1,5 +1,6 @@
 #include <nanobind/ndarray.h>
 
+#include <cstdint>
 #include <stdexcept>
 
 #include "bindings.hpp"
@@ -32,8 +33,18 @@ Planes planes_of(const Image& image) {
 }
 
 std::size_t workspace_size(int height, int width, int slots) {
+  if (height < 1 || width < 1 || slots < 1)
+    throw std::invalid_argument("photometric_workspace: height, width and slots must be positive");
   const Planes planes{1, height, width};
   return strip_scratch(planes) * static_cast<std::size_t>(slots);
+}
+
+// Results are written while rows of the images are still to be read.
+void require_apart(const Image& image, const Result& result) {
+  const auto begin = reinterpret_cast<std::uintptr_t>(image.data());
+  const auto written = reinterpret_cast<std::uintptr_t>(result.data());
+  if (begin < written + result.nbytes() && written < begin + image.nbytes())
+    throw std::invalid_argument("photometric: results may not share memory with an image");
 }
 
 double photometric_loss(Image image, Image target, Image target_blur, Image target_square_blur, Result gradient,
@@ -41,6 +52,7 @@ double photometric_loss(Image image, Image target, Image target_blur, Image targ
   const Planes planes = planes_of(image);
   for (const Image& other : {target, target_blur, target_square_blur}) require_shape(other, planes);
   require_shape(gradient, planes);
+  for (const Image& input : {image, target, target_blur, target_square_blur}) require_apart(input, gradient);
   const nb::gil_scoped_release unlocked;
   return photometric(
       {image.data(), target.data(), target_blur.data(), target_square_blur.data(), gradient.data()}, planes,
@@ -51,6 +63,8 @@ void blur(Image image, Result blurred, Result square_blurred, Workspace workspac
   const Planes planes = planes_of(image);
   require_shape(blurred, planes);
   require_shape(square_blurred, planes);
+  require_apart(image, blurred);
+  require_apart(image, square_blurred);
   const nb::gil_scoped_release unlocked;
   blur_target(image.data(), planes, blurred.data(), square_blurred.data(), workspace.data(), workspace.size());
 }

@@ -129,7 +129,7 @@ void backward(Workspace& workspace, const Table& table, In<Planes> image, In<Pla
               std::optional<In<Plane>> alpha_gradient, const Gradients& gradients) {
   const Splats splats = table.splats();
   const Frame& frame = workspace.frame();
-  require(workspace.passes() > 0 && splats.count == frame.splats.count &&
+  require(workspace.complete() && splats.count == frame.splats.count &&
               splats.channel_count == frame.splats.channel_count,
           "backward needs the table of the last forward pass");
   const auto fits = [&](const auto& array) {

@@ -1,6 +1,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
 
+#include <limits>
 #include <stdexcept>
 #include <vector>
 
@@ -23,6 +24,7 @@ void check(bool right, const char* message) {
 
 std::size_t drawable(Input means, Input log_scales, Input opacity_logits, const std::vector<float>& view, Rows rows) {
   const std::size_t count = rows.size();
+  check(count <= std::numeric_limits<std::int32_t>::max(), "drawable_rows: too many rows");
   check(means.size() == 3 * count && log_scales.size() == 3 * count && opacity_logits.size() == count,
         "drawable_rows: means and log_scales must be [N 3], opacity_logits [N]");
   check(view.size() == 22, "drawable_rows: a view is a matrix, focal, center, size and four margins");

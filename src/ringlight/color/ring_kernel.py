@@ -12,7 +12,7 @@ from ringlight.color.render_module import LitColor, RenderModule
 from ringlight.fields.tensor_ring import RingTables
 
 # The sizes that kernels/ring.hpp takes.
-MAX_RANK, MAX_FEATURES, MAX_HIDDEN = 32, 64, 128
+MAX_RANK, MAX_FEATURES, MAX_HIDDEN, MAX_NODES = 32, 64, 128, 1 << 16
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ def kernel_takes(tables: RingTables, shading: RenderModule, means: Tensor) -> bo
     """Whether the kernel can do it: float32 on the CPU, and no size beyond its limits."""
     widths = [layer.out_features for layer in shading.modules() if isinstance(layer, torch.nn.Linear)]
     fits = tables.axes.shape[-1] <= MAX_RANK**2 and len(tables.core) <= MAX_FEATURES and max(widths) <= MAX_HIDDEN
+    fits = fits and tables.axes.shape[1] <= MAX_NODES and len(tables.view) <= MAX_NODES**2
     kinds = {(tensor.dtype, tensor.device.type) for tensor in (tables.axes, tables.core, means)}
     return fits and kinds == {(torch.float32, "cpu")}
 

@@ -1,0 +1,132 @@
+"""The compiled module by itself: its signatures, what its bindings refuse, threads that cannot be had, forks."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+import ringlight
+from ringlight import _kernels
+
+STUB = Path(ringlight.__file__).with_name("_kernels.pyi")
+
+
+def arguments(function: ast.FunctionDef) -> list[str]:
+    return [argument.arg for argument in function.args.args]
+
+
+def signature(name: str) -> list[str]:
+    """Argument names as the module itself says them: the first line of a function's documentation."""
+    [inside] = re.findall(rf"^{name}\((.*)\) -> ", getattr(_kernels, name).__doc__, flags=re.MULTILINE)
+    return re.findall(r"(\w+): ", re.sub(r"\[.*?\]", "", inside))
+
+
+def test_the_stub_names_exactly_what_the_module_has():
+    body = ast.parse(STUB.read_text(encoding="utf-8")).body
+    functions = {node.name: arguments(node) for node in body if isinstance(node, ast.FunctionDef)}
+    others = {node.name for node in body if isinstance(node, ast.ClassDef)}
+    others |= {node.target.id for node in body if isinstance(node, ast.AnnAssign)}
+    assert set(functions) | others == {name for name in dir(_kernels) if not name.startswith("_")}
+    assert functions == {name: signature(name) for name in functions}
+
+
+def perceptron(width: int = 4) -> tuple[list[torch.Tensor], torch.Tensor]:
+    """Six parameters of one head, and three rows."""
+    return [torch.ones(1, width, width), torch.ones(1, 1, width)] * 3, torch.ones(1, 3, width)
+
+
+@pytest.mark.parametrize("spoil", [torch.Tensor.double, lambda tensor: tensor.mT])
+def test_arrays_in_lists_are_never_copied(spoil):
+    """A copy would take the gradients with it."""
+    parameters, rows = perceptron()
+    spoiled = [spoil(torch.empty(1, 4, 4)), *parameters[1:]]
+    with pytest.raises(TypeError):
+        _kernels.perceptron_forward(spoiled, rows, torch.empty(1, 3, 4))
+    with pytest.raises(TypeError):
+        _kernels.perceptron_backward(parameters, rows, torch.ones(1, 3, 4), spoiled)
+
+
+def test_results_of_another_size_are_refused():
+    parameters, rows = perceptron()
+    with pytest.raises(ValueError, match="H K outputs"):
+        _kernels.perceptron_forward(parameters, rows, torch.empty(13))
+
+
+def test_the_first_update_is_number_one():
+    with pytest.raises(ValueError, match="from 1"):
+        _kernels.adam(*torch.ones(4, 8), 0.1, 0.9, 0.999, 1e-8, 0)
+
+
+def test_results_must_not_lie_on_the_images():
+    image = torch.zeros(3, 8, 8)
+    workspace = torch.empty(_kernels.photometric_workspace(8, 8, 1))
+    with pytest.raises(ValueError, match="share memory"):
+        _kernels.photometric(image, image, image, image, image, workspace, 0.8, 0.2, False)
+    with pytest.raises(ValueError, match="share memory"):
+        _kernels.blur_target(image, image, torch.empty_like(image), workspace)
+
+
+@pytest.mark.parametrize("sizes", [(0, 8, 1), (8, -1, 1), (8, 8, 0)])
+def test_a_workspace_for_nothing_is_refused(sizes):
+    with pytest.raises(ValueError, match="positive"):
+        _kernels.photometric_workspace(*sizes)
+
+
+def test_a_forward_pass_that_failed_has_no_backward_pass():
+    count = 70_000  # Gaussians that each cover 65,536 tiles
+    means = torch.tensor([0.0, 0, 1]).repeat(count, 1)
+    columns = [means, torch.full((count, 3), 3.0), torch.ones(count, 4), torch.zeros(count)]
+    table = _kernels.SplatTable(*columns, None, torch.ones(count, 1), torch.zeros(1))
+    gradients = _kernels.SplatGradients(*columns, None, torch.ones(count, 1), torch.zeros(count, 2), None)
+    camera = _kernels.Pinhole(torch.eye(4), (8192.0, 8192.0), (4096.0, 4096.0), 8192, 8192)
+    settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
+    image, alpha, footprint = torch.empty(1, 8192, 8192), torch.empty(8192, 8192), torch.empty(count, 2)
+    workspace = _kernels.Workspace()
+    with pytest.raises(MemoryError):
+        workspace.forward(table, camera, settings, image, alpha, footprint, footprint.clone())
+    with pytest.raises(ValueError, match="last forward pass"):
+        workspace.backward(table, image, image, None, gradients)
+
+
+STEP = """
+import numpy, os, resource, sys
+from ringlight import _kernels
+def step(threads):
+    _kernels.set_threads(threads)
+    value, gradient, mean, square = numpy.random.default_rng(0).random((4, 200_000), dtype=numpy.float32)
+    _kernels.adam(value, gradient, mean, square, 0.1, 0.9, 0.999, 1e-8, 1)
+    return value
+alone = step(1)
+"""
+
+
+def run_alone(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", STEP + code], check=False, capture_output=True, text=True, timeout=60)
+
+
+def test_threads_that_the_system_does_not_give_are_done_without():
+    """With room for a few stacks only, a thousand threads are asked for."""
+    code = """
+pages = int(open("/proc/self/statm").read().split()[0])
+room = pages * resource.getpagesize() + (256 << 20)
+resource.setrlimit(resource.RLIMIT_AS, (room, room))
+sys.exit(_kernels.threads() > 1024 or not (step(2**31 - 1) == alone).all())
+"""
+    result = run_alone(code)
+    assert result.returncode == 0, result.stderr
+
+
+def test_a_forked_process_has_threads_of_its_own():
+    code = """
+step(2)
+child = os.fork()
+if child == 0:
+    os._exit(0 if (step(2) == alone).all() else 1)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    result = run_alone(code)
+    assert result.returncode == 0, result.stderr
