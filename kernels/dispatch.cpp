@@ -7,12 +7,14 @@
 namespace ringlight {
 namespace {
 
+// Everything that the compiler may use by CMakeLists.txt is asked for: virtual machines mask features one by one, and
+// a processor may have AVX-512 without VBMI2.
 bool has_v3() {
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2") &&
-         __builtin_cpu_supports("bmi");
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
+         __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("f16c") && __builtin_cpu_supports("lzcnt") &&
+         __builtin_cpu_supports("movbe");
 }
 
-// Every flag that CMakeLists.txt passes for v4 is asked for: a processor may have AVX-512 without VBMI2.
 bool has_v4() {
   return has_v3() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
          __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
@@ -24,7 +26,7 @@ bool has_v4() {
 Isa choose() {
   __builtin_cpu_init();
   if (!has_v3())
-    throw std::runtime_error("this processor has no AVX2, which ringlight's CPU kernels need; use the 'reference' rasterizer");
+    throw std::runtime_error("this processor lacks AVX2 (x86-64-v3), which ringlight's CPU kernels need; use the 'reference' rasterizer");
   const char* forced = std::getenv("RINGLIGHT_ISA");
   const std::string wish = forced ? forced : "";
   if (wish.empty()) return has_v4() ? Isa::v4 : Isa::v3;

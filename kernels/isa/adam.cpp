@@ -1,7 +1,5 @@
 #include "adam.hpp"
 
-#include <cmath>
-
 #include "parallel.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -10,8 +8,8 @@ constexpr std::size_t GRAIN = 16384;  // floats a piece: four arrays of 64 KB st
 }
 
 void adam(float* value, const float* gradient, float* mean, float* square, std::size_t count, const AdamStep& step) {
-  const float rate = step.rate / static_cast<float>(1 - std::pow(static_cast<double>(step.beta1), step.step));
-  const float correction = static_cast<float>(1 / std::sqrt(1 - std::pow(static_cast<double>(step.beta2), step.step)));
+  const float rate = step.rate / static_cast<float>(1 - __builtin_pow(step.beta1, static_cast<double>(step.step)));
+  const float correction = static_cast<float>(1 / __builtin_sqrt(1 - __builtin_pow(step.beta2, static_cast<double>(step.step))));
   const float keep1 = step.beta1, keep2 = step.beta2, epsilon = step.epsilon;
   parallel_ranges(count, GRAIN, [=](std::size_t begin, std::size_t end) {
 #pragma GCC ivdep
@@ -21,7 +19,7 @@ void adam(float* value, const float* gradient, float* mean, float* square, std::
       const float v = keep2 * square[i] + (1 - keep2) * g * g;
       mean[i] = m;
       square[i] = v;
-      value[i] -= rate * m / (std::sqrt(v) * correction + epsilon);
+      value[i] -= rate * m / (__builtin_sqrtf(v) * correction + epsilon);
     }
   });
 }

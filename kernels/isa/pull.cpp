@@ -1,7 +1,5 @@
 #include "pull.hpp"
 
-#include <cmath>
-
 #include "parallel.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -16,7 +14,7 @@ void accumulate_pull(const float* gradient, const float* radii, PullScale scale,
     for (std::size_t i = begin; i < end; i++) {
       const float x = gradient[2 * i] * scale.x, y = gradient[2 * i + 1] * scale.y;
       const bool drawn = radii[2 * i] > 0;
-      pull[i] += drawn ? std::sqrt(x * x + y * y) : 0.f;
+      pull[i] += drawn ? __builtin_sqrtf(x * x + y * y) : 0.f;
       views[i] += drawn ? 1.f : 0.f;
     }
   });
