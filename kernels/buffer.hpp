@@ -10,7 +10,7 @@
 
 namespace ringlight {
 
-// Holds trivial values; contents are lost when it grows. Not for files in isa/ (see parallel.hpp): hand them pointers.
+// Holds trivial values; contents are lost when it grows. Not for files in isa/ (see simd.hpp): hand them pointers.
 template <class T>
 class Buffer {
  public:

@@ -12,7 +12,7 @@ struct Cells {
   alignas(64) float fraction[LANES];     // of the way to the next
 };
 
-// Not finite becomes -1, so that no table is read outside whatever the input.
+// Beyond the ends becomes the end, NaN becomes -1, so that no table is read outside whatever the input.
 static inline void locate(Vec coordinates, int nodes, Cells& cells) {
   const Vec inside = min(max(coordinates, Vec(-1.f)), Vec(1.f));
   const Vec position = (inside + Vec(1.f)) * Vec(0.5f * static_cast<float>(nodes - 1));

@@ -107,6 +107,7 @@ enum SlotField { SUM_G, SUM_GU, SUM_GV, SUM_GUU, SUM_GUV, SUM_GVV, SLOT_MOMENTS,
 inline constexpr int CHUNK = 256;
 inline constexpr int BLOCKS = 64;  // blocks of a tile, bits of a mask
 inline constexpr int LANES = 16;   // pixels of a block
+inline constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255): what is fainter is not drawn
 
 struct Frame {
   Pinhole camera;

@@ -85,7 +85,6 @@ RINGLIGHT_COMPARE(ge, _CMP_GE_OQ)
 RINGLIGHT_COMPARE(gt, _CMP_GT_OQ)
 RINGLIGHT_COMPARE(lt, _CMP_LT_OQ)
 RINGLIGHT_HALVES2(Mask, Mask, both, _mm256_and_ps)
-RINGLIGHT_HALVES2(Mask, Mask, either, _mm256_or_ps)
 RINGLIGHT_INLINE bool any(Mask a) { return _mm256_movemask_ps(_mm256_or_ps(a.low, a.high)) != 0; }
 RINGLIGHT_INLINE unsigned bits(Mask a) {  // lane i is bit i
   return static_cast<unsigned>(_mm256_movemask_ps(a.low) | _mm256_movemask_ps(a.high) << 8);
@@ -107,7 +106,6 @@ RINGLIGHT_INLINE IVec ivec(int value) { return {_mm256_set1_epi32(value), _mm256
 RINGLIGHT_HALVES1(IVec, Vec, truncate, _mm256_cvttps_epi32)  // towards zero
 RINGLIGHT_HALVES1(Vec, IVec, as_floats, _mm256_castsi256_ps)
 RINGLIGHT_HALVES1(Vec, IVec, to_float, _mm256_cvtepi32_ps)
-RINGLIGHT_HALVES1(IVec, Vec, as_bits, _mm256_castps_si256)
 RINGLIGHT_HALVES2(IVec, IVec, operator+, _mm256_add_epi32)
 RINGLIGHT_HALVES2(IVec, IVec, operator-, _mm256_sub_epi32)
 RINGLIGHT_HALVES2(IVec, IVec, operator&, _mm256_and_si256)
@@ -234,9 +232,12 @@ RINGLIGHT_INLINE float sum(Vec a) {
 }
 
 namespace detail {
-// Columns to rows through memory, and back: the compiler turns the fixed loops into shuffles.
+// Columns to rows through memory, and back: the compiler turns the fixed loops into shuffles. The rows may be records
+// of other types than float, as with intrinsics.
+using AnyFloat = float __attribute__((may_alias));
 template <int Columns>
-RINGLIGHT_INLINE void interleave(float* to, const Vec* columns) {
+RINGLIGHT_INLINE void interleave(float* rows, const Vec* columns) {
+  AnyFloat* const to = rows;
   alignas(32) float lanes[Columns][16];
   for (int c = 0; c < Columns; c++) store(lanes[c], columns[c]);
   for (int i = 0; i < 16; i++)

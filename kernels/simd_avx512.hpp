@@ -50,7 +50,6 @@ RINGLIGHT_INLINE Mask ge(Vec a, Vec b) { return _mm512_cmp_ps_mask(a.v, b.v, _CM
 RINGLIGHT_INLINE Mask gt(Vec a, Vec b) { return _mm512_cmp_ps_mask(a.v, b.v, _CMP_GT_OQ); }
 RINGLIGHT_INLINE Mask lt(Vec a, Vec b) { return _mm512_cmp_ps_mask(a.v, b.v, _CMP_LT_OQ); }
 RINGLIGHT_INLINE Mask both(Mask a, Mask b) { return a & b; }
-RINGLIGHT_INLINE Mask either(Mask a, Mask b) { return a | b; }
 RINGLIGHT_INLINE bool any(Mask a) { return a != 0; }
 RINGLIGHT_INLINE unsigned bits(Mask a) { return a; }  // lane i is bit i
 RINGLIGHT_INLINE Mask mask_from_bits(unsigned a) { return static_cast<Mask>(a); }
@@ -61,7 +60,6 @@ RINGLIGHT_INLINE IVec ivec(int value) { return {_mm512_set1_epi32(value)}; }
 RINGLIGHT_INLINE IVec truncate(Vec a) { return {_mm512_cvttps_epi32(a.v)}; }  // towards zero
 RINGLIGHT_INLINE Vec as_floats(IVec a) { return _mm512_castsi512_ps(a.v); }
 RINGLIGHT_INLINE Vec to_float(IVec a) { return _mm512_cvtepi32_ps(a.v); }
-RINGLIGHT_INLINE IVec as_bits(Vec a) { return {_mm512_castps_si512(a.v)}; }
 RINGLIGHT_INLINE IVec operator+(IVec a, IVec b) { return {_mm512_add_epi32(a.v, b.v)}; }
 RINGLIGHT_INLINE IVec operator-(IVec a, IVec b) { return {_mm512_sub_epi32(a.v, b.v)}; }
 RINGLIGHT_INLINE IVec operator&(IVec a, IVec b) { return {_mm512_and_si512(a.v, b.v)}; }

@@ -1,13 +1,12 @@
 // Stage 1: the table to ellipses, and the tiles that each of them touches.
-#include "../parallel.hpp"
+#include "parallel.hpp"
 #include "projection.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
 constexpr float TILE = convention::TILE;
-constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255)
-constexpr float TWO_LN2 = 1.38629436111989f, ROOT_HALF_LOG2E = 0.849321800288019f;
+constexpr float ROOT_HALF_LOG2E = 0.849321800288019f;
 // Tiles and blocks are found a little generously, for no rounding may lose a pixel with alpha >= 1/255. The blending
 // kernels then test alpha itself.
 constexpr float REACH_FACTOR = 1.0005f, REACH_MARGIN = 1e-5f;

@@ -1,13 +1,13 @@
 // Stage 6: sums over pixels to gradients of the stored parameters. The projection is computed again: cheaper than to
 // keep its fifty values per Gaussian.
-#include "../parallel.hpp"
+#include "parallel.hpp"
 #include "projection.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
 // Slots count in u and v of log2(alpha) = ... - u^2 - v^2; d^T Q d / 2 is u^2 + v^2 times this / 2.
-constexpr float TWO_LN2 = 1.38629436111989f, SQRT_TWO_LN2 = 1.17741002251547f;
+constexpr float SQRT_TWO_LN2 = 1.17741002251547f;
 
 // Slots of one Gaussian: the entries of its placement, side by side.
 struct SlotRange {

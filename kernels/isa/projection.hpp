@@ -9,6 +9,8 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
+constexpr float TWO_LN2 = 1.38629436111989f;  // squared standard deviations per power of two of alpha
+
 // Sixteen rows of the table; rows past its end are copies of its last row. Channels too many for a record stay away.
 struct SplatRows {
   const float *means, *log_scales, *quats, *opacity_logits, *opacity_factor, *channels;

@@ -1,12 +1,11 @@
 // What the two blending stages share: tiles to workers, blocks to pixels.
 #pragma once
-#include "../parallel.hpp"
+#include "parallel.hpp"
 #include "raster.hpp"
 #include "simd.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
-constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255)
 constexpr int BLOCKS_PER_SIDE = convention::TILE / convention::BLOCK;
 
 struct Tile {
