@@ -21,6 +21,12 @@ def test_each_format_is_recognised(tmp_path: Path, write, name: str):
     assert min(len(scene.train), len(scene.test), len(scene.points.positions)) > 0
 
 
+def test_the_source_is_the_same_wherever_one_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = write_blender(tmp_path / "garden")
+    monkeypatch.chdir(tmp_path)
+    assert load_scene("garden").source == load_scene(folder).source == str(folder)
+
+
 def test_the_format_can_be_forced(tmp_path: Path):
     write_colmap(tmp_path)
     write_nerfstudio(tmp_path)

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from scene_folders import look_at_origin
 
 from ringlight.core.camera import Camera
-from ringlight.core.scene import PointCloud
+from ringlight.core.scene import PointCloud, camera_extent
 from ringlight.data.options import SceneOptions
-from ringlight.data.points import default_count, random_points, seen_sphere, sfm_box, starting_points
+from ringlight.data.points import default_count, random_points, scene_extent, seen_sphere, sfm_box, starting_points
 from ringlight.data.poses import world_to_camera_from_opengl
 
 
@@ -43,6 +43,13 @@ def test_the_cube_follows_the_cameras(scale: float, shift: float):
 
 def test_the_narrow_direction_and_the_lens_count():
     assert seen_sphere(ring(focal=2222.2)).radius < 0.51 * seen_sphere(ring()).radius
+
+
+def test_cameras_in_one_place_measure_by_the_box():
+    box = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 5.0, 1.0]])
+    assert scene_extent(ring(), box) == camera_extent(ring())
+    for count in (1, 3):
+        assert scene_extent(ring()[:1] * count, box) == 3.0
 
 
 def test_cameras_without_a_common_point_are_surrounded():

@@ -41,10 +41,10 @@ class PointCloud:
 class Scene:
     """What every loader returns.
 
-    ``extent`` is 1.1 times the largest distance of a training camera from their mean (3DGS's spatial unit),
-    ``box`` the axis-aligned box [low, high] that holds the subject, ``background`` the name in force
-    ("white", "black", "random", or "photograph" where images have no alpha), ``source`` the folder,
-    ``notes`` what the loader decided and a reader should know (filter, downscale, sub-model, ...).
+    ``extent`` is 1.1 times the largest distance of a training camera from their mean (3DGS's spatial unit), or half the
+    box where all stand in one place; ``box`` the axis-aligned box [low, high] that holds the subject; ``background``
+    the name in force ("white", "black", "random", or "photograph" where images have no alpha); ``source`` the folder's
+    full path; ``notes`` what the loader decided and a reader should know (filter, downscale, sub-model, ...).
     """
 
     name: str
@@ -64,8 +64,12 @@ class Scene:
         return torch.zeros(3) if self.background == "black" else torch.ones(3)
 
 
+SMALLEST_EXTENT = 1e-3
+"""World units; cameras closer together than this stand in one place."""
+
+
 def camera_extent(cameras: list[Camera]) -> float:
-    """1.1 times the largest distance of a camera from the mean position (3DGS, section 5.1), at least 1e-3."""
+    """1.1 times the largest distance of a camera from the mean position (3DGS's unit), at least SMALLEST_EXTENT."""
     positions = torch.stack([camera.position for camera in cameras])
     radius = (positions - positions.mean(0)).norm(dim=1).max().item()
-    return max(1.1 * radius, 1e-3)
+    return max(1.1 * radius, SMALLEST_EXTENT)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Literal
 
 from ringlight.core.camera import Camera
-from ringlight.core.scene import PointCloud, Scene, View, camera_extent
+from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data.images import FILTER_NOTE, Photograph, target_size
 from ringlight.data.options import SceneOptions
-from ringlight.data.points import starting_points
+from ringlight.data.points import scene_extent, starting_points
 from ringlight.errors import SceneError
 
 
@@ -68,8 +68,8 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
     points, box, points_note = starting_points(capture.points, cameras, options)
     notes = (*capture.notes, _size_note(capture.train, train), f"background: {background}", points_note)
     name = folder.resolve().name or "scene"  # the root of a file system has no name
-    extent = camera_extent(cameras)
-    return Scene(name, train, test, points, extent, box, background, capture.format, str(folder), notes)
+    extent, source = scene_extent(cameras, box), str(folder.resolve())
+    return Scene(name, train, test, points, extent, box, background, capture.format, source, notes)
 
 
 def _view(frame: Frame, options: SceneOptions) -> View:

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
-from ringlight.core.scene import PointCloud, camera_extent
+from ringlight.core.scene import SMALLEST_EXTENT, PointCloud, camera_extent
 from ringlight.data.options import SceneOptions
 
 POINTS_SHARE = 0.9
@@ -88,6 +88,15 @@ def starting_points(
     return points, sphere.cube(BOX_SHARE), note
 
 
+def scene_extent(cameras: Sequence[Camera], box: Float[Tensor, "2 3"]) -> float:
+    """The cameras' extent, or half the box's longest side where they stand in one place: a single photograph.
+
+    Rates and sizes that count in extents would otherwise freeze the centres and prune every Gaussian.
+    """
+    extent = camera_extent(list(cameras))
+    return extent if extent > SMALLEST_EXTENT else 0.5 * (box[1] - box[0]).max().item()
+
+
 def default_count(cameras: Sequence[Camera]) -> int:
     """How many random points suit images of this size."""
     side = max(max(camera.width, camera.height) for camera in cameras)
@@ -125,4 +134,4 @@ def seen_sphere(cameras: Sequence[Camera]) -> SeenSphere:
         if np.median(depths) > 0 and radius > 0:
             return SeenSphere(center, radius)
     extent = camera_extent(list(cameras))
-    return SeenSphere(positions.mean(0), SURROUNDINGS * extent if extent > 1e-3 else 1.0)
+    return SeenSphere(positions.mean(0), SURROUNDINGS * extent if extent > SMALLEST_EXTENT else 1.0)
