@@ -4,6 +4,17 @@ from dataclasses import dataclass
 
 from ringlight.errors import RecipeError
 
+LARGEST = {
+    "rank": 128,
+    "features": 1024,
+    "bands": 24,
+    "view_bands": 24,
+    "head_hidden": 1024,
+    "position_nodes": 65_536,
+    "view_nodes": 512,
+}
+"""Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
+
 
 @dataclass(frozen=True)
 class RingSettings:
@@ -28,6 +39,9 @@ class RingSettings:
     """Standard deviation of the channel core at the start."""
 
     def __post_init__(self) -> None:
+        for name, most in LARGEST.items():
+            if getattr(self, name) > most:
+                raise RecipeError(f"ring.{name} is {getattr(self, name)}; give at most {most}")
         for name in ("rank", "features", "head_hidden"):
             if getattr(self, name) < 1:
                 raise RecipeError(f"ring.{name} is {getattr(self, name)}; give at least 1.")

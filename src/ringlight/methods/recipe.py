@@ -57,7 +57,10 @@ def recipe_from_dict(kind: type, values: Any, where: str = "recipe") -> Any:
             raise RecipeError(f"{where}: {name} cannot be {str(value)[:40]!r}; {DAMAGED}")
         else:
             arguments[name] = tuple(value) if isinstance(value, list) else value
-    return kind(**arguments)
+    try:
+        return kind(**arguments)
+    except RecipeError as error:
+        raise RecipeError(f"{where}: {str(error).rstrip('.')}; {DAMAGED}") from None
 
 
 DAMAGED = "the file is damaged: copy it again, or train again"

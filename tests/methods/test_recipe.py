@@ -1,0 +1,32 @@
+"""Recipes survive JSON; what a file holds instead is refused with the place where it stands."""
+
+import json
+
+import pytest
+
+from ringlight.errors import RecipeError
+from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
+from ringlight.methods.table import METHODS
+
+
+@pytest.mark.parametrize("preset", METHODS)
+def test_json_and_back(preset: str):
+    recipe = METHODS[preset]
+    assert recipe_from_dict(type(recipe), json.loads(json.dumps(recipe_to_dict(recipe)))) == recipe
+
+
+@pytest.mark.parametrize(
+    ("light", "said"),
+    [
+        ({"ring": {"rank": 10**6}}, "run.light.ring: ring.rank is 1000000"),
+        ({"ring": {"position_nodes": 10**9}}, "ring.position_nodes is 1000000000"),
+        ({"ring": {"rank": "16"}}, "run.light.ring: rank cannot be '16'"),
+        ({"glow": 1}, "run.light: unknown setting 'glow'"),
+        ([], "run.light: is not a group"),
+    ],
+)
+def test_damaged_settings_are_named(light: object, said: str):
+    with pytest.raises(RecipeError) as caught:
+        recipe_from_dict(type(METHODS["ringlight"]), {"light": light}, "run")
+    assert said in str(caught.value)
+    assert ".;" not in str(caught.value)
