@@ -39,6 +39,7 @@ def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
     [
         ("--steps", "0"),
         ("--seed", "-1"),
+        ("--threads", "-1"),
         ("--seed", str(2**63)),
         ("--sh-degree", "4"),
         ("--densify.every", "0"),

@@ -94,6 +94,20 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(
     assert numbers(run / "report.json") == numbers(trained["ringlight"] / "report.json")
 
 
+def test_a_run_stopped_while_it_is_measured_says_how_to_go_on(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pressed(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ringlight.runs.finish.measure_session", pressed)
+    words = ("train", tiny, "3dgs", "--steps", "2", "--initial-points", "50", "--quiet")
+    stopped = ringlight(*words, "--out", tmp_path / "run")
+    assert stopped.code == 130
+    assert f"ringlight train --resume {tmp_path / 'run'}" in stopped.err
+    assert (tmp_path / "run" / "model.safetensors").is_file()
+
+
 def test_a_resumed_run_says_where_it_goes_on(trained: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     session = Session.resume(trained["3dgs"])
     announce(session, quiet=False)

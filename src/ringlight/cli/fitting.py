@@ -35,8 +35,18 @@ class ReaderOptions:
 def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":
     """Train what remains, save, and measure the test views; None where Ctrl-C stopped it, which is saved too.
 
-    ``resume_with`` is the command line that goes on from there.
+    ``resume_with`` is the command line that goes on from there, or from the last checkpoint after a second Ctrl-C.
     """
+    try:
+        return _trained_and_measured(session, options, resume_with)
+    except KeyboardInterrupt:
+        if not session.folder.checkpoint.exists():
+            raise
+        sys.stderr.write(f"stopped at once; go on from the last checkpoint with: {resume_with}\n")
+        return None
+
+
+def _trained_and_measured(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":
     from ringlight.cli.counting import counting
     from ringlight.cli.progress import announce, show_steps
     from ringlight.runs.finish import measure_session

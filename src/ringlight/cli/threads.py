@@ -1,6 +1,6 @@
 """How many threads the kernels and torch use."""
 
-from ringlight.errors import BackendError
+from ringlight.errors import BackendError, RecipeError
 
 MOST_TORCH_THREADS = 2
 """torch only builds small tables: more threads wait for each other longer than they work."""
@@ -9,9 +9,11 @@ MOST_TORCH_THREADS = 2
 def use_threads(count: int) -> None:
     """``count`` threads for the kernels, 0 for every core.
 
-    Raises BackendError where the kernels cannot run: every command that calls this needs them, whatever the
-    rasterizer.
+    Raises RecipeError for fewer than none, BackendError where the kernels cannot run: every command that calls this
+    needs them, whatever the rasterizer.
     """
+    if count < 0:
+        raise RecipeError(f"--threads is {count}; give a number of threads, or 0 for every core")
     import torch
 
     try:
@@ -22,5 +24,5 @@ def use_threads(count: int) -> None:
         raise BackendError(f"the compiled module cannot be loaded ({error}); see 'ringlight doctor'") from error
     except RuntimeError as error:
         raise BackendError(str(error)) from error
-    _kernels.set_threads(max(count, 0))
+    _kernels.set_threads(count)
     torch.set_num_threads(min(_kernels.threads(), MOST_TORCH_THREADS))
