@@ -82,12 +82,13 @@ def resolution(views: Sequence[View]) -> str:
 def _score(
     name: str, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"], nets: Mapping[Net, Distance]
 ) -> ImageScore:
+    same, valid = metrics.ssim_same_and_valid(image, truth)
     score = ImageScore(
         name,
         psnr=metrics.psnr(image, truth),
         psnr_u8=metrics.psnr_u8(image, truth),
-        ssim_same=metrics.ssim_same(image, truth),
-        ssim_valid=metrics.ssim_valid(image, truth),
+        ssim_same=same,
+        ssim_valid=valid,
     )
     if "alex" in nets:
         score = replace(score, lpips_alex=nets["alex"](image, truth))

@@ -49,9 +49,16 @@ def psnr_pooled(errors: Sequence[float]) -> float:
     return _decibel(math.fsum(errors) / len(errors))
 
 
+def ssim_same_and_valid(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> tuple[float, float]:
+    """Both conventions of structural similarity from one map; see :func:`ssim_same` and :func:`ssim_valid`."""
+    similarity = _ssim_map(image, truth)
+    inner = slice(WINDOW_REACH, -WINDOW_REACH)
+    return similarity.mean().item(), similarity[:, inner, inner].mean().item()
+
+
 def ssim_same(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
     """Structural similarity over every pixel, zeros beyond the border: the convention of 3DGS."""
-    return _ssim_map(image, truth).mean().item()
+    return ssim_same_and_valid(image, truth)[0]
 
 
 def ssim_valid(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
@@ -59,8 +66,7 @@ def ssim_valid(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> 
 
     NaN for an image that is smaller than the window, 11 pixels.
     """
-    inner = slice(WINDOW_REACH, -WINDOW_REACH)
-    return _ssim_map(image, truth)[:, inner, inner].mean().item()
+    return ssim_same_and_valid(image, truth)[1]
 
 
 def _decibel(squared_error: float) -> float:
