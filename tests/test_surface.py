@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import ringlight
 
 ROOT = Path(__file__).parents[1]
@@ -17,6 +19,17 @@ def test_every_public_name_can_be_had():
 
 def test_an_unknown_name_is_an_attribute_error():
     assert not hasattr(ringlight, "no_such_name")
+
+
+def test_paths_may_be_text(tmp_path):
+    with pytest.raises(ringlight.RinglightError, match="no such folder"):
+        ringlight.load_scene(str(tmp_path / "missing"))
+    with pytest.raises(ringlight.RinglightError, match="no such file"):
+        ringlight.load_model(str(tmp_path / "missing"), ringlight.rasterizer_for("reference"))
+    with pytest.raises(ringlight.RinglightError, match="no such run"):
+        ringlight.compare([str(tmp_path / "missing")])
+    with pytest.raises(ringlight.RinglightError, match="no such file"):
+        ringlight.read_gaussian_ply(str(tmp_path / "missing.ply"))
 
 
 def test_importing_the_package_does_not_import_torch():

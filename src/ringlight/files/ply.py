@@ -38,7 +38,7 @@ class GaussianPly:
 
 
 def write_gaussian_ply(
-    path: Path,
+    path: str | Path,
     gaussians: Gaussians,
     sh_dc: Float[Tensor, "N 3"],
     sh_rest: Float[Tensor, "N K 3"],
@@ -53,7 +53,7 @@ def write_gaussian_ply(
     header += [f"element vertex {len(gaussians)}"]
     header += [f"property float {name}" for name in names]
     header += ["end_header", ""]
-    with written_atomically(path) as file:
+    with written_atomically(Path(path)) as file:
         file.write("\n".join(header).encode("ascii", "backslashreplace"))
         for begin in range(0, len(gaussians), CHUNK_ROWS):
             part = slice(begin, begin + CHUNK_ROWS)
@@ -70,11 +70,12 @@ def write_gaussian_ply(
             file.write(table.numpy().astype("<f4", copy=False).tobytes())
 
 
-def read_gaussian_ply(path: Path) -> GaussianPly:
+def read_gaussian_ply(path: str | Path) -> GaussianPly:
     """Read a binary little-endian 3DGS PLY; other columns are skipped. Raises ModelFileError.
 
     Sizes are checked against the file before memory is allocated.
     """
+    path = Path(path)
     table = read_ply_header(path)
     coefficients = _coefficients(path, table)
     wanted = [name for name in _column_names(coefficients) if name not in ("nx", "ny", "nz")]

@@ -37,7 +37,7 @@ class _Run:
         return PictureFolder(self.folder / kind, [image.name for image in self.report.images])
 
 
-def compare(runs: Sequence[Path], views: int = 3) -> Comparison:
+def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
     """Read run folders (``report.json``, ``images/``) and hold them against each other, scene by scene.
 
     The first run is the one that others are compared with. A folder that is named twice counts once. ``views`` is the
@@ -47,7 +47,7 @@ def compare(runs: Sequence[Path], views: int = 3) -> Comparison:
         RunError: no runs, a report is missing or damaged, or two runs of a scene have different test views.
     """
     # The first mention decides the place: the first run named stays the baseline.
-    folders = list({folder.resolve(): folder for folder in runs}.values())
+    folders = list({folder.resolve(): folder for folder in map(Path, runs)}.values())
     if not folders:
         raise RunError("no runs to compare; give the folders that 'ringlight train' wrote")
     loaded = [_Run(folder, read_report(folder)) for folder in folders]

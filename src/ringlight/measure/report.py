@@ -42,7 +42,7 @@ class Report:
     """Format of the scene: "blender", "colmap", "nerfstudio", ..."""
     scene: str
     split: str
-    """Which views were held out, in words."""
+    """How many views train and how many test; ``notes`` has the rule."""
     resolution: str
     """Of the test views: "400x400", or the smallest and largest, "976x541..980x545"."""
     background: str

@@ -79,16 +79,17 @@ def for_rendering(model: SplatModel) -> dict[str, torch.Tensor]:
     return tensors
 
 
-def save_model(path: Path, model: SplatModel, header: ModelHeader, cameras: Sequence[Camera]) -> None:
+def save_model(path: str | Path, model: SplatModel, header: ModelHeader, cameras: Sequence[Camera]) -> None:
     """Write the model and its training cameras as one safetensors file, all or nothing. Raises OutputError."""
-    write_model_file(path, for_rendering(model) | tensors_from_cameras(cameras), header)
+    write_model_file(Path(path), for_rendering(model) | tensors_from_cameras(cameras), header)
 
 
-def load_model(path: Path, rasterize: Rasterizer) -> StoredModel:
+def load_model(path: str | Path, rasterize: Rasterizer) -> StoredModel:
     """A model from its file, or from the run folder that holds it.
 
     Raises ModelFileError for a file that is cut, damaged, newer, of an unknown method, or lacks a tensor.
     """
+    path = Path(path)
     if path.is_dir():
         path = path / "model.safetensors"
     stored = read_model_file(path)
