@@ -51,6 +51,11 @@ def test_settings_beyond_their_range(flag: tuple[str, str], tiny: Path, tmp_path
     assert not (tmp_path / "out").exists()
 
 
+def test_a_forgotten_method_is_not_mistaken_for_a_flags_value(tiny: Path, ringlight: Command) -> None:
+    sentence = refused(ringlight("train", "--seed", "5", tiny), 2, "3dgs")
+    assert "called '5'" not in sentence
+
+
 def test_a_folder_of_photographs_is_no_run(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     refused(ringlight("info", tiny), 1, tiny, "model.safetensors")
     refused(ringlight("train", "--resume", tiny), 1, tiny)

@@ -34,7 +34,7 @@ def test_auto_falls_back_where_the_compiled_module_is_missing(monkeypatch):
 
     monkeypatch.setattr(choose.importlib, "import_module", missing)
     assert rasterizer_for("auto").name == "reference"
-    with pytest.raises(BackendError, match="--device reference"):
+    with pytest.raises(BackendError, match="make setup"):
         rasterizer_for("cpu")
 
 

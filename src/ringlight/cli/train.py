@@ -60,7 +60,7 @@ def main(arguments: list[str]) -> int:
         use_threads(wish.reader.threads)
         return _train(Session.resume(wish.resume), wish.reader)
     # The parser would tell which words it knows, but not which of them is near.
-    if len(arguments) > 1 and not arguments[1].startswith("-") and not METHODS.keys() & set(arguments):
+    if len(arguments) > 1 and not any(w.startswith("-") for w in arguments[:2]) and not METHODS.keys() & set(arguments):
         try:
             method_named(arguments[1])
         except RecipeError as error:

@@ -28,7 +28,7 @@ def _cpu() -> Rasterizer:
     try:
         kernels = importlib.import_module("ringlight._kernels")
     except ImportError as error:
-        remedy = "reinstall ringlight or use --device reference"
+        remedy = "build it again with 'make setup', or install ringlight again"
         raise BackendError(f"the compiled module ringlight._kernels cannot be loaded ({error}); {remedy}") from error
     try:
         kernels.isa()
