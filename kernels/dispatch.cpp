@@ -1,5 +1,7 @@
 #include "dispatch.hpp"
 
+#include <cpuid.h>
+
 #include <cstdlib>
 #include <stdexcept>
 #include <string>
@@ -7,12 +9,19 @@
 namespace ringlight {
 namespace {
 
+// The part of x86-64-v3 for which not every compiler's __builtin_cpu_supports has a name.
+bool has_lesser_v3() {
+  constexpr unsigned MOVBE = 1u << 22, F16C = 1u << 29, LZCNT = 1u << 5;
+  unsigned eax, ebx, basic, extended, edx;
+  return __get_cpuid(1, &eax, &ebx, &basic, &edx) && (basic & MOVBE) && (basic & F16C) &&
+         __get_cpuid(0x80000001, &eax, &ebx, &extended, &edx) && (extended & LZCNT);
+}
+
 // Everything that the compiler may use by CMakeLists.txt is asked for: virtual machines mask features one by one, and
 // a processor may have AVX-512 without VBMI2.
 bool has_v3() {
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
-         __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("f16c") && __builtin_cpu_supports("lzcnt") &&
-         __builtin_cpu_supports("movbe");
+         __builtin_cpu_supports("bmi2") && has_lesser_v3();
 }
 
 bool has_v4() {

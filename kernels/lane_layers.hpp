@@ -6,7 +6,6 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-constexpr int LANES = 16;                   // floats in a Vec
 constexpr int GROUP = 32;                   // Gaussians handled together: each weight is broadcast once for two Vecs
 constexpr bool MANY_REGISTERS = VEC_REGISTERS >= 32;
 constexpr int PANEL = MANY_REGISTERS ? 12 : 6;       // outputs whose sums stay in registers ...

@@ -20,6 +20,10 @@
 
 #define RINGLIGHT_INLINE static inline __attribute__((always_inline))
 
+namespace ringlight::RINGLIGHT_ISA {
+constexpr int LANES = 16;  // floats in a Vec
+}
+
 #ifdef __AVX512F__
 #include "simd_avx512.hpp"
 #else

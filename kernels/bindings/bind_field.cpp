@@ -1,12 +1,11 @@
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
 #include <limits>
 #include <optional>
-#include <stdexcept>
 #include <vector>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
 #include "ring.hpp"
@@ -16,13 +15,7 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Array = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
-using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-void check(bool right, const char* message) {
-  if (!right) throw std::invalid_argument(message);
-}
 
 RingShape shape_from(const std::vector<int>& sizes) {
   check(sizes.size() == 6, "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes");

@@ -1,8 +1,5 @@
-#include <nanobind/ndarray.h>
-
-#include <stdexcept>
-
 #include "adam.hpp"
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
 #include "pull.hpp"
@@ -12,15 +9,12 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Array = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
-using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
-
 void adam_step(Array value, Input gradient, Array mean, Array square, float rate, float beta1, float beta2,
                float epsilon, long step) {
   const std::size_t count = value.size();
-  if (gradient.size() != count || mean.size() != count || square.size() != count)
-    throw std::invalid_argument("adam: value, gradient and moments must have the same size");
-  if (step < 1) throw std::invalid_argument("adam: steps count from 1");
+  check(gradient.size() == count && mean.size() == count && square.size() == count,
+        "adam: value, gradient and moments must have the same size");
+  check(step >= 1, "adam: steps count from 1");
   const nb::gil_scoped_release unlocked;
   const auto run = current_isa() == Isa::v4 ? v4::adam : v3::adam;
   run(value.data(), gradient.data(), mean.data(), square.data(), count, {rate, beta1, beta2, epsilon, step});
@@ -28,8 +22,8 @@ void adam_step(Array value, Input gradient, Array mean, Array square, float rate
 
 void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array pull, Array views) {
   const std::size_t count = pull.size();
-  if (gradient.size() != 2 * count || radii.size() != 2 * count || views.size() != count)
-    throw std::invalid_argument("accumulate_pull: gradient and radii must be [N 2], pull and views [N]");
+  check(gradient.size() == 2 * count && radii.size() == 2 * count && views.size() == count,
+        "accumulate_pull: gradient and radii must be [N 2], pull and views [N]");
   const nb::gil_scoped_release unlocked;
   const auto run = current_isa() == Isa::v4 ? v4::accumulate_pull : v3::accumulate_pull;
   run(gradient.data(), radii.data(), {scale_x, scale_y}, pull.data(), views.data(), count);

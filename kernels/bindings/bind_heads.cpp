@@ -1,9 +1,8 @@
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
 
-#include <stdexcept>
 #include <vector>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
 #include "perceptron.hpp"
@@ -13,13 +12,7 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Array = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
-using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Stack = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-
-void check(bool right, const char* message) {
-  if (!right) throw std::invalid_argument(message);
-}
 
 // Weight, bias, weight, bias, ...: [H inputs outputs] and [H 1 outputs].
 template <class Float, class Arrays>

@@ -1,10 +1,9 @@
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
 
 #include <limits>
-#include <stdexcept>
 #include <vector>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
 #include "visibility.hpp"
@@ -14,13 +13,7 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Array = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
-using Input = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-void check(bool right, const char* message) {
-  if (!right) throw std::invalid_argument(message);
-}
 
 std::size_t drawable(Input means, Input log_scales, Input opacity_logits, const std::vector<float>& view, Rows rows) {
   const std::size_t count = rows.size();

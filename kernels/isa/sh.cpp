@@ -6,7 +6,7 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr int LANES = 16;               // Gaussians at a time, each quantity of theirs one planar row of floats
+// LANES Gaussians at a time, each quantity of theirs one planar row of floats.
 constexpr std::size_t GRAIN = 64 * LANES;  // rows a piece: 200 KB of coefficients, half of a usual L2
 constexpr float SMALLEST_SQUARE = 1e-24f;  // square of core/directions.py's SMALLEST_LENGTH
 

@@ -9,7 +9,6 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr std::size_t LANES = 16;
 constexpr std::size_t GRAIN = 8192;  // rows a piece: some ten microseconds
 
 struct Centers {
@@ -88,7 +87,7 @@ std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, s
 void straight_through(const float* logits, std::size_t count, float threshold, float* factor) {
   parallel_ranges(count, GRAIN, [=](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; i += LANES) {
-      const int left = end - i < LANES ? static_cast<int>(end - i) : static_cast<int>(LANES);
+      const int left = end - i < LANES ? static_cast<int>(end - i) : LANES;
       const Vec soft = sigmoid(load_first(logits + i, left));
       store_first(factor + i, keep(gt(soft, Vec(threshold)), Vec(1.f)), left);
     }
@@ -98,7 +97,7 @@ void straight_through(const float* logits, std::size_t count, float threshold, f
 void straight_through_gradient(const float* logits, const float* upstream, std::size_t count, float* gradient) {
   parallel_ranges(count, GRAIN, [=](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; i += LANES) {
-      const int left = end - i < LANES ? static_cast<int>(end - i) : static_cast<int>(LANES);
+      const int left = end - i < LANES ? static_cast<int>(end - i) : LANES;
       const Vec soft = sigmoid(load_first(logits + i, left));
       store_first(gradient + i, load_first(upstream + i, left) * soft * (Vec(1.f) - soft), left);
     }
