@@ -1,7 +1,9 @@
 // RingLight's light field: from a Gaussian's centre and base colour to its colour (RingLight-GS, eq. 5, 7 and 8).
 //
 //   a = tanh(core . vec(H_x H_y H_z H_v)), H_x, H_y, H_z between nodes on [-1, 1], H_v on an octahedral map
-//   m = sigmoid(modulation(v, a)),  r = tanh(render(a, m, b)),  color = clamp(b + r, 0, 1),  b = sigmoid(base)
+//   m = sigmoid(modulation(v, a)),  r = tanh(render(a, m, b, l)),  color = clamp(b + r, 0, 1),  b = sigmoid(base)
+//
+// and l the Gaussian's latents, values of its own that have no other meaning; the paper has none.
 //
 // Nothing is kept between forward and backward: the backward pass recomputes, for rows with a gradient only.
 #pragma once
@@ -11,13 +13,14 @@
 namespace ringlight {
 
 // The largest sizes that the kernels take.
-constexpr int RING_MAX_RANK = 32, RING_MAX_FEATURES = 64, RING_MAX_HIDDEN = 128;
+constexpr int RING_MAX_RANK = 32, RING_MAX_FEATURES = 64, RING_MAX_HIDDEN = 128, RING_MAX_LATENTS = 16;
 constexpr int RING_MAX_NODES = 1 << 16;  // a node's number must be exact as a float
 
 struct RingShape {
   int rank, features;
   int render_hidden, modulation_hidden;  // modulation_hidden 0: no light modulation
   int nodes, view_nodes;                 // of each axis; on each side of the octahedral map
+  int latents;                           // of each Gaussian; may be 0
 };
 
 // static: every instruction set has its own copy, see simd.hpp.
@@ -30,7 +33,9 @@ static inline std::size_t view_size(const RingShape& shape) {
 }
 static inline bool modulated(const RingShape& shape) { return shape.modulation_hidden > 0; }
 static inline int modulation_inputs(const RingShape& shape) { return 3 + shape.features; }
-static inline int render_inputs(const RingShape& shape) { return shape.features + modulated(shape) + 3; }
+// Where the base colour stands among the render network's inputs, and how many these are.
+static inline int base_input(const RingShape& shape) { return shape.features + modulated(shape); }
+static inline int render_inputs(const RingShape& shape) { return base_input(shape) + 3 + shape.latents; }
 
 // [outputs inputs] and [outputs].
 template <class Float>
@@ -47,6 +52,7 @@ struct RingParameters {
 
 struct RingScene {
   const float *means, *base;     // [count 3] world, [count 3] logits
+  const float* latents;          // [count shape.latents]
   std::size_t count;
   const std::int32_t* visible;   // the rows that are lit
   std::size_t visible_count;
@@ -59,6 +65,11 @@ struct RingOutputs {
   float *color, *residual, *modulation;
 };
 
+// The gradient of what each Gaussian has of its own: [count 3] by the logits, [count shape.latents].
+struct RingRowGradients {
+  float *base, *latents;
+};
+
 // Shards of the backward pass: a power of two, so that two, four or eight threads have equal shares, and few for few
 // rows, because the sums of each hold a copy of the tables. A function of the number of rows alone: the order of
 // summation must not depend on the machine.
@@ -69,14 +80,14 @@ static inline int ring_shards(std::size_t active_count) {
 namespace v3 {
 void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&);
 void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, const float* color_gradient,
-                   const RingParameters<float>& gradients, float* base_gradient, float* workspace);
+                   const RingParameters<float>& gradients, const RingRowGradients& row_gradients, float* workspace);
 // Floats of workspace that ring_backward needs for this many visible rows.
 std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count);
 }
 namespace v4 {
 void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&);
 void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, const float* color_gradient,
-                   const RingParameters<float>& gradients, float* base_gradient, float* workspace);
+                   const RingParameters<float>& gradients, const RingRowGradients& row_gradients, float* workspace);
 // Floats of workspace that ring_backward needs for this many visible rows.
 std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count);
 }

@@ -62,8 +62,8 @@ struct Batch {
   bool keep_ring;            // whether the matrices of all are kept, or overwritten by the next
   RingHalf halves[2];
   float* product;            // H_x H_y H_z H_v, [R^2][GROUP] like everything below
-  float* inputs;             // v 3, a C, m 1 (if modulated), b 3: the networks' inputs overlap
-  float *activated, *modulation, *base;  // a, m and b therein
+  float* inputs;             // v 3, a C, m 1 (if modulated), b 3, latents: the networks' inputs overlap
+  float *activated, *modulation, *base, *latents;  // a, m, b and latents therein
   float *modulation_hidden, *render_hidden[2];
   float* residual;
 };
@@ -87,13 +87,14 @@ static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring,
   batch.inputs = arena.take(static_cast<std::size_t>(GROUP) * (3 + render_inputs(shape)));
   batch.activated = batch.inputs + 3 * GROUP;
   batch.modulation = batch.activated + shape.features * GROUP;
-  batch.base = batch.modulation + (modulated(shape) ? GROUP : 0);
+  batch.base = batch.activated + base_input(shape) * GROUP;
+  batch.latents = batch.base + 3 * GROUP;
   batch.modulation_hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.modulation_hidden);
   for (float*& hidden : batch.render_hidden) hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.render_hidden);
   batch.residual = arena.take(GROUP * 3);
 }
 
-// Gathers the rows: base colour and viewing direction into the networks' inputs, places in the tables.
+// Gathers the rows: base colour, latents and viewing direction into the networks' inputs, places in the tables.
 static inline void start(Batch& batch, const RingShape& shape, const RingScene& scene, const std::int32_t* rows,
                          int count) {
   batch.count = count;
@@ -105,6 +106,8 @@ static inline void start(Batch& batch, const RingShape& shape, const RingScene& 
       means[c][lane] = scene.means[3 * static_cast<std::size_t>(row) + c];
       batch.base[c * GROUP + lane] = scene.base[3 * static_cast<std::size_t>(row) + c];
     }
+    for (int i = 0; i < shape.latents; i++)
+      batch.latents[i * GROUP + lane] = scene.latents[shape.latents * static_cast<std::size_t>(row) + i];
   }
   for (int half = 0; half < 2; half++) {
     const int first = half * LANES;

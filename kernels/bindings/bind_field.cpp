@@ -18,8 +18,9 @@ namespace {
 using Rows = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 RingShape shape_from(const std::vector<int>& sizes) {
-  check(sizes.size() == 6, "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes");
-  const RingShape shape{sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5]};
+  check(sizes.size() == 7,
+        "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents");
+  const RingShape shape{sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6]};
   check(shape.rank >= 1 && shape.rank <= RING_MAX_RANK, "ring: rank out of range");
   check(shape.features >= 1 && shape.features <= RING_MAX_FEATURES, "ring: features out of range");
   check(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
@@ -28,6 +29,7 @@ RingShape shape_from(const std::vector<int>& sizes) {
   check(shape.nodes >= 2 && shape.nodes <= RING_MAX_NODES && shape.view_nodes >= 2 &&
             shape.view_nodes <= RING_MAX_NODES,
         "ring: nodes out of range");
+  check(shape.latents >= 0 && shape.latents <= RING_MAX_LATENTS, "ring: latents out of range");
   return shape;
 }
 
@@ -67,9 +69,19 @@ RingParameters<Float> parameters_from(const RingShape& shape, const Arrays& arra
   return parameters;
 }
 
-RingScene scene_from(const Input& means, const Input& base, const Rows& visible, const Input& frame) {
-  RingScene scene{means.data(), base.data(), means.size() / 3, visible.data(), visible.size(), {}, {}, {}};
+// The columns of the table of Gaussians that the field reads: [N 3], [N 3], [N latents].
+struct Columns {
+  Input means, base, latents;
+};
+
+RingScene scene_from(const RingShape& shape, const Columns& columns, const Rows& visible, const Input& frame) {
+  const auto& [means, base, latents] = columns;
+  RingScene scene{};
+  scene.means = means.data(), scene.base = base.data(), scene.latents = latents.data();
+  scene.count = means.size() / 3;
+  scene.visible = visible.data(), scene.visible_count = visible.size();
   check(means.size() == 3 * scene.count && base.size() == 3 * scene.count, "ring: means and base must be [N 3]");
+  check(latents.size() == shape.latents * scene.count, "ring: latents must be [N L]");
   check(frame.size() == 9, "ring: frame is the camera's position and the box's low and high corner");
   for (int c = 0; c < 3; c++) {
     scene.camera[c] = frame.data()[c];
@@ -81,11 +93,12 @@ RingScene scene_from(const Input& means, const Input& base, const Rows& visible,
   return scene;
 }
 
-void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base, Rows visible,
-             Input frame, Array color, std::optional<Array> residual, std::optional<Array> modulation) {
+void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
+             Input latents, Rows visible, Input frame, Array color, std::optional<Array> residual,
+             std::optional<Array> modulation) {
   const RingShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
-  const RingScene scene = scene_from(means, base, visible, frame);
+  const RingScene scene = scene_from(shape, {means, base, latents}, visible, frame);
   check(color.size() == 3 * scene.count, "ring: color must be [N 3]");
   check(!residual || residual->size() == 3 * scene.count, "ring: residual must be [N 3]");
   check(!modulation || modulation->size() == scene.count, "ring: modulation must be [N 1]");
@@ -96,20 +109,21 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
 }
 
 void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
-              Rows visible, Input frame, Input color_gradient, const std::vector<Array>& gradients,
-              Array base_gradient, Array workspace) {
+              Input latents, Rows visible, Input frame, Input color_gradient, const std::vector<Array>& gradients,
+              Array base_gradient, Array latents_gradient, Array workspace) {
   const RingShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
-  const RingScene scene = scene_from(means, base, visible, frame);
+  const RingScene scene = scene_from(shape, {means, base, latents}, visible, frame);
   check(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
         "ring: gradients of color and base must be [N 3]");
+  check(latents_gradient.size() == latents.size(), "ring: the gradient of latents must be [N L]");
   const bool wide = current_isa() == Isa::v4;
   check(workspace.size() >= (wide ? v4::ring_workspace : v3::ring_workspace)(shape, scene.visible_count),
         "ring: the workspace is too small");
   const nb::gil_scoped_release unlocked;
   (wide ? v4::ring_backward : v3::ring_backward)(shape, weights, scene, color_gradient.data(), sums,
-                                                 base_gradient.data(), workspace.data());
+                                                 {base_gradient.data(), latents_gradient.data()}, workspace.data());
 }
 
 std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
@@ -121,15 +135,17 @@ std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) 
 }  // namespace
 
 void bind_field(nb::module_& module) {
-  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters").noconvert(), nb::arg("means").noconvert(),
-             nb::arg("base").noconvert(), nb::arg("visible").noconvert(), nb::arg("frame").noconvert(),
-             nb::arg("color").noconvert(), nb::arg("residual").noconvert() = nb::none(),
-             nb::arg("modulation").noconvert() = nb::none(), "Colours of the visible rows by the light field.");
-  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters").noconvert(), nb::arg("means").noconvert(),
-             nb::arg("base").noconvert(), nb::arg("visible").noconvert(), nb::arg("frame").noconvert(),
-             nb::arg("color_gradient").noconvert(), nb::arg("gradients").noconvert(),
-             nb::arg("base_gradient").noconvert(), nb::arg("workspace").noconvert(),
-             "Gradients of all parameters and of the base colours' logits.");
+  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters").noconvert(),
+             nb::arg("means").noconvert(), nb::arg("base").noconvert(), nb::arg("latents").noconvert(),
+             nb::arg("visible").noconvert(), nb::arg("frame").noconvert(), nb::arg("color").noconvert(),
+             nb::arg("residual").noconvert() = nb::none(), nb::arg("modulation").noconvert() = nb::none(),
+             "Colours of the visible rows by the light field.");
+  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters").noconvert(),
+             nb::arg("means").noconvert(), nb::arg("base").noconvert(), nb::arg("latents").noconvert(),
+             nb::arg("visible").noconvert(), nb::arg("frame").noconvert(), nb::arg("color_gradient").noconvert(),
+             nb::arg("gradients").noconvert(), nb::arg("base_gradient").noconvert(),
+             nb::arg("latents_gradient").noconvert(), nb::arg("workspace").noconvert(),
+             "Gradients of all parameters, of the base colours' logits and of the latents.");
   module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
              "Floats of workspace that ring_backward needs.");
 }

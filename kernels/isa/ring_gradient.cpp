@@ -70,7 +70,7 @@ struct Backward {
   RingPanels panels;
   GradientPanels transposed;
   const float* color_gradient;
-  float* base_gradient;
+  RingRowGradients row_gradients;
 };
 
 // dL/dcolor of the group, zero in lanes that do not count, to dL/d(base), the sum's part, and dL/d(render's output).
@@ -87,7 +87,7 @@ void start_gradient(const Backward& pass, const Batch& batch, BatchGradient& gra
   }
 }
 
-// Through the render network; leaves dL/d(a, m, b) in gradient.inputs.
+// Through the render network; leaves dL/d(a, m, b, l) in gradient.inputs.
 void render_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
   const int hidden = pass.shape.render_hidden;
   const float* of_output = gradient.color;
@@ -149,22 +149,26 @@ void ring_gradient(const Backward& pass, const Batch& batch, BatchGradient& grad
   }
 }
 
-void write_base_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient) {
-  const float* of_input = gradient.inputs + (render_inputs(pass.shape) - 3) * GROUP;
+void write_row_gradients(const Backward& pass, const Batch& batch, BatchGradient& gradient) {
+  const float* of_input = gradient.inputs + base_input(pass.shape) * GROUP;
+  const float* of_latents = of_input + 3 * GROUP;
   for (int i = 0; i < 3 * GROUP; i += LANES) {
     const Vec base = load(batch.base + i);
     store(gradient.base + i, (load(gradient.base + i) + load(of_input + i)) * base * (Vec(1.f) - base));
   }
-  for (int lane = 0; lane < batch.count; lane++)
-    for (int c = 0; c < 3; c++)
-      pass.base_gradient[3 * static_cast<std::size_t>(batch.rows[lane]) + c] = gradient.base[c * GROUP + lane];
+  for (int lane = 0; lane < batch.count; lane++) {
+    const std::size_t row = batch.rows[lane];
+    for (int c = 0; c < 3; c++) pass.row_gradients.base[3 * row + c] = gradient.base[c * GROUP + lane];
+    for (int i = 0; i < pass.shape.latents; i++)
+      pass.row_gradients.latents[pass.shape.latents * row + i] = of_latents[i * GROUP + lane];
+  }
 }
 
 void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
   const RingShape& shape = pass.shape;
   start_gradient(pass, batch, gradient);
   render_gradient(pass, batch, gradient, sums);
-  write_base_gradient(pass, batch, gradient);
+  write_row_gradients(pass, batch, gradient);
   if (modulated(shape)) modulation_gradient(pass, batch, gradient, sums);
   for (int i = 0; i < shape.features * GROUP; i += LANES) {
     const Vec activated = load(batch.activated + i);
@@ -181,8 +185,11 @@ void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, 
     ring_gradient(pass, batch, gradient, sums);
 }
 
-// Base colours alone: right for every row that is not lit, and zero where the colour got no gradient.
-void write_unlit_gradients(const RingScene& scene, const float* color_gradient, float* base_gradient) {
+// As if nothing were lit: right for every row that is not, and zero where the colour got no gradient.
+void write_unlit_gradients(const RingShape& shape, const RingScene& scene, const float* color_gradient,
+                           const RingRowGradients& to) {
+  if (shape.latents) std::memset(to.latents, 0, shape.latents * scene.count * sizeof(float));
+  float* const base_gradient = to.base;
   parallel_ranges(3 * scene.count, BASE_GRAIN, [=](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; i += LANES) {
       const int count = end - i < LANES ? static_cast<int>(end - i) : LANES;
@@ -248,15 +255,15 @@ std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count) {
 }
 
 void ring_backward(const RingShape& shape, const RingParameters<const float>& parameters, const RingScene& scene,
-                   const float* color_gradient, const RingParameters<float>& gradients, float* base_gradient,
-                   float* workspace) {
-  write_unlit_gradients(scene, color_gradient, base_gradient);
+                   const float* color_gradient, const RingParameters<float>& gradients,
+                   const RingRowGradients& row_gradients, float* workspace) {
+  write_unlit_gradients(shape, scene, color_gradient, row_gradients);
   Arena memory{workspace};
   auto [active, weights] = plan(shape, scene.visible_count, memory);
   const std::size_t count = list_active(scene, color_gradient, active);
   const RingPanels panels = pack_layers(shape, parameters, weights);
   const GradientPanels transposed = pack_transposed(shape, parameters, weights);
-  const Backward pass{shape, parameters, scene, panels, transposed, color_gradient, base_gradient};
+  const Backward pass{shape, parameters, scene, panels, transposed, color_gradient, row_gradients};
   Arena of_shard{nullptr};
   lay_out_sums(shape, of_shard);
   const int shards = ring_shards(count);

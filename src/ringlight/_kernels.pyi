@@ -51,6 +51,7 @@ def ring_forward(
     parameters: Sequence[Tensor],
     means: Tensor,
     base: Tensor,
+    latents: Tensor,
     visible: Tensor,
     frame: Tensor,
     color: Tensor,
@@ -62,11 +63,13 @@ def ring_backward(
     parameters: Sequence[Tensor],
     means: Tensor,
     base: Tensor,
+    latents: Tensor,
     visible: Tensor,
     frame: Tensor,
     color_gradient: Tensor,
     gradients: Sequence[Tensor],
     base_gradient: Tensor,
+    latents_gradient: Tensor,
     workspace: Tensor,
 ) -> None: ...
 def ring_workspace(shape: Sequence[int], visible_count: int) -> int: ...

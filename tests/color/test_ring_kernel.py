@@ -63,12 +63,14 @@ def model_and_table(chosen: RingLightSettings, count: int, seed: int) -> tuple[R
 def evaluate(model: RingLight, gaussians: Gaussians, upstream: Tensor) -> Result:
     """Colour and gradients in the table's own precision: float32 takes the kernel, float64 the twin."""
     model.zero_grad()
-    base = gaussians.appearance["base"].clone().requires_grad_()
-    table = replace(gaussians, appearance=gaussians.appearance | {"base": base})
+    columns = {
+        name: column.clone().requires_grad_() for name, column in gaussians.appearance.items() if name != "mask_logits"
+    }
+    table = replace(gaussians, appearance=columns)
     color = model.channels(table, camera())["rgb"]
     color.backward(upstream.to(color))
     gradients = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
-    return Result(color.detach(), gradients | {"base": base.grad})
+    return Result(color.detach(), gradients | {name: column.grad for name, column in columns.items()})
 
 
 def doubled(model: RingLight, gaussians: Gaussians) -> tuple[RingLight, Gaussians]:
@@ -105,6 +107,7 @@ def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     fast, slow = evaluate(model, gaussians, upstream), evaluate(twin, table, upstream)
     torch.testing.assert_close(fast.color.double(), slow.color, rtol=0, atol=VALUE_TOLERANCE)
     assert fast.gradients.keys() == slow.gradients.keys()
+    assert ("latents" in fast.gradients) == (chosen.latents > 0)
     for name, expected in slow.gradients.items():
         error = (fast.gradients[name].double() - expected).abs().max()
         assert error <= GRADIENT_TOLERANCE * expected.abs().max() + 1e-7, name
@@ -117,35 +120,42 @@ def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     hidden=st.integers(1, 27),
     modulated=st.booleans(),
     nodes=st.integers(2, 20),
+    latents=st.sampled_from((0, 3, 4, 16)),
     count=st.integers(1, 70),
     seed=st.integers(0, 10_000),
 )
-def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, count, seed):
+def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, latents, count, seed):
     ring = RingSettings(
         rank=rank, features=features, bands=3, view_bands=2, head_hidden=8, position_nodes=nodes, view_nodes=nodes
     )
-    chosen = RingLightSettings(ring, hidden, hidden + 3, modulated)
+    chosen = RingLightSettings(ring, hidden, hidden + 3, modulated, latents)
     assume(is_smooth(chosen, count, seed))
     compare(chosen, count, seed)
 
 
-@pytest.mark.parametrize(("rank", "features", "hidden"), [(8, 24, 64), (16, 48, 128), (24, 60, 96), (32, 64, 128)])
-def test_kernel_equals_twin_at_the_papers_sizes(rank, features, hidden):
+@pytest.mark.parametrize(
+    ("rank", "features", "hidden", "latents"),
+    [(8, 24, 64, 0), (16, 24, 64, 4), (16, 48, 128, 0), (16, 48, 128, 3), (24, 60, 96, 4), (32, 64, 128, 0)],
+)
+def test_kernel_equals_twin_at_the_papers_sizes(rank, features, hidden, latents):
     ring = RingSettings(
         rank=rank, features=features, head_hidden=16, bands=4, view_bands=3, position_nodes=32, view_nodes=8
     )
-    chosen = RingLightSettings(ring, hidden, hidden)
+    chosen = RingLightSettings(ring, hidden, hidden, latents=latents)
     compare(chosen, 48, next(seed for seed in range(20) if is_smooth(chosen, 48, seed)))
 
 
 SMALL = RingLightSettings(
     RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8), 16, 12
 )
+LATENT = replace(SMALL, latents=3)
+both = pytest.mark.parametrize("chosen", [SMALL, LATENT], ids=["no latents", "latents"])
 
 
-def test_the_same_bits_for_any_number_of_threads():
+@both
+def test_the_same_bits_for_any_number_of_threads(chosen):
     """Enough rows for eight shards, the most there are."""
-    model, gaussians = model_and_table(SMALL, 40_000, 0)
+    model, gaussians = model_and_table(chosen, 40_000, 0)
     upstream = torch.randn(40_000, 3, generator=torch.Generator().manual_seed(1))
     before = _kernels.threads()
     try:
@@ -161,21 +171,25 @@ def test_the_same_bits_for_any_number_of_threads():
             assert torch.equal(gradient, other.gradients[name]), name
 
 
-def test_rows_without_upstream_gradient_are_skipped_exactly():
-    model, gaussians = model_and_table(SMALL, 300, 5)
+@both
+def test_rows_without_upstream_gradient_are_skipped_exactly(chosen):
+    model, gaussians = model_and_table(chosen, 300, 5)
     upstream = torch.randn(300, 3, generator=torch.Generator().manual_seed(1))
     upstream[torch.arange(300) % 3 != 0] = 0
     some = evaluate(model, gaussians, upstream)
     alone = evaluate(model, gaussians.rows(torch.arange(0, 300, 3)), upstream[::3])
-    assert torch.equal(some.gradients["base"][::3], alone.gradients["base"])
     for name, gradient in alone.gradients.items():
-        if name != "base":
-            assert torch.equal(some.gradients[name], gradient), name
-    assert not some.gradients["base"][1::3].any()
+        found = some.gradients[name]
+        if name in ("base", "latents"):
+            assert not found[1::3].any(), name
+            assert not found[2::3].any(), name
+            found = found[::3]
+        assert torch.equal(found, gradient), name
 
 
-def test_nothing_upstream_gives_zero_everywhere():
-    model, gaussians = model_and_table(SMALL, 50, 5)
+@both
+def test_nothing_upstream_gives_zero_everywhere(chosen):
+    model, gaussians = model_and_table(chosen, 50, 5)
     result = evaluate(model, gaussians, torch.zeros(50, 3))
     assert not any(gradient.any() for gradient in result.gradients.values())
 
@@ -194,8 +208,9 @@ def test_rows_behind_the_camera_or_broken_stay_away_from_the_tables():
     assert all(gradient.isfinite().all() for gradient in result.gradients.values())
 
 
-def test_layers_of_kernel_and_twin_agree():
-    model, gaussians = model_and_table(SMALL, 60, 7)
+@both
+def test_layers_of_kernel_and_twin_agree(chosen):
+    model, gaussians = model_and_table(chosen, 60, 7)
     twin, table = doubled(model, gaussians)
     fast, slow = model.layers(gaussians, camera()), twin.layers(table, camera())
     assert fast["residual"].abs().max() > 0.01
@@ -203,11 +218,28 @@ def test_layers_of_kernel_and_twin_agree():
         torch.testing.assert_close(fast[name].double(), layer, rtol=0, atol=VALUE_TOLERANCE)
 
 
-def test_no_visible_row_is_fine():
-    model, gaussians = model_and_table(SMALL, 10, 7)
+@both
+def test_no_visible_row_is_fine(chosen):
+    model, gaussians = model_and_table(chosen, 10, 7)
     gaussians.means[:, 2] = -50.0
     result = evaluate(model, gaussians, torch.ones(10, 3))
     torch.testing.assert_close(result.color, gaussians.appearance["base"].sigmoid(), rtol=0, atol=1e-6)
+    assert "latents" not in result.gradients or not result.gradients["latents"].any()
+
+
+def test_latents_decide_the_residual_of_their_own_row_alone():
+    model, gaussians = model_and_table(LATENT, 60, 7)
+    before = evaluate(model, gaussians, torch.ones(60, 3)).color
+    gaussians.appearance["latents"][7] += 3.0
+    changed = (evaluate(model, gaussians, torch.ones(60, 3)).color != before).any(1)
+    assert changed.nonzero().flatten().tolist() == [7]
+
+
+def test_latents_of_another_width_are_refused():
+    model, gaussians = model_and_table(LATENT, 5, 7)
+    gaussians.appearance["latents"] = torch.zeros(5, 2)
+    with pytest.raises(ValueError, match="latents"):
+        evaluate(model, gaussians, torch.ones(5, 3))
 
 
 @pytest.mark.skipif(_kernels.isa() == "avx2", reason="the suite already runs on AVX2")

@@ -1,16 +1,22 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.core.camera import Camera
+from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
+from ringlight.core.sh_basis import GREY, sh_basis
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
+from ringlight.files.bake import bake_to_sh
 
 RING = RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8)
 SMALL = RingLightSettings(ring=RING, render_hidden=16, modulation_hidden=12)
+LATENT = replace(SMALL, latents=4)
 BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
 
 
@@ -39,13 +45,35 @@ def test_new_columns_reproduce_the_colours():
     assert columns["mask_logits"].tolist() == [1.0, 1.0]
 
 
+def test_new_latents_are_small_distinct_and_decided_by_the_seed():
+    points = PointCloud(torch.zeros(500, 3), torch.full((500, 3), 0.5))
+    drawn, again, other = (RingLight(LATENT, BOX, seed).new_columns(points)["latents"] for seed in (1, 1, 2))
+    assert drawn.shape == (500, 4)
+    assert drawn.is_contiguous()
+    assert torch.equal(drawn, again)
+    assert not torch.equal(drawn, other)
+    assert abs(drawn.mean()) < 0.01
+    assert 0.09 < drawn.std() < 0.11
+
+
+def test_latents_leave_the_other_columns_and_the_wanted_rows_alone():
+    points = PointCloud(torch.zeros(50, 3), torch.full((50, 3), 0.5))
+    plain, latent = RingLight(SMALL, BOX).new_columns(points), RingLight(LATENT, BOX).new_columns(points)
+    assert latent.keys() - plain.keys() == {"latents"}
+    assert all(torch.equal(latent[name], column) for name, column in plain.items())
+    model = RingLight(LATENT, BOX)
+    assert model.wanted(table(model)).all()
+    assert "latents" not in model.training_columns, "rendering needs them"
+
+
 def test_warm_up_shows_the_base_colour_and_leaves_the_field_alone():
-    model = RingLight(SMALL, BOX)
+    model = RingLight(LATENT, BOX)
     model.lit.fill_(False)
     gaussians = table(model)
     channels = model.channels(gaussians, camera())
     assert torch.equal(channels["rgb"], gaussians.appearance["base"].sigmoid())
     channels["rgb"].sum().backward()
+    assert gaussians.appearance["latents"].grad is None
     assert all(parameter.grad is None for parameter in model.parameters())
     layers = model.layers(gaussians, camera())
     assert not layers["residual"].any()
@@ -66,9 +94,15 @@ def test_rows_outside_the_frustum_keep_their_base_colour():
 
 @pytest.mark.parametrize("evaluation", ["tabulated", "exact"])
 @pytest.mark.parametrize("light_modulation", [True, False])
-def test_every_parameter_learns(evaluation, light_modulation):
+@pytest.mark.parametrize("latents", [0, 3, 4])
+def test_every_parameter_learns(evaluation, light_modulation, latents):
     chosen = RingLightSettings(
-        ring=RING, render_hidden=16, modulation_hidden=12, evaluation=evaluation, light_modulation=light_modulation
+        ring=RING,
+        render_hidden=16,
+        modulation_hidden=12,
+        evaluation=evaluation,
+        light_modulation=light_modulation,
+        latents=latents,
     )
     model = RingLight(chosen, BOX)
     gaussians = table(model)
@@ -90,6 +124,21 @@ def test_layers_add_up_to_the_colour():
     layers = model.layers(gaussians, camera())
     torch.testing.assert_close(rgb, (layers["base"] + layers["residual"]).clamp(0, 1), rtol=0, atol=1e-6)
     assert ((layers["modulation"] >= 0) & (layers["modulation"] <= 1)).all()
+
+
+def test_baking_sees_the_latents():
+    """The bake hands over chunks of rows: each comes with its own latents."""
+    model = RingLight(LATENT, BOX)
+    gaussians = table(model, 40)
+    with torch.no_grad():
+        gaussians.appearance["latents"].mul_(30)
+    cameras = [replace(camera(), center=(32.0 + shift, 32.0)) for shift in range(5)]
+    baked = bake_to_sh(gaussians, cameras, lambda rows, view: model.channels(rows, view)["rgb"])
+    with torch.no_grad():
+        rgb = model.channels(gaussians, camera())["rgb"]
+    basis = sh_basis(view_directions(gaussians.means, camera().position), 3)
+    shown = torch.einsum("nk,nkc->nc", basis, torch.cat([baked.sh_dc[:, None], baked.sh_rest], 1)) + GREY
+    torch.testing.assert_close(shown, rgb, rtol=0, atol=0.01)
 
 
 def test_positions_outside_the_box_are_clamped():
@@ -117,6 +166,9 @@ def test_tables_are_kept_while_nothing_changes_and_follow_every_change():
 
 
 def test_settings_that_cannot_work_are_refused():
+    for latents in (-1, 17):
+        with pytest.raises(RecipeError, match=f"latents is {latents}"):
+            RingLightSettings(latents=latents)
     with pytest.raises(RecipeError, match="mask_threshold"):
         RingLightSettings(mask_threshold=1.0)
     with pytest.raises(RecipeError, match=r"ring\.rank"):

@@ -52,7 +52,8 @@ def ring_parameters(tables: RingTables, shading: RenderModule) -> RingParameters
     render = list(shading.render.parameters())
     modulation_hidden = len(modulation[0]) if modulation else 0
     view_nodes = round(len(tables.view) ** 0.5)
-    shape = [round(matrix**0.5), len(tables.core), len(render[0]), modulation_hidden, nodes, view_nodes]
+    sizes = [round(matrix**0.5), len(tables.core), len(render[0]), modulation_hidden, nodes, view_nodes]
+    shape = [*sizes, shading.latents]
     return RingParameters(shape, [tables.axes, tables.view, tables.core, *modulation, *render])
 
 
@@ -72,48 +73,62 @@ class Workspace:
 class _LightField(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, rows: LitRows, shape: list[int], workspace: Workspace, base: Tensor, *parameters: Tensor
+        ctx: Any,
+        rows: LitRows,
+        shape: list[int],
+        workspace: Workspace,
+        base: Tensor,
+        latents: Tensor,
+        *parameters: Tensor,
     ) -> Tensor:
         color = torch.empty_like(base)
-        _kernels.ring_forward(shape, parameters, rows.means, base, rows.visible, rows.frame, color)
+        _kernels.ring_forward(shape, parameters, rows.means, base, latents, rows.visible, rows.frame, color)
         ctx.rows, ctx.shape, ctx.workspace = rows, shape, workspace
-        ctx.save_for_backward(base, *parameters)
+        ctx.save_for_backward(base, latents, *parameters)
         return color
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, color_gradient: Tensor) -> tuple[Tensor | None, ...]:
-        base, *parameters = ctx.saved_tensors
+        base, latents, *parameters = ctx.saved_tensors
         rows: LitRows = ctx.rows
         gradients = [torch.empty_like(parameter) for parameter in parameters]
-        base_gradient = torch.empty_like(base)
+        base_gradient, latents_gradient = torch.empty_like(base), torch.empty_like(latents)
         workspace = ctx.workspace.floats(_kernels.ring_workspace(ctx.shape, len(rows.visible)))
         _kernels.ring_backward(
-            ctx.shape, parameters, rows.means, base, rows.visible, rows.frame,
-            color_gradient.contiguous(), gradients, base_gradient, workspace,
+            ctx.shape, parameters, rows.means, base, latents, rows.visible, rows.frame,
+            color_gradient.contiguous(), gradients, base_gradient, latents_gradient, workspace,
         )  # fmt: skip
-        return None, None, None, base_gradient, *gradients
+        return None, None, None, base_gradient, latents_gradient, *gradients
 
 
 def light(
-    rows: LitRows, base: Float[Tensor, "N 3"], parameters: RingParameters, workspace: Workspace
+    rows: LitRows,
+    base: Float[Tensor, "N 3"],
+    latents: Float[Tensor, "N L"],
+    parameters: RingParameters,
+    workspace: Workspace,
 ) -> Float[Tensor, "N 3"]:
-    """Colours in [0, 1], differentiable in the base colours' logits ``base`` and in all parameters.
+    """Colours in [0, 1], differentiable in the base colours' logits ``base``, the latents and all parameters.
 
     The same bits for any number of threads. The gradient of rows whose colour got none is not computed.
     """
     tensors = [tensor.contiguous() for tensor in parameters.tensors]
-    color: Tensor = _LightField.apply(rows, parameters.shape, workspace, base.contiguous(), *tensors)
+    color: Tensor = _LightField.apply(
+        rows, parameters.shape, workspace, base.contiguous(), latents.contiguous(), *tensors
+    )
     return color
 
 
 @torch.no_grad()
-def light_layers(rows: LitRows, base: Float[Tensor, "N 3"], parameters: RingParameters) -> LitColor:
+def light_layers(
+    rows: LitRows, base: Float[Tensor, "N 3"], latents: Float[Tensor, "N L"], parameters: RingParameters
+) -> LitColor:
     """Colour, residual and modulation without gradient; the last two are zero in rows that are not lit."""
     tensors = [tensor.detach().contiguous() for tensor in parameters.tensors]
     color, residual, modulation = torch.empty_like(base), torch.zeros_like(base), torch.zeros_like(base[:, :1])
     _kernels.ring_forward(
-        parameters.shape, tensors, rows.means, base.detach().contiguous(), rows.visible, rows.frame,
-        color, residual, modulation,
+        parameters.shape, tensors, rows.means, base.detach().contiguous(), latents.detach().contiguous(),
+        rows.visible, rows.frame, color, residual, modulation,
     )  # fmt: skip
     return LitColor(color, residual, modulation)

@@ -21,23 +21,29 @@ from ringlight.color.visibility_mask import straight_through_mask
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.randomness import generator
 from ringlight.core.rendering import OPACITY_FACTOR, Channels
 from ringlight.core.scene import PointCloud
 from ringlight.fields.tensor_ring import RingTables, TensorRing
 
 BASE = "base"
 MASK = "mask_logits"
+LATENTS = "latents"
 
 # The logit of pure black or white would be infinite; a quarter of an 8-bit step away still rounds to either.
 DARKEST = 0.25 / 255
 # sigmoid(1) = 0.73: visible, and where the sigmoid still has a gradient (Compact 3DGS).
 FIRST_MASK_LOGIT = 1.0
+# Standard deviation of new latents: not zero, so that they differ at once and their weights get a gradient, and small
+# beside features and colours, so that noise does not drown these.
+LATENT_SPREAD = 0.1
 
 
 class RingLight(nn.Module):
     """c(v) = clamp(c_b + c_r(v), 0, 1), with c_r from the neural tensor ring (RingLight-GS, section 3.2).
 
-    Columns: ``base`` [N 3], the base colour's logit, c_b = sigmoid(base); ``mask_logits`` [N], if masked.
+    Columns: ``base`` [N 3], the base colour's logit, c_b = sigmoid(base); ``mask_logits`` [N], if masked;
+    ``latents`` [N L], if there are any, see the settings.
     Buffers: ``box`` [low, high], what the ring's [-1, 1]^3 covers, world units; ``lit``, False during the warm-up,
     when Gaussians show their base colour and the field gets no gradient. Positions and directions are detached:
     ten bands would otherwise drown the rasterizer's gradient of the positions.
@@ -49,20 +55,26 @@ class RingLight(nn.Module):
 
     def __init__(self, settings: RingLightSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()
-        generator = torch.Generator().manual_seed(seed)
-        self.settings = settings
-        self.ring = TensorRing(settings.ring, generator)
-        self.shading = RenderModule(settings, generator)
+        of_networks = torch.Generator().manual_seed(seed)
+        self.settings, self._seed = settings, seed
+        self.ring = TensorRing(settings.ring, of_networks)
+        self.shading = RenderModule(settings, of_networks)
         self.register_buffer("box", box.clone().float())
         self.register_buffer("lit", torch.tensor(True))
         self._memory = TableMemory()
         self._workspace = Workspace()
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
-        """Base colours equal to the points' (black and white to a quarter of an 8-bit step), masks open."""
+        """Base colours equal to the points' (black and white to a quarter of an 8-bit step), masks open.
+
+        Latents are drawn anew by the model's seed, the same at every call.
+        """
         columns = {BASE: points.colors.clamp(DARKEST, 1 - DARKEST).logit()}
         if self.settings.mask:
             columns[MASK] = points.colors.new_full((len(points.colors),), FIRST_MASK_LOGIT)
+        if self.settings.latents:
+            noise = torch.randn(len(points.colors), self.settings.latents, generator=generator(self._seed, 0, LATENTS))
+            columns[LATENTS] = LATENT_SPREAD * noise.to(points.colors)
         return columns
 
     def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
@@ -109,13 +121,21 @@ class RingLight(nn.Module):
         parameters = self._kernel_parameters(gaussians)
         if parameters is None:
             return self.twin(gaussians, camera).color
-        return light(self._lit_rows(gaussians, camera), gaussians.appearance[BASE], parameters, self._workspace)
+        base, latents = gaussians.appearance[BASE], self._latents(gaussians)
+        return light(self._lit_rows(gaussians, camera), base, latents, parameters, self._workspace)
 
     def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
         parameters = self._kernel_parameters(gaussians)
         if parameters is None:
             return self.twin(gaussians, camera)
-        return light_layers(self._lit_rows(gaussians, camera), gaussians.appearance[BASE], parameters)
+        base, latents = gaussians.appearance[BASE], self._latents(gaussians)
+        return light_layers(self._lit_rows(gaussians, camera), base, latents, parameters)
+
+    def _latents(self, gaussians: Gaussians) -> Float[Tensor, "N L"]:
+        """The table's; of width zero where the settings want none."""
+        if not self.settings.latents:
+            return gaussians.means.new_empty((len(gaussians), 0))
+        return gaussians.appearance[LATENTS]
 
     def _kernel_parameters(self, gaussians: Gaussians) -> RingParameters | None:
         """What the kernel needs, or None where it does not apply: exact heads, another type, device or size."""
@@ -141,7 +161,7 @@ class RingLight(nn.Module):
             features = self.ring.exact(points, directions)
         else:
             features = self.ring.tabulated(points, directions, self.tables())
-        lit = self.shading(features, directions, base[visible])
+        lit = self.shading(features, directions, base[visible], self._latents(gaussians)[visible])
         return LitColor(
             base.index_put((visible,), lit.color),
             torch.zeros_like(base).index_put((visible,), lit.residual),

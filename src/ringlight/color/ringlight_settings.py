@@ -6,6 +6,9 @@ from typing import Literal
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
 
+MAX_LATENTS = 16
+"""What the kernels take: RING_MAX_LATENTS in kernels/ring.hpp."""
+
 
 @dataclass(frozen=True)
 class RingLightSettings:
@@ -19,6 +22,9 @@ class RingLightSettings:
     """Width of the hidden layer that makes the light modulation of direction and features."""
     light_modulation: bool = True
     """Feed the light modulation to the residual's network; False is the paper's ablation (appendix B)."""
+    latents: int = 0
+    """Values per Gaussian that the residual's network sees besides feature, modulation and base colour; 0 as in the
+    paper (eq. 8). By them neighbours can differ that are too close for the ring to give them different features."""
     evaluation: Literal["tabulated", "exact"] = "tabulated"
     """Heads read from tables (fast), or run at every Gaussian (the slow twin). A model belongs to the one it was
     trained with."""
@@ -31,5 +37,7 @@ class RingLightSettings:
         for name in ("render_hidden", "modulation_hidden"):
             if getattr(self, name) < 1:
                 raise RecipeError(f"color.{name} is {getattr(self, name)}; give at least 1.")
+        if not 0 <= self.latents <= MAX_LATENTS:
+            raise RecipeError(f"color.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian.")
         if not 0 <= self.mask_threshold < 1:
             raise RecipeError(f"color.mask_threshold is {self.mask_threshold}; a sigmoid lies between 0 and 1.")
