@@ -10,7 +10,7 @@ from typing import BinaryIO
 import pytest
 
 from ringlight.errors import OutputError
-from ringlight.files.atomic import write_atomically, write_text, written_atomically
+from ringlight.files.atomic import write_text, written_atomically
 
 
 def failing_with(error: BaseException) -> Callable[[BinaryIO], None]:
@@ -19,6 +19,11 @@ def failing_with(error: BaseException) -> Callable[[BinaryIO], None]:
         raise error
 
     return write
+
+
+def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
+    with written_atomically(path) as file:
+        write(file)
 
 
 def names_in(folder: Path) -> list[str]:

@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 
 from ringlight.errors import BackendError, OutputError
-from ringlight.files.video import save_image, to_8bit, write_frames, write_video
+from ringlight.files.video import save_image, to_8bit, write_video
 
 
 def random_image(height: int, width: int, channels: int = 3) -> torch.Tensor:
@@ -39,24 +39,6 @@ def test_an_image_comes_back(tmp_path: Path, suffix: str, tolerance: int, channe
 def test_an_unknown_suffix_is_named(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"end its name in one of \.png"):
         save_image(tmp_path / "a.tiff", random_image(2, 2))
-
-
-def test_frames_are_named_and_their_folder_is_made(tmp_path: Path) -> None:
-    paths = write_frames(tmp_path / "deep" / "test", iter(colored_frames(2, 4, 6)), ["r_0", "left/r_1"])
-    assert [path.name for path in paths] == ["r_0.png", "left_r_1.png"]
-    assert sorted(path.name for path in (tmp_path / "deep" / "test").iterdir()) == ["left_r_1.png", "r_0.png"]
-
-
-def test_frames_of_one_name_are_refused_before_anything_is_written(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="same name"):
-        write_frames(tmp_path / "frames", colored_frames(2, 4, 6), ["a/b", "a_b"])
-    assert not (tmp_path / "frames").exists()
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(OutputError, match="cannot be created"):
-        write_frames(tmp_path / "file", [], [])
 
 
 def test_a_film_plays_back(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import errno
 import os
 import secrets
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -48,12 +48,6 @@ def written_atomically(path: Path) -> Iterator[BinaryIO]:
     except OSError as error:
         reason = REMEDIES.get(error.errno or 0, f"{error.strerror or error}; choose another path")
         raise OutputError(f"{path}: cannot be written: {reason}") from error
-
-
-def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
-    """Let ``write`` fill the file; see :func:`written_atomically`. Raises OutputError."""
-    with written_atomically(path) as file:
-        write(file)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,6 +1,6 @@
-"""Pictures that leave the program: one image, numbered frames, or an H.264 film."""
+"""Pictures that leave the program: one image, or an H.264 film."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from io import BytesIO
 from itertools import chain
@@ -50,24 +50,6 @@ def save_image(path: Path, image: Float[Tensor, "H W c"]) -> None:
     pixels = to_8bit(image)
     with written_atomically(path) as file:
         Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels).save(file, kind, **QUALITY[kind])
-
-
-def write_frames(folder: Path, frames: Iterable[Float[Tensor, "H W c"]], names: Sequence[str]) -> list[Path]:
-    """One PNG a frame, named after ``names`` (slashes become underscores); the folder is made where it is missing.
-
-    Frames are consumed one at a time, so they may be rendered as they are asked for. Raises OutputError.
-    """
-    stems = [name.replace("/", "_").replace("\\", "_") for name in names]
-    if len(set(stems)) < len(stems):
-        raise OutputError(f"{folder}: cannot be written: two frames have the same name; give each its own")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be created: {error.strerror}; choose another folder") from error
-    paths = [folder / f"{stem}.png" for stem in stems]
-    for path, frame in zip(paths, frames, strict=True):
-        save_image(path, frame)
-    return paths
 
 
 def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float = 30.0) -> int:
