@@ -8,8 +8,9 @@ from ringlight.data.bundled import bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RunError
 from ringlight.files.atomic import write_text
+from ringlight.measure.report import REPORT_NAME
 from ringlight.methods.table import method_named
-from ringlight.runs.folder import REPORT_NAME, empty_folder
+from ringlight.runs.folder import empty_folder
 from ringlight.runs.record import RECORD_NAME
 from ringlight.runs.session import Session
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from ringlight.errors import RunError
 from ringlight.measure.picture_names import RENDERS, TRUTHS
+from ringlight.measure.report import REPORT_NAME
 from ringlight.runs.record import RECORD_NAME
 
 MODEL_NAME = "model.safetensors"
 CHECKPOINT_NAME = "checkpoint.safetensors"
-REPORT_NAME = "report.json"
 
 
 @dataclass(frozen=True)
