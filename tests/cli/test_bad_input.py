@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import torch
 from command import Command, Outcome
 from refusal import QUIET, SHORT, Damage, refused, snapshot
 from scenes_on_disk import edit_json
@@ -54,6 +55,11 @@ def test_settings_beyond_their_range(flag: tuple[str, str], tiny: Path, tmp_path
 def test_a_forgotten_method_is_not_mistaken_for_a_flags_value(tiny: Path, ringlight: Command) -> None:
     sentence = refused(ringlight("train", "--seed", "5", tiny), 2, "3dgs")
     assert "called '5'" not in sentence
+
+
+def test_memory_that_torch_cannot_have_is_a_sentence(ringlight: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ringlight.cli.info.main", lambda arguments: torch.empty(1 << 50))
+    refused(ringlight("info", "model"), 1, "not enough memory")
 
 
 def test_a_folder_of_photographs_is_no_run(tiny: Path, tmp_path: Path, ringlight: Command) -> None:

@@ -18,6 +18,8 @@ from ringlight.errors import RinglightError
 
 WRONG_INPUT, WRONG_USAGE, INTERRUPTED = 1, 2, 130
 
+NO_MEMORY = "not enough memory; try --downscale 2 or a smaller --densify.max-gaussians"
+
 
 @dataclass(frozen=True)
 class Verb:
@@ -73,7 +75,12 @@ def _run_verb(verb: Verb, arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     except MemoryError:
-        return _complain("not enough memory; try --downscale 2 or a smaller --densify.max-gaussians", WRONG_INPUT)
+        return _complain(NO_MEMORY, WRONG_INPUT)
+    except RuntimeError as error:
+        # torch has no class of its own for this.
+        if "DefaultCPUAllocator" not in str(error):
+            raise
+        return _complain(NO_MEMORY, WRONG_INPUT)
     except OSError as error:
         return _system_refused(error)
 
