@@ -57,6 +57,17 @@ def test_a_forgotten_method_is_not_mistaken_for_a_flags_value(tiny: Path, ringli
     assert "called '5'" not in sentence
 
 
+def test_a_scene_that_has_lost_photographs_is_not_gone_on_with(
+    scene_copy: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    run = tmp_path / "run"
+    assert ringlight("train", scene_copy, "3dgs", "--out", run, *SHORT).code == 0
+    edit_json(scene_copy / "transforms_train.json", lambda document: document["frames"].pop())
+    before = snapshot(run)
+    refused(ringlight("train", "--resume", run, *QUIET), 1, scene_copy, run, "5 training views", "began with 6")
+    assert snapshot(run) == before
+
+
 def test_memory_that_torch_cannot_have_is_a_sentence(ringlight: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ringlight.cli.info.main", lambda arguments: torch.empty(1 << 50))
     refused(ringlight("info", "model"), 1, "not enough memory")

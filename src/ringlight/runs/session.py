@@ -55,7 +55,8 @@ class Session:
     def resume(path: Path) -> "Session":
         """Go on with a run where its last checkpoint was written, with the same bits as if it had never stopped.
 
-        Raises RunError if there is no checkpoint, ModelFileError if it is damaged.
+        Raises RunError if there is no checkpoint, or the scene has other training views now; ModelFileError if the
+        checkpoint is damaged.
         """
         folder = RunFolder.open(path)
         record = RunRecord.read(path)
@@ -70,11 +71,17 @@ class Session:
         try:
             training.restore(stored.tensors)
             clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
+            views = int(stored.metadata["training_views"])
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
                 f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({type(error).__name__}); "
                 "it was written by another version of ringlight: start again with --out NEW"
             ) from None
+        if views != len(scene.train):
+            raise RunError(
+                f"{record.scene}: has {len(scene.train)} training views where {path} began with {views}; put the "
+                "photographs back as they were, or start again with --out NEW"
+            )
         return Session(folder, record, scene, training, clock)
 
     def steps(self) -> Iterator[Progress]:
@@ -93,8 +100,13 @@ class Session:
         """Write the checkpoint and the model as it is now; nothing if that has been done at this step."""
         if self._saved_at == self.training.step:
             return
-        seconds = {"wall_seconds": repr(self.clock.wall), "cpu_seconds": repr(self.clock.cpu)}
-        write_tensors(self.folder.checkpoint, self.training.state(), {"program": "ringlight checkpoint"} | seconds)
+        facts = {
+            "program": "ringlight checkpoint",
+            "wall_seconds": repr(self.clock.wall),
+            "cpu_seconds": repr(self.clock.cpu),
+            "training_views": str(len(self.scene.train)),
+        }
+        write_tensors(self.folder.checkpoint, self.training.state(), facts)
         self.save_model()
         self._saved_at = self.training.step
 
