@@ -20,7 +20,7 @@ from ringlight.shade.passthrough import PassThrough
 
 EXTENT = 1.0
 SIZE = 8
-SETTINGS = DensifySettings(threshold=0.1, begin=0, every=1, reset_every=0, stop=1.0)
+SETTINGS = DensifySettings(threshold=0.1, begin=0, every=1, reset_every=0, stop=1.0, max_gaussians=1000)
 
 
 def model_of(log_scales: list[float], opacities: list[float]) -> SplatModel:
@@ -84,6 +84,11 @@ def test_the_budget_goes_to_the_strongest_pulls():
     assert counts == [1, 2, 1, 2]
 
 
+def test_the_budget_is_the_pixels_of_a_photograph_unless_given():
+    assert DensifySettings().within(160_000).max_gaussians == 160_000
+    assert DensifySettings(max_gaussians=7).within(160_000).max_gaussians == 7
+
+
 def test_never_everything_is_removed():
     model = model_of([SMALL] * 3, [0.001, 0.003, 0.002])
     densify_once(model, [0.0, 0.0, 0.0])
@@ -104,7 +109,7 @@ def test_no_reset_follows_the_last_round():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"every": 0}, {"reset_every": -1}, {"max_gaussians": 0}, {"reset_opacity": 1.0}, {"prune_opacity": 1.0}],
+    [{"every": 0}, {"reset_every": -1}, {"max_gaussians": -1}, {"reset_opacity": 1.0}, {"prune_opacity": 1.0}],
 )
 def test_settings_that_cannot_work_are_refused(wrong: dict[str, float]):
     with pytest.raises(RecipeError, match=rf"densify\.{next(iter(wrong))} is .*; "):

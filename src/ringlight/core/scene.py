@@ -67,6 +67,11 @@ class Scene:
 SMALLEST_EXTENT = 1e-3
 """World units; cameras closer together than this stand in one place."""
 
+    @property
+    def pixels(self) -> int:
+        """Pixels of the largest training photograph."""
+        return max(view.camera.width * view.camera.height for view in self.train)
+
 
 def camera_extent(cameras: list[Camera]) -> float:
     """1.1 times the largest distance of a camera from the mean position (3DGS's unit), at least SMALLEST_EXTENT."""

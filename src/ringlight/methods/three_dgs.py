@@ -83,7 +83,7 @@ class ThreeDGSRecipe:
             optimizer=Optimizer(model, groups, self.steps),
             strategies=(
                 Unlock("color.active_degree", degrees),
-                Densify(self.densify, scene.extent, self.steps, seed, white),
+                Densify(self.densify.within(scene.pixels), scene.extent, self.steps, seed, white),
             ),
             steps=self.steps,
         )

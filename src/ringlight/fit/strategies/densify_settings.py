@@ -1,6 +1,6 @@
 """Settings of adaptive density control. Torch-free: recipes hold these."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ringlight.errors import RecipeError
 
@@ -29,17 +29,22 @@ class DensifySettings:
     """Steps between two opacity resets; 0 never resets."""
     reset_opacity: float = 0.01
     """Opacities are lowered to this at a reset."""
-    max_gaussians: int = 1_000_000
-    """Never more than this many; the strongest pulls are served first."""
+    max_gaussians: int = 0
+    """Never more than this many; the strongest pulls are served first. 0: as many as a training photograph has pixels,
+    since no view could tell more apart."""
 
     def __post_init__(self) -> None:
-        for name, least in {"every": 1, "reset_every": 0, "max_gaussians": 1}.items():
+        for name, least in {"every": 1, "reset_every": 0, "max_gaussians": 0}.items():
             if getattr(self, name) < least:
                 raise RecipeError(f"densify.{name} is {getattr(self, name)}; give at least {least}")
         if not 0 < self.reset_opacity < 1:
             raise RecipeError(f"densify.reset_opacity is {self.reset_opacity}; an opacity lies between 0 and 1")
         if not 0 <= self.prune_opacity < 1:
             raise RecipeError(f"densify.prune_opacity is {self.prune_opacity}; give 0 (keep all) or more, below 1")
+
+    def within(self, pixels: int) -> "DensifySettings":
+        """These settings with a bound that is a number; ``pixels`` are those of the largest training photograph."""
+        return self if self.max_gaussians else replace(self, max_gaussians=pixels)
 
     def last_step(self, steps: int) -> int:
         """The last step at which rows may be added."""
