@@ -73,7 +73,8 @@ def test_the_loss_shown_is_the_sum_of_its_terms():
 
 
 def test_the_light_field_waits_for_the_warm_up():
-    training = quick("ringlight").build(tiny_scene(), rasterizer_for("auto"), seed=0)
+    recipe = dataclasses.replace(quick("ringlight"), warmup=0.1)  # of 30 steps
+    training = recipe.build(tiny_scene(), rasterizer_for("auto"), seed=0)
     before = {n: t.clone() for n, t in training.model.named_parameters() if n.startswith("color.")}
     steps = train(training)
     for _ in range(3):

@@ -36,8 +36,8 @@ class RingLightSettings:
     def __post_init__(self) -> None:
         for name in ("render_hidden", "modulation_hidden"):
             if getattr(self, name) < 1:
-                raise RecipeError(f"color.{name} is {getattr(self, name)}; give at least 1.")
+                raise RecipeError(f"light.{name} is {getattr(self, name)}; give at least 1.")
         if not 0 <= self.latents <= MAX_LATENTS:
-            raise RecipeError(f"color.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian.")
+            raise RecipeError(f"light.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian.")
         if not 0 <= self.mask_threshold < 1:
-            raise RecipeError(f"color.mask_threshold is {self.mask_threshold}; a sigmoid lies between 0 and 1.")
+            raise RecipeError(f"light.mask_threshold is {self.mask_threshold}; a sigmoid lies between 0 and 1.")

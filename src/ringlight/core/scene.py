@@ -63,14 +63,14 @@ class Scene:
         """What test images are composited over: white unless black was asked for."""
         return torch.zeros(3) if self.background == "black" else torch.ones(3)
 
-
-SMALLEST_EXTENT = 1e-3
-"""World units; cameras closer together than this stand in one place."""
-
     @property
     def pixels(self) -> int:
         """Pixels of the largest training photograph."""
         return max(view.camera.width * view.camera.height for view in self.train)
+
+
+SMALLEST_EXTENT = 1e-3
+"""World units; cameras closer together than this stand in one place."""
 
 
 def camera_extent(cameras: list[Camera]) -> float:

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from ringlight.models.splats import SplatModel
     from ringlight.rasterize.contract import Rasterizer
 
-PRUNE_EVERY = 1000
-"""Steps between two removals of masked rows once densification has ended."""
+PRUNE_ROUNDS = 15
+"""Removals of faint and masked rows after densification: every 1000 steps of the paper's 30,000."""
 
 PAPER_SCALE = 1e4
 """The paper's gamma, equation 9."""
@@ -108,8 +108,12 @@ class RingLightRecipe:
             penalties=self._penalties(),
         )
 
+    @property
+    def _first_lit_step(self) -> int:
+        return max(int(self.warmup * self.steps), 1)
+
     def _groups(self, extent: float) -> dict[str, Adam]:
-        lit = max(int(self.warmup * self.steps), 1)
+        lit = self._first_lit_step
         light = Adam(Rate(self.field_rate, self.field_rate_end), epsilon=self.field_epsilon, begins=lit)
         return self.rates.groups(extent) | {
             "columns.base": Adam(Rate.constant(self.base_rate)),
@@ -123,12 +127,11 @@ class RingLightRecipe:
         from ringlight.fit.strategies.prune import Prune
         from ringlight.fit.strategies.unlock import Unlock
 
-        lit = max(int(self.warmup * self.steps), 1)
         last = self.densify.last_step(self.steps)
         return (
-            Unlock("color.lit", {lit: 1}),
+            Unlock("color.lit", {self._first_lit_step: 1}),
             Densify(self.densify.within(scene.pixels), scene.extent, self.steps, seed, scene.background == "white"),
-            Prune(last, PRUNE_EVERY, self.densify.prune_opacity),
+            Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),
         )
 
     def _penalties(self) -> "dict[str, Penalty]":
