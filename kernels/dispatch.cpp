@@ -35,7 +35,7 @@ bool has_v4() {
 Isa choose() {
   __builtin_cpu_init();
   if (!has_v3())
-    throw std::runtime_error("this processor lacks AVX2 (x86-64-v3), which ringlight's CPU kernels need; use the 'reference' rasterizer");
+    throw std::runtime_error("this processor lacks AVX2 (x86-64-v3), which ringlight's CPU kernels need; run it on a newer one");
   const char* forced = std::getenv("RINGLIGHT_ISA");
   const std::string wish = forced ? forced : "";
   if (wish.empty()) return has_v4() ? Isa::v4 : Isa::v3;

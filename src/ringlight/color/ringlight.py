@@ -55,7 +55,7 @@ class RingLight(nn.Module):
 
     def __init__(self, settings: RingLightSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()
-        of_networks = torch.Generator().manual_seed(seed)
+        of_networks = generator(seed, 0, "networks")
         self.settings, self._seed = settings, seed
         self.ring = TensorRing(settings.ring, of_networks)
         self.shading = RenderModule(settings, of_networks)

@@ -95,6 +95,8 @@ def adam_(
         _kernels.adam(
             _flat(value), _flat(gradient), _flat(mean), _flat(square), rate, beta1, beta2, group.epsilon, updates
         )
+        # The kernel writes behind torch's back: a graph that still needs the old values must notice.
+        torch.autograd.graph.increment_version(value)
     else:
         adam_reference_(value, gradient, mean, square, group, rate, updates)
 
