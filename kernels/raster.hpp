@@ -69,6 +69,7 @@ struct Piece {
   std::uint64_t first_slot;  // entries of all rows before this piece
   std::uint32_t entries, drawn;
   std::uint32_t nearest, farthest;  // range of the depth keys
+  std::uint32_t broken;             // rows that hold a value which is not finite
 };
 
 // Depth keys are the bits of camera z, which order like z because z is positive.

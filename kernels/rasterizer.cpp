@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 #include <new>
+#include <stdexcept>
+#include <string>
 
 #include "dispatch.hpp"
 #include "parallel.hpp"
@@ -41,14 +43,16 @@ void Workspace::reserve_scratch() {
   frame_.scratch = scratch_.reserve(static_cast<std::size_t>(frame_.workers) * frame_.scratch_stride);
 }
 
-// Gives every piece its first slot; returns the number of drawn Gaussians.
+// Gives every piece its first slot; returns the number of drawn Gaussians. Refuses a table that is not all finite.
 std::uint64_t Workspace::number_slots() {
-  std::uint64_t slots = 0, drawn = 0;
+  std::uint64_t slots = 0, drawn = 0, broken = 0;
   for (std::size_t i = 0; i < piece_count(frame_); i++) {
     frame_.pieces[i].first_slot = slots;
     slots += frame_.pieces[i].entries;
     drawn += frame_.pieces[i].drawn;
+    broken += frame_.pieces[i].broken;
   }
+  if (broken) throw std::domain_error("rasterizer: " + std::to_string(broken) + " rows hold a value that is not finite");
   constexpr std::uint64_t MAX_SLOTS = 0xffff0000u;  // half an entry names its slot; some are left for bin.cpp
   if (slots > MAX_SLOTS) throw std::bad_alloc();
   slots_in_use_ = slots;

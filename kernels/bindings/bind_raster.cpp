@@ -5,6 +5,7 @@
 #include <nanobind/stl/pair.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -53,6 +54,8 @@ struct Table {
                 channels.shape(0) == count && (!opacity_factor || opacity_factor->shape(0) == count),
             "all columns of the table must have the same number of rows");
     require(width >= 1 && background.shape(0) == width, "background needs one value per channel, and at least one");
+    require(std::all_of(background.data(), background.data() + width, [](float v) { return std::isfinite(v); }),
+            "the background must be finite");
     constexpr std::size_t MAX_CHANNELS = 1 << 16, MAX_ROWS = std::size_t{1} << 31;
     require(width <= MAX_CHANNELS && count < MAX_ROWS, "too many channels or rows");
     return {count, static_cast<int>(width), means.data(), log_scales.data(), quats.data(), opacity_logits.data(),
@@ -68,6 +71,9 @@ Pinhole pinhole(const In<nb::shape<4, 4>>& world_to_camera, std::pair<float, flo
   camera.center_x = center.first, camera.center_y = center.second;
   camera.width = width, camera.height = height;
   constexpr int MAX_SIDE = MAX_TILES * convention::TILE;
+  bool finite = std::isfinite(camera.focal_x + camera.focal_y + camera.center_x + camera.center_y);
+  for (const float value : camera.world_to_camera) finite = finite && std::isfinite(value);
+  require(finite, "the camera must be finite");
   require(width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE, "width and height must be 1 to 8192");
   return camera;
 }

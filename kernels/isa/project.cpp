@@ -166,7 +166,7 @@ unsigned list_tiles(const float* record, Placement& place) {
 // What one task has seen so far.
 struct Progress {
   Vec nearest, farthest;  // camera z of drawn rows, lane by lane
-  std::uint32_t entries, drawn;
+  std::uint32_t entries, drawn, broken;
 };
 
 RINGLIGHT_INLINE void place_rows(const Frame& frame, std::size_t first, const Ellipses& e, Vec z, Progress& progress) {
@@ -210,7 +210,7 @@ RINGLIGHT_INLINE Piece summary(const Progress& progress) {
     nearest[0] = nearest[i] < nearest[0] ? nearest[i] : nearest[0];
     farthest[0] = farthest[i] > farthest[0] ? farthest[i] : farthest[0];
   }
-  Piece piece{0, progress.entries, progress.drawn, NOT_DRAWN, 0};
+  Piece piece{0, progress.entries, progress.drawn, NOT_DRAWN, 0, progress.broken};
   if (progress.drawn == 0) return piece;
   __builtin_memcpy(&piece.nearest, &nearest[0], sizeof piece.nearest);
   __builtin_memcpy(&piece.farthest, &farthest[0], sizeof piece.farthest);
@@ -236,7 +236,7 @@ RINGLIGHT_INLINE void write_footprints(const Footprints& to, std::size_t first, 
 
 void project_piece(const Frame& frame, const Footprints& footprints, std::size_t begin, std::size_t end) {
   constexpr float FARTHEST = 3e38f;
-  Progress progress{Vec(FARTHEST), Vec(0.f), 0, 0};
+  Progress progress{Vec(FARTHEST), Vec(0.f), 0, 0, 0};
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
     SplatRows rows;
@@ -244,7 +244,9 @@ void project_piece(const Frame& frame, const Footprints& footprints, std::size_t
     Projection p;
     project_rows(frame, rows, p);
     Ellipses e = find_ellipses(frame, p);
-    e.drawn = both(e.drawn, mask_from_bits(finite_rows(frame.splats, rows, first, count)));
+    const unsigned finite = finite_rows(frame.splats, rows, first, count);
+    progress.broken += static_cast<std::uint32_t>(count - __builtin_popcount(finite));
+    e.drawn = both(e.drawn, mask_from_bits(finite));
     write_records(frame, first, rows, e);
     place_rows(frame, first, e, p.position[2], progress);
     write_footprints(footprints, first, count, e);

@@ -12,6 +12,7 @@ from contracts.raster_cases import Case, Outcome, certain_pixels, judge, random_
 from raster_oracle import ORACLES, load_oracle
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.errors import BackendError
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 
@@ -172,26 +173,44 @@ def test_one_giant_gaussian_covers_the_image(rasterizer):
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize("column", ["means", "log_scales", "quats", "opacity_logits", "channels", "opacity_factor"])
-def test_rows_that_are_not_finite_are_not_drawn_and_get_zero_gradient(rasterizer, column: str, bad: float):
-    case = random_case(11, with_factor=True)
-    spoiled = torch.tensor([0, 7, 31, 79])
-    good = torch.ones(80, dtype=torch.bool).index_fill_(0, spoiled, False)
-    clean = replace(
-        case,
-        gaussians=case.gaussians.rows(good),
-        channels=case.channels[good],
-        opacity_factor=case.opacity_factor[good],
-    )
+@pytest.mark.parametrize("learning", [True, False])
+def test_what_is_not_finite_is_reported_with_its_place(rasterizer, column: str, bad: float, learning: bool):
+    case = random_case(11, count=83, with_factor=True)
     tables = case.gaussians.columns() | {"channels": case.channels, "opacity_factor": case.opacity_factor}
-    tables[column].view(80, -1)[spoiled, 0] = bad
-    cotangents = random_cotangents(clean, 0)
-    found, expected = run(rasterizer, case, *cotangents), run(rasterizer, clean, *cotangents)
-    torch.testing.assert_close(found.raster.image, expected.raster.image, rtol=0, atol=1e-6)
-    assert not found.raster.footprint.visible[spoiled].any()
-    assert (found.raster.footprint.means2d_gradient[spoiled] == 0).all()
-    for name, gradient in found.gradients.items():
-        assert (gradient[spoiled] == 0).all(), name
-        assert_close(gradient[good], expected.gradients[name].double(), GRADIENT_TOLERANCE, name)
+    tables[column].view(83, -1)[[0, 7, 31, 80, 82], -1] = bad
+    sentence = f"column {column} holds {bad} in rows 0, 7, 31 and 2 more; remove"
+    case.channels.requires_grad_(learning)
+    with pytest.raises(BackendError, match=sentence):
+        rasterizer(case.gaussians, case.channels, case.camera, case.background, case.options, case.opacity_factor)
+
+
+def test_a_broken_row_is_reported_even_behind_the_camera(rasterizer):
+    case = random_case(11)
+    behind = int(case.camera.depths(case.gaussians.means).argmin())
+    case.gaussians.log_scales[behind, 1] = float("nan")
+    with pytest.raises(BackendError, match=f"column log_scales holds nan in row {behind};"):
+        rasterizer(case.gaussians, case.channels, case.camera, case.background)
+
+
+def test_a_broken_background_or_camera_is_reported(rasterizer):
+    case = random_case(11)
+    pose = case.camera.world_to_camera.clone()
+    pose[1, 3] = float("inf")
+    with pytest.raises(BackendError, match="the background holds a value that is not finite"):
+        rasterizer(case.gaussians, case.channels, case.camera, torch.tensor([0, float("nan"), 0]))
+    with pytest.raises(BackendError, match="the camera's pose holds a value that is not finite"):
+        rasterizer(case.gaussians, case.channels, replace(case.camera, world_to_camera=pose), case.background)
+    with pytest.raises(BackendError, match="the lens holds a value that is not finite"):
+        rasterizer(case.gaussians, case.channels, replace(case.camera, focal=(30.0, float("nan"))), case.background)
+
+
+def test_a_view_can_be_drawn_after_one_that_was_refused(rasterizer):
+    case = random_case(11)
+    broken = case.channels.clone()
+    broken[3] = float("nan")
+    with pytest.raises(BackendError, match="row 3;"):
+        rasterizer(case.gaussians, broken, case.camera, case.background)
+    check_against_reference(rasterizer, case)
 
 
 def test_scales_that_overflow_are_not_drawn(rasterizer):

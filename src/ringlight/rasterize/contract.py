@@ -43,8 +43,9 @@ class Rasterizer(Protocol):
         options: RasterOptions = RasterOptions(),
         opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster:
-        """Blend front to back by camera depth. Rows with a non-finite value are not drawn and get zero gradient.
+        """Blend front to back by camera depth. Finite input gives a finite image and finite gradients.
 
+        Raises BackendError naming column and rows where a value is not finite, whether or not the row can be seen.
         ``opacity_factor`` is in [0, 1]: a footprint ends where an opacity of at most 1 falls below 1/255.
         """
         ...

@@ -17,6 +17,7 @@ from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.core.rendering import Footprint, Raster
 from ringlight.errors import BackendError
 from ringlight.rasterize.contract import RasterOptions
+from ringlight.rasterize.finite import refuse_if_not_finite
 
 try:
     from ringlight import _kernels
@@ -54,11 +55,16 @@ class CpuRasterizer:
         columns = [getattr(gaussians, name) for name in GEOMETRY] + [opacity_factor, channels]
         _check(columns, camera)
         columns = [None if column is None else column.contiguous() for column in columns]
-        job = _Job(camera, background, options, len(gaussians))
-        if torch.is_grad_enabled() and any(column is not None and column.requires_grad for column in columns):
-            image, alpha = _Rasterize.apply(job, self._spare, *columns)
-        else:
-            image, alpha = _Loan(self._spare).draw(job, job.table(columns))
+        try:
+            job = _Job(camera, background, options, len(gaussians))
+            if torch.is_grad_enabled() and any(column is not None and column.requires_grad for column in columns):
+                image, alpha = _Rasterize.apply(job, self._spare, *columns)
+            else:
+                image, alpha = _Loan(self._spare).draw(job, job.table(columns))
+        except ValueError:  # the kernels only count what is not finite, in passing
+            names = (*GEOMETRY, "opacity_factor", "channels")
+            refuse_if_not_finite(dict(zip(names, columns, strict=True)), camera, background)
+            raise
         return Raster(image.permute(1, 2, 0), alpha.unsqueeze(-1), job.footprint)
 
 

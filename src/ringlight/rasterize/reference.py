@@ -16,6 +16,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Footprint, Raster
 from ringlight.rasterize import convention
 from ringlight.rasterize.contract import RasterOptions
+from ringlight.rasterize.finite import refuse_if_not_finite
 from ringlight.rasterize.projection import Projection, project
 
 BAND_PIXELS = 512
@@ -37,9 +38,11 @@ class ReferenceRasterizer:
         opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster:
         geometry = replace(gaussians, appearance={})
+        columns = {**geometry.columns(), "opacity_factor": opacity_factor, "channels": channels}
+        refuse_if_not_finite(columns, camera, background)
         factor = torch.ones_like(gaussians.opacity_logits) if opacity_factor is None else opacity_factor
-        rows = _rows_to_draw(geometry, channels, camera, options, factor)
-        # Gathering the rows before any arithmetic gives all others a gradient of exactly zero, NaN or not.
+        rows = _rows_to_draw(geometry, camera, options, factor)
+        # Gathering the rows before any arithmetic gives all others a gradient of exactly zero, whatever overflowed.
         splats = project(geometry.rows(rows), camera, options, factor[rows])
         centers = _CenterGradients(splats, rows, len(gaussians), options.absgrad)
         colors = channels[rows]
@@ -84,14 +87,10 @@ def _blend(
 
 
 @torch.no_grad()
-def _rows_to_draw(
-    geometry: Gaussians, channels: Tensor, camera: Camera, options: RasterOptions, factor: Tensor
-) -> Int[Tensor, "K"]:
-    """Rows that are finite and fall on the image, nearest first, equal depths in the order of the table."""
-    columns = (geometry.means, geometry.log_scales, geometry.quats, geometry.opacity_logits[:, None], channels)
-    finite = torch.cat([*columns, factor[:, None]], 1).isfinite().all(1)
+def _rows_to_draw(geometry: Gaussians, camera: Camera, options: RasterOptions, factor: Tensor) -> Int[Tensor, "K"]:
+    """Rows that fall on the image, nearest first, equal depths in the order of the table."""
     projection = project(geometry, camera, options, factor)
-    rows = (finite & projection.on_image(camera, options.near)).nonzero()[:, 0]
+    rows = projection.on_image(camera, options.near).nonzero()[:, 0]
     return rows[projection.depths[rows].argsort(stable=True)]
 
 
