@@ -15,7 +15,7 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Rows = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Rows = Tensor<const std::int32_t, -1>;
 
 RingShape shape_from(const std::vector<int>& sizes) {
   check(sizes.size() == 7,

@@ -12,7 +12,7 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Stack = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Stack = Tensor<const float, -1, -1, -1>;
 
 // Weight, bias, weight, bias, ...: [H inputs outputs] and [H 1 outputs].
 template <class Float, class Arrays>

@@ -1,8 +1,7 @@
-#include <nanobind/ndarray.h>
-
 #include <cstdint>
 #include <stdexcept>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "ssim.hpp"
 
@@ -11,12 +10,12 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Image = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Result = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Workspace = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Image = Tensor<const float, -1, -1, -1>;
+using Result = Tensor<float, -1, -1, -1>;
+using Workspace = Tensor<float, -1>;
 
-template <class Array>
-void require_shape(const Array& array, const Planes& planes) {
+template <class Planar>
+void require_shape(const Planar& array, const Planes& planes) {
   if (array.shape(0) != static_cast<std::size_t>(planes.channels) ||
       array.shape(1) != static_cast<std::size_t>(planes.height) ||
       array.shape(2) != static_cast<std::size_t>(planes.width))

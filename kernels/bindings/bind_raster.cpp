@@ -1,6 +1,5 @@
 // The rasterizer for Python: shapes are checked here, then the lock is released and pointers go down.
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 
@@ -11,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "rasterizer.hpp"
 
@@ -20,15 +20,10 @@ using namespace nb::literals;
 namespace ringlight {
 namespace {
 
-template <class... Shape>
-using In = nb::ndarray<const float, Shape..., nb::c_contig, nb::device::cpu>;
-template <class... Shape>
-using Out = nb::ndarray<float, Shape..., nb::c_contig, nb::device::cpu>;
-using Column = nb::shape<-1>;
-template <int Width>
-using Rows = nb::shape<-1, Width>;
-using Plane = nb::shape<-1, -1>;
-using Planes = nb::shape<-1, -1, -1>;
+template <int... Sizes>
+using In = Tensor<const float, Sizes...>;
+template <int... Sizes>
+using Out = Tensor<float, Sizes...>;
 
 void require(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(std::string("rasterizer: ") + what);
@@ -36,17 +31,17 @@ void require(bool holds, const char* what) {
 
 // A table and its channels, kept alive by the arrays themselves.
 struct Table {
-  Table(In<Rows<3>> means, In<Rows<3>> log_scales, In<Rows<4>> quats, In<Column> opacity_logits,
-        std::optional<In<Column>> opacity_factor, In<Plane> channels, In<Column> background)
+  Table(In<-1, 3> means, In<-1, 3> log_scales, In<-1, 4> quats, In<-1> opacity_logits,
+        std::optional<In<-1>> opacity_factor, In<-1, -1> channels, In<-1> background)
       : means(means), log_scales(log_scales), quats(quats), opacity_logits(opacity_logits),
         opacity_factor(opacity_factor), channels(channels), background(background) {}
 
-  In<Rows<3>> means, log_scales;
-  In<Rows<4>> quats;
-  In<Column> opacity_logits;
-  std::optional<In<Column>> opacity_factor;
-  In<Plane> channels;
-  In<Column> background;
+  In<-1, 3> means, log_scales;
+  In<-1, 4> quats;
+  In<-1> opacity_logits;
+  std::optional<In<-1>> opacity_factor;
+  In<-1, -1> channels;
+  In<-1> background;
 
   Splats splats() const {
     const std::size_t count = means.shape(0), width = channels.shape(1);
@@ -63,7 +58,7 @@ struct Table {
   }
 };
 
-Pinhole pinhole(const In<nb::shape<4, 4>>& world_to_camera, std::pair<float, float> focal,
+Pinhole pinhole(const In<4, 4>& world_to_camera, std::pair<float, float> focal,
                 std::pair<float, float> center, int width, int height) {
   Pinhole camera;
   std::copy_n(world_to_camera.data(), 12, camera.world_to_camera);
@@ -92,7 +87,7 @@ bool is_image(const Array& array, const Pinhole& camera) {
 }
 
 void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
-             Out<Planes> image, Out<Plane> alpha, Out<Rows<2>> means2d, Out<Rows<2>> radii) {
+             Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii) {
   const Splats splats = table.splats();
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == table.channels.shape(1),
           "image must be [C H W] and alpha [H W]");
@@ -102,19 +97,19 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
 }
 
 struct Gradients {
-  Gradients(Out<Rows<3>> means, Out<Rows<3>> log_scales, Out<Rows<4>> quats, Out<Column> opacity_logits,
-            std::optional<Out<Column>> opacity_factor, Out<Plane> channels, Out<Rows<2>> means2d,
-            std::optional<Out<Rows<2>>> absolute)
+  Gradients(Out<-1, 3> means, Out<-1, 3> log_scales, Out<-1, 4> quats, Out<-1> opacity_logits,
+            std::optional<Out<-1>> opacity_factor, Out<-1, -1> channels, Out<-1, 2> means2d,
+            std::optional<Out<-1, 2>> absolute)
       : means(means), log_scales(log_scales), quats(quats), opacity_logits(opacity_logits),
         opacity_factor(opacity_factor), channels(channels), means2d(means2d), absolute(absolute) {}
 
-  Out<Rows<3>> means, log_scales;
-  Out<Rows<4>> quats;
-  Out<Column> opacity_logits;
-  std::optional<Out<Column>> opacity_factor;
-  Out<Plane> channels;
-  Out<Rows<2>> means2d;
-  std::optional<Out<Rows<2>>> absolute;
+  Out<-1, 3> means, log_scales;
+  Out<-1, 4> quats;
+  Out<-1> opacity_logits;
+  std::optional<Out<-1>> opacity_factor;
+  Out<-1, -1> channels;
+  Out<-1, 2> means2d;
+  std::optional<Out<-1, 2>> absolute;
 
   SplatGradients pointers(const Splats& splats, bool absgrad) const {
     const std::size_t n = splats.count;
@@ -131,8 +126,8 @@ struct Gradients {
   }
 };
 
-void backward(Workspace& workspace, const Table& table, In<Planes> image, In<Planes> image_gradient,
-              std::optional<In<Plane>> alpha_gradient, const Gradients& gradients) {
+void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In<-1, -1, -1> image_gradient,
+              std::optional<In<-1, -1>> alpha_gradient, const Gradients& gradients) {
   const Splats splats = table.splats();
   const Frame& frame = workspace.frame();
   require(workspace.complete() && splats.count == frame.splats.count &&
@@ -158,7 +153,7 @@ void bind_raster(nb::module_& module) {
   module.attr("MAX_IMAGE_SIDE") = MAX_TILES * convention::TILE;
 
   nb::class_<Pinhole>(module, "Pinhole", "A camera as the rasterizer sees it; lengths in pixels.")
-      .def("__init__", [](Pinhole* self, const In<nb::shape<4, 4>>& world_to_camera, std::pair<float, float> focal,
+      .def("__init__", [](Pinhole* self, const In<4, 4>& world_to_camera, std::pair<float, float> focal,
                           std::pair<float, float> center, int width, int height) {
         new (self) Pinhole(pinhole(world_to_camera, focal, center, width, height));
       }, array("world_to_camera"), "focal"_a, "center"_a, "width"_a, "height"_a);
@@ -170,14 +165,14 @@ void bind_raster(nb::module_& module) {
       }, "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
 
   nb::class_<Table>(module, "SplatTable", "The table in stored form, channels and background; holds the arrays.")
-      .def(nb::init<In<Rows<3>>, In<Rows<3>>, In<Rows<4>>, In<Column>, std::optional<In<Column>>, In<Plane>,
-                    In<Column>>(),
+      .def(nb::init<In<-1, 3>, In<-1, 3>, In<-1, 4>, In<-1>, std::optional<In<-1>>, In<-1, -1>,
+                    In<-1>>(),
            array("means"), array("log_scales"), array("quats"), array("opacity_logits"),
            array("opacity_factor").none(), array("channels"), array("background"));
 
   nb::class_<Gradients>(module, "SplatGradients", "Arrays for the gradients of a SplatTable and of its footprints.")
-      .def(nb::init<Out<Rows<3>>, Out<Rows<3>>, Out<Rows<4>>, Out<Column>, std::optional<Out<Column>>, Out<Plane>,
-                    Out<Rows<2>>, std::optional<Out<Rows<2>>>>(),
+      .def(nb::init<Out<-1, 3>, Out<-1, 3>, Out<-1, 4>, Out<-1>, std::optional<Out<-1>>, Out<-1, -1>,
+                    Out<-1, 2>, std::optional<Out<-1, 2>>>(),
            array("means"), array("log_scales"), array("quats"), array("opacity_logits"),
            array("opacity_factor").none(), array("channels"), array("means2d"), array("absolute").none());
 

@@ -1,7 +1,6 @@
-#include <nanobind/ndarray.h>
-
 #include <stdexcept>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
 #include "sh.hpp"
@@ -11,12 +10,12 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Points = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Rest = nb::ndarray<const float, nb::shape<-1, 15, 3>, nb::c_contig, nb::device::cpu>;
-using Position = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+using Points = Tensor<const float, -1, 3>;
+using Rest = Tensor<const float, -1, 15, 3>;
+using Position = Tensor<const float, 3>;
 using Upstream = nb::ndarray<const float, nb::shape<-1, 3>, nb::device::cpu>;
-using PointsOut = nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using RestOut = nb::ndarray<float, nb::shape<-1, 15, 3>, nb::c_contig, nb::device::cpu>;
+using PointsOut = Tensor<float, -1, 3>;
+using RestOut = Tensor<float, -1, 15, 3>;
 
 Harmonics as_table(const Points& means, const Points& constant, const Rest& rest, const Position& position,
                    int degree) {

@@ -13,7 +13,7 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-using Rows = nb::ndarray<std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Rows = Tensor<std::int32_t, -1>;
 
 std::size_t drawable(Input means, Input log_scales, Input opacity_logits, const std::vector<float>& view, Rows rows) {
   const std::size_t count = rows.size();
