@@ -1,4 +1,4 @@
-// Adam on one flat parameter. Kingma & Ba 2015, algorithm 1, with epsilon outside the bias correction as torch has it.
+// Adam on many parameters at once. Kingma & Ba 2015, algorithm 1, with epsilon outside the bias correction as torch has it.
 #pragma once
 #include <cstddef>
 
@@ -9,11 +9,23 @@ struct AdamStep {
   long step;  // 1 for the first update
 };
 
-namespace v3 {
-void adam(float* value, const float* gradient, float* mean, float* square, std::size_t count, const AdamStep& step);
-}
-namespace v4 {
-void adam(float* value, const float* gradient, float* mean, float* square, std::size_t count, const AdamStep& step);
-}
+// One parameter: rows of `width` floats, of which `value`, `mean` and `square` change.
+struct AdamColumn {
+  float* value;
+  const float* gradient;
+  float *mean, *square;
+  std::size_t rows, width;
+  AdamStep step;
+};
+
+// All columns in one parallel loop. With `radii` ([rows 2]) only rows whose first radius is positive are updated: those
+// that were drawn; the others keep value and moments.
+#define RINGLIGHT_DECLARE_ADAM(isa)                                             \
+  namespace isa {                                                               \
+  void adam(const AdamColumn* columns, std::size_t count, const float* radii);  \
+  }
+RINGLIGHT_DECLARE_ADAM(v3)
+RINGLIGHT_DECLARE_ADAM(v4)
+#undef RINGLIGHT_DECLARE_ADAM
 
 }  // namespace ringlight

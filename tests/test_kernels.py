@@ -58,7 +58,7 @@ def test_results_of_another_size_are_refused():
 
 def test_the_first_update_is_number_one():
     with pytest.raises(ValueError, match="from 1"):
-        _kernels.adam(*torch.ones(4, 8), 0.1, 0.9, 0.999, 1e-8, 0)
+        _kernels.adam(*([row] for row in torch.ones(4, 8)), [(0.1, 0.9, 0.999, 1e-8, 0)])
 
 
 def test_results_must_not_lie_on_the_images():
@@ -92,13 +92,59 @@ def test_a_forward_pass_that_failed_has_no_backward_pass():
         workspace.backward(table, image, image, None, gradients)
 
 
+def images(change=lambda tensor: tensor) -> list[torch.Tensor]:
+    """Image, target, two blurs and the gradient of a photometric loss, one of them changed."""
+    return [change(torch.zeros(3, 8, 8)), *(torch.zeros(3, 8, 8) for _ in range(4))]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        torch.Tensor.double,
+        torch.Tensor.int,
+        lambda tensor: tensor.transpose(1, 2),
+        lambda tensor: tensor[..., ::2],
+        lambda tensor: tensor[0],
+        lambda tensor: tensor[None],
+        lambda tensor: tensor[None, None, None],
+        lambda tensor: tensor.to("meta"),
+        lambda tensor: tensor.numpy().astype("float64"),
+        lambda tensor: tensor.numpy()[:, ::2],
+        lambda tensor: tensor.tolist(),
+        lambda tensor: None,
+    ],
+)
+def test_what_is_no_array_of_that_kind_is_refused(spoil):
+    workspace = torch.empty(_kernels.photometric_workspace(8, 8, 1))
+    with pytest.raises(TypeError):
+        _kernels.photometric(*images(spoil), workspace, 0.8, 0.2, False)
+
+
+def test_tensors_parameters_views_and_numpy_arrays_are_the_same_array():
+    workspace = torch.empty(_kernels.photometric_workspace(8, 8, 1))
+    draw = torch.Generator().manual_seed(0)
+    many = torch.rand(2, 3, 8, 8, generator=draw)
+    values = set()
+    for image in (many[1].clone(), torch.nn.Parameter(many[1].clone()), many[1], many[1].numpy()):
+        values.add(_kernels.photometric(*images(lambda _, image=image: image), workspace, 0.8, 0.2, False))
+    assert len(values) == 1
+
+
+def test_sizes_of_one_need_no_stride():
+    """torch gives an axis of one element any stride."""
+    workspace = torch.empty(_kernels.photometric_workspace(8, 1, 1))
+    odd = torch.zeros(3, 8, 1).as_strided((3, 8, 1), (8, 1, 5))
+    rest = [torch.zeros(3, 8, 1) for _ in range(4)]
+    assert _kernels.photometric(odd, *rest, workspace, 1.0, 0.0, False) == 0
+
+
 STEP = """
 import numpy, os, resource, sys
 from ringlight import _kernels
 def step(threads):
     _kernels.set_threads(threads)
     value, gradient, mean, square = numpy.random.default_rng(0).random((4, 200_000), dtype=numpy.float32)
-    _kernels.adam(value, gradient, mean, square, 0.1, 0.9, 0.999, 1e-8, 1)
+    _kernels.adam([value], [gradient], [mean], [square], [(0.1, 0.9, 0.999, 1e-8, 1)])
     return value
 alone = step(1)
 """

@@ -1,3 +1,11 @@
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <tuple>
+#include <vector>
+
 #include "adam.hpp"
 #include "arrays.hpp"
 #include "bindings.hpp"
@@ -9,15 +17,32 @@ namespace nb = nanobind;
 namespace ringlight {
 namespace {
 
-void adam_step(Array value, Input gradient, Array mean, Array square, float rate, float beta1, float beta2,
-               float epsilon, long step) {
-  const std::size_t count = value.size();
-  check(gradient.size() == count && mean.size() == count && square.size() == count,
-        "adam: value, gradient and moments must have the same size");
-  check(step >= 1, "adam: steps count from 1");
+using Arrays = std::vector<Array>;
+using Inputs = std::vector<Input>;
+// Rate, both betas, epsilon, and the number of the update.
+using Steps = std::vector<std::tuple<float, float, float, float, long>>;
+
+void adam_step(const Arrays& values, const Inputs& gradients, const Arrays& means, const Arrays& squares,
+               const Steps& steps, const std::optional<Tensor<const float, -1, 2>>& radii) {
+  const std::size_t count = values.size();
+  check(gradients.size() == count && means.size() == count && squares.size() == count && steps.size() == count,
+        "adam: every parameter needs a gradient, two moments and its step");
+  std::vector<AdamColumn> columns;
+  columns.reserve(count);
+  for (std::size_t i = 0; i < count; i++) {
+    const std::size_t size = values[i].size(), rows = radii ? radii->shape(0) : size;
+    check(gradients[i].size() == size && means[i].size() == size && squares[i].size() == size,
+          "adam: value, gradient and moments must have the same size");
+    const auto [rate, beta1, beta2, epsilon, step] = steps[i];
+    check(step >= 1, "adam: steps count from 1");
+    if (size == 0) continue;
+    check(rows > 0 && size % rows == 0, "adam: every parameter needs as many rows as radii");
+    columns.push_back({values[i].data(), gradients[i].data(), means[i].data(), squares[i].data(), rows, size / rows,
+                       {rate, beta1, beta2, epsilon, step}});
+  }
   const nb::gil_scoped_release unlocked;
   const auto run = current_isa() == Isa::v4 ? v4::adam : v3::adam;
-  run(value.data(), gradient.data(), mean.data(), square.data(), count, {rate, beta1, beta2, epsilon, step});
+  run(columns.data(), columns.size(), radii ? radii->data() : nullptr);
 }
 
 void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array pull, Array views) {
@@ -32,9 +57,11 @@ void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array p
 }  // namespace
 
 void bind_fit(nb::module_& module) {
-  module.def("adam", &adam_step, nb::arg("value").noconvert(), nb::arg("gradient").noconvert(),
-             nb::arg("mean").noconvert(), nb::arg("square").noconvert(), nb::arg("rate"), nb::arg("beta1"),
-             nb::arg("beta2"), nb::arg("epsilon"), nb::arg("step"), "One Adam update in place; all arrays float32.");
+  module.def("adam", &adam_step, nb::arg("values").noconvert(), nb::arg("gradients").noconvert(),
+             nb::arg("means").noconvert(), nb::arg("squares").noconvert(), nb::arg("steps"),
+             nb::arg("radii").noconvert().none() = nb::none(),
+             "One Adam update of many parameters in place; steps are (rate, beta1, beta2, epsilon, number of the "
+             "update). With radii [N 2] only the rows that were drawn are updated.");
   module.def("accumulate_pull", &add_pull, nb::arg("gradient").noconvert(), nb::arg("radii").noconvert(),
              nb::arg("scale_x"), nb::arg("scale_y"), nb::arg("pull").noconvert(), nb::arg("views").noconvert(),
              "Add each drawn row's screen-space pull and visit to the running sums, in place.");

@@ -8,15 +8,12 @@ def isa() -> str: ...
 def set_threads(count: int) -> None: ...
 def threads() -> int: ...
 def adam(
-    value: Tensor,
-    gradient: Tensor,
-    mean: Tensor,
-    square: Tensor,
-    rate: float,
-    beta1: float,
-    beta2: float,
-    epsilon: float,
-    step: int,
+    values: Sequence[Tensor],
+    gradients: Sequence[Tensor],
+    means: Sequence[Tensor],
+    squares: Sequence[Tensor],
+    steps: Sequence[tuple[float, float, float, float, int]],
+    radii: Tensor | None = None,
 ) -> None: ...
 def accumulate_pull(
     gradient: Tensor, radii: Tensor, scale_x: float, scale_y: float, pull: Tensor, views: Tensor

@@ -6,7 +6,7 @@ from torch import nn
 
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import RecipeError
-from ringlight.fit.optimizer import Optimizer, adam_, adam_reference_
+from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 
 GROUP = Adam(Rate.constant(0.01))
@@ -28,26 +28,6 @@ def stepped(model: Table, optimizer: Optimizer, step: int) -> None:
     for parameter in model.parameters():
         parameter.grad = torch.randn(parameter.shape, generator=draw)
     optimizer.step(step)
-
-
-def test_kernel_and_twin_equal_torch():
-    draw = torch.Generator().manual_seed(1)
-    start = torch.randn(1001, generator=draw)
-    twin, torchs = start.clone(), start.clone().requires_grad_()
-    value, moments, twins = (
-        start.clone(),
-        [torch.zeros(1001), torch.zeros(1001)],
-        [torch.zeros(1001), torch.zeros(1001)],
-    )
-    judge = torch.optim.Adam([torchs], lr=0.01, betas=GROUP.betas, eps=GROUP.epsilon)
-    for update in range(1, 6):
-        gradient = torch.randn(1001, generator=draw)
-        adam_(value, gradient, *moments, GROUP, 0.01, update)
-        adam_reference_(twin, gradient, *twins, GROUP, 0.01, update)
-        torchs.grad = gradient
-        judge.step()
-    torch.testing.assert_close(value, torchs.detach(), rtol=0, atol=1e-6)
-    torch.testing.assert_close(twin, torchs.detach(), rtol=0, atol=1e-6)
 
 
 def test_moments_follow_rows_and_new_rows_start_at_zero():
@@ -81,6 +61,25 @@ def test_a_row_steps_the_same_whether_or_not_others_were_removed():
     for optimizer in optimizers:
         optimizer.step(3)
     assert all(torch.equal(edited.columns[name], whole.columns[name][[4, 2]]) for name in gradients)
+
+
+def test_rows_that_were_not_drawn_wait_if_wished():
+    waiting, dense = Table(), Table()
+    dense.load_state_dict(waiting.state_dict())
+    optimizers = [Optimizer(m, {"*": GROUP}, steps=10, visible_only=m is waiting) for m in (waiting, dense)]
+    drawn = torch.tensor([True, False, True, True, False])
+    radii = torch.where(drawn[:, None], 3.0, 0.0).repeat(1, 2)
+    for model, optimizer in zip((waiting, dense), optimizers, strict=True):
+        stepped(model, optimizer, 1)  # no radii: every row
+        before = {name: parameter.detach().clone() for name, parameter in model.named_parameters()}
+        for parameter in model.parameters():
+            parameter.grad = torch.ones_like(parameter)
+        optimizer.step(2, radii)
+    for name, column in waiting.columns.items():
+        assert torch.equal(column[drawn], dense.columns[name][drawn])
+        assert torch.equal(column[~drawn], before[f"columns.{name}"][~drawn])
+        assert not torch.equal(dense.columns[name][~drawn], before[f"columns.{name}"][~drawn])
+    assert torch.equal(waiting.shared.weight, dense.shared.weight)
 
 
 def test_replace_clears_the_moments():

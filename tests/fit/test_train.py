@@ -26,16 +26,18 @@ def quick(method: str, steps: int = 30):
     return recipe
 
 
+@pytest.mark.parametrize("visible_only", [False, True])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_restored_run_goes_on_with_the_same_bits(method: str):
+def test_a_restored_run_goes_on_with_the_same_bits(method: str, visible_only: bool):
     scene, rasterize = tiny_scene(), rasterizer_for("auto")
-    whole = quick(method).build(scene, rasterize, seed=3)
+    recipe = dataclasses.replace(quick(method), visible_only=visible_only)
+    whole = recipe.build(scene, rasterize, seed=3)
     saved = None
     for progress in train(whole):
         if progress.step == 17:
             saved = {name: tensor.clone() for name, tensor in whole.state().items()}
     assert saved is not None
-    resumed = quick(method).build(scene, rasterize, seed=3)
+    resumed = recipe.build(scene, rasterize, seed=3)
     resumed.restore(saved)
     assert [progress.step for progress in train(resumed)] == list(range(18, 31))
     end, again = whole.state(), resumed.state()

@@ -69,7 +69,7 @@ class StagedStep:
             penalty(self.training.model).backward()
 
     def adam(self) -> None:
-        self.training.optimizer.step(self.step)
+        self.training.optimizer.step(self.step, self.raster.footprint.radii)
 
     def strategies(self) -> None:
         raster = self.raster

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from ringlight import _kernels
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import RecipeError
+from ringlight.fit.adam import Update, adam_
 from ringlight.fit.rates import Adam
 from ringlight.models.splats import COLUMNS_PREFIX
 
@@ -21,30 +21,45 @@ from ringlight.models.splats import COLUMNS_PREFIX
 class Optimizer:
     """Steps each parameter by the first group whose pattern matches its name.
 
-    Raises RecipeError for a parameter that no pattern matches: nothing is silently frozen.
+    With ``visible_only`` the table's rows that a step did not draw are left alone, moments included, instead of
+    drifting on by their momentum. Raises RecipeError for a parameter that no pattern matches: nothing is silently
+    frozen.
     """
 
-    def __init__(self, model: nn.Module, groups: Mapping[str, Adam], steps: int):
-        self.model, self.steps = model, steps
+    def __init__(self, model: nn.Module, groups: Mapping[str, Adam], steps: int, visible_only: bool = False):
+        self.model, self.steps, self.visible_only = model, steps, visible_only
         self.groups = {name: _group_of(name, groups) for name, _ in model.named_parameters()}
         self._mean = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
+        # Names are looked up once, parameters each time: the verbs below and the model replace them.
+        self._places = {name: _place_of(name, model) for name in self.groups}
 
     @torch.no_grad()
-    def step(self, step: int) -> None:
-        """Update every parameter that has a gradient, and drop the gradients."""
-        for name, parameter in self.model.named_parameters():
-            if parameter.grad is None:
+    def step(self, step: int, radii: Float[Tensor, "N 2"] | None = None) -> None:
+        """Update every parameter that has a gradient, and drop the gradients.
+
+        ``radii`` are the footprint's of this step; ``visible_only`` wants them.
+        """
+        columns: list[Update] = []
+        shared: list[Update] = []
+        for name, (owner, attribute) in self._places.items():
+            parameter = getattr(owner, attribute)
+            gradient = parameter.grad
+            if gradient is None:
                 continue
+            parameter.grad = None
             group = self.groups[name]
             self._updates[name] += 1
             progress = (step - group.begins) / max(self.steps - group.begins, 1)
-            adam_(
-                parameter, parameter.grad, self._mean[name], self._square[name],
+            update = Update(
+                parameter, gradient, self._mean[name], self._square[name],
                 group, group.rate.at(progress), self._updates[name],
             )  # fmt: skip
-            parameter.grad = None
+            (columns if self.visible_only and name.startswith(COLUMNS_PREFIX) else shared).append(update)
+        adam_(shared)
+        if columns:
+            adam_(columns, radii)
 
     @torch.no_grad()
     def edit_rows(self, keep: Int[Tensor, "K"], added: Gaussians | None = None) -> None:
@@ -62,8 +77,7 @@ class Optimizer:
     @torch.no_grad()
     def replace(self, name: str, value: Tensor) -> None:
         """Give a parameter a new value, of any shape; its moments start at zero."""
-        owner, _, attribute = name.rpartition(".")
-        module = self.model.get_submodule(owner)
+        module, attribute = self._places[name]
         parameter = nn.Parameter(value.detach().clone())
         if isinstance(module, nn.ParameterDict):
             module[attribute] = parameter
@@ -85,35 +99,10 @@ class Optimizer:
         self._updates = dict(zip(self._updates, state["updates"].tolist(), strict=True))
 
 
-def adam_(
-    value: Tensor, gradient: Tensor, mean: Tensor, square: Tensor, group: Adam, rate: float, updates: int
-) -> None:
-    """One update in place, the ``updates``-th of this parameter (Kingma & Ba 2015, algorithm 1)."""
-    if value.device.type == "cpu" and value.dtype == torch.float32 and value.is_contiguous():
-        beta1, beta2 = group.betas
-        gradient = gradient.contiguous()
-        _kernels.adam(
-            _flat(value), _flat(gradient), _flat(mean), _flat(square), rate, beta1, beta2, group.epsilon, updates
-        )
-        # The kernel writes behind torch's back: a graph that still needs the old values must notice.
-        torch.autograd.graph.increment_version(value)
-    else:
-        adam_reference_(value, gradient, mean, square, group, rate, updates)
-
-
-def adam_reference_(
-    value: Tensor, gradient: Tensor, mean: Tensor, square: Tensor, group: Adam, rate: float, updates: int
-) -> None:
-    """The slow twin of the kernel, for any device and type."""
-    beta1, beta2 = group.betas
-    mean.lerp_(gradient, 1 - beta1)
-    square.mul_(beta2).addcmul_(gradient, gradient, value=1 - beta2)
-    denominator = (square / (1 - beta2**updates)).sqrt_().add_(group.epsilon)
-    value.addcdiv_(mean, denominator, value=-rate / (1 - beta1**updates))
-
-
-def _flat(tensor: Tensor) -> Tensor:
-    return tensor.detach().view(-1)
+def _place_of(name: str, model: nn.Module) -> tuple[nn.Module, str]:
+    """The module that holds the parameter, and its name there."""
+    owner, _, attribute = name.rpartition(".")
+    return model.get_submodule(owner), attribute
 
 
 def _group_of(name: str, groups: Mapping[str, Adam]) -> Adam:

@@ -79,7 +79,7 @@ def train(training: Training) -> Iterator[Progress]:
         terms = {"photometric": photometric(rendering.color, target, training.loss)}
         terms |= {name: penalty(model) for name, penalty in training.penalties.items()}
         torch.stack(list(terms.values())).sum().backward()
-        optimizer.step(step)
+        optimizer.step(step, None if rendering.raster is None else rendering.raster.footprint.radii)
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, rendering)
         training.step = step

@@ -68,6 +68,8 @@ class RingLightRecipe:
     """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
+    visible_only: bool = False
+    """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     light: RingLightSettings = field(default_factory=lambda: OURS)
     """The light field and the render module."""
     rates: GaussianRates = field(default_factory=GaussianRates)
@@ -102,7 +104,7 @@ class RingLightRecipe:
             model=model,
             batches=ImageBatches(scene, seed),
             loss=self.loss,
-            optimizer=Optimizer(model, self._groups(scene.extent), self.steps),
+            optimizer=Optimizer(model, self._groups(scene.extent), self.steps, self.visible_only),
             strategies=self._strategies(scene, seed),
             steps=self.steps,
             penalties=self._penalties(),

@@ -41,6 +41,8 @@ class ThreeDGSRecipe:
     """Learning rate of the view-dependent coefficients."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
+    visible_only: bool = False
+    """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=DensifySettings)
@@ -80,7 +82,7 @@ class ThreeDGSRecipe:
             model=model,
             batches=ImageBatches(scene, seed),
             loss=self.loss,
-            optimizer=Optimizer(model, groups, self.steps),
+            optimizer=Optimizer(model, groups, self.steps, self.visible_only),
             strategies=(
                 Unlock("color.active_degree", degrees),
                 Densify(self.densify.within(scene.pixels), scene.extent, self.steps, seed, white),

@@ -1,0 +1,68 @@
+"""Adam (Kingma & Ba 2015, algorithm 1): one native call for all parameters of a step, and its slow twin."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.fit.rates import Adam
+
+
+class Update(NamedTuple):
+    """One parameter's update: ``value`` and both moments change in place."""
+
+    value: Tensor
+    gradient: Tensor
+    mean: Tensor
+    square: Tensor
+    group: Adam
+    rate: float
+    number: int
+    """Counts this parameter's updates; the first is 1."""
+
+
+def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) -> None:
+    """Do all updates. With ``radii`` only in rows that were drawn, those with a radius above 0; all must have N rows.
+
+    Rows that are left out keep value and moments; nothing decays.
+    """
+    native = [update for update in updates if _runs_native(update.value)]
+    if native:
+        _kernels.adam(
+            [update.value for update in native],
+            [update.gradient.contiguous() for update in native],
+            [update.mean for update in native],
+            [update.square for update in native],
+            [(update.rate, *update.group.betas, update.group.epsilon, update.number) for update in native],
+            radii,
+        )
+        # The kernel writes behind torch's back: a graph that still needs the old values must notice.
+        torch.autograd.graph.increment_version([update.value for update in native])
+    if len(native) < len(updates):
+        for update in updates:
+            if not _runs_native(update.value):
+                adam_reference_(update, radii)
+
+
+def adam_reference_(update: Update, radii: Float[Tensor, "N 2"] | None = None) -> None:
+    """The slow twin of the kernel, for any device and type."""
+    value, gradient, mean, square, group, rate, number = update
+    beta1, beta2 = group.betas
+    if radii is not None:
+        drawn = (radii[:, 0] > 0).to(value.device).nonzero()[:, 0]
+        chosen = Update(value[drawn], gradient[drawn], mean[drawn], square[drawn], group, rate, number)
+        adam_reference_(chosen)
+        for whole, part in zip((value, mean, square), (chosen.value, chosen.mean, chosen.square), strict=True):
+            whole[drawn] = part
+        return
+    mean.lerp_(gradient, 1 - beta1)
+    square.mul_(beta2).addcmul_(gradient, gradient, value=1 - beta2)
+    denominator = (square / (1 - beta2**number)).sqrt_().add_(group.epsilon)
+    value.addcdiv_(mean, denominator, value=-rate / (1 - beta1**number))
+
+
+def _runs_native(value: Tensor) -> bool:
+    return value.is_cpu and value.dtype == torch.float32 and value.is_contiguous()
