@@ -130,6 +130,30 @@ def test_tensors_parameters_views_and_numpy_arrays_are_the_same_array():
     assert len(values) == 1
 
 
+class OldTensor:
+    """A tensor as libraries without an exchange table show it: __dlpack__ refuses what needs a gradient."""
+
+    def __init__(self, tensor: torch.Tensor, needs_gradient: bool = True):
+        self.tensor, self.needs_gradient = tensor, needs_gradient
+
+    def detach(self) -> "OldTensor":
+        return OldTensor(self.tensor, needs_gradient=False)
+
+    def __dlpack__(self, **wishes: object) -> object:
+        if self.needs_gradient:
+            raise BufferError("needs a gradient")
+        return self.tensor.__dlpack__(**wishes)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return self.tensor.__dlpack_device__()
+
+
+def test_older_tensors_are_written_in_place_too():
+    value, rows = torch.ones(8), torch.ones(3, 8)
+    _kernels.adam([OldTensor(value)], [OldTensor(rows[0])], [rows[1]], [rows[2]], [(0.5, 0.9, 0.999, 1e-8, 1)])
+    assert (value < 1).all()
+
+
 def test_sizes_of_one_need_no_stride():
     """torch gives an axis of one element any stride."""
     workspace = torch.empty(_kernels.photometric_workspace(8, 1, 1))

@@ -17,6 +17,12 @@ const dlpack::Exchange* find_exchange(PyTypeObject* type) {
 
 }  // namespace
 
+nb::object without_gradient(PyObject* source) noexcept {
+  PyObject* detached = PyObject_CallMethod(source, "detach", nullptr);
+  if (detached == nullptr) PyErr_Clear();
+  return detached != nullptr ? nb::steal(detached) : nb::borrow(source);
+}
+
 const dlpack::Exchange* exchange_of(PyTypeObject* type) {
   struct Known {
     PyTypeObject* type;

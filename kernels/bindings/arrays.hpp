@@ -20,6 +20,9 @@ inline void check(bool right, const char* message) {
 // The exchange table of a type of tensors, or null where its library has none.
 const dlpack::Exchange* exchange_of(PyTypeObject* type);
 
+// __dlpack__ refuses parameters: what can be detached is, everything else is returned as it is.
+nanobind::object without_gradient(PyObject* source) noexcept;
+
 // Pointer and sizes of a tensor, which is kept alive. `Sizes` are those that it must have, -1 for any; none at all for
 // any number of dimensions.
 template <class Scalar, int... Sizes>
@@ -83,7 +86,7 @@ class Tensor {
   }
 
   bool take_array(PyObject* source) noexcept {
-    if (!nanobind::try_cast(nanobind::handle(source), held_, false)) return false;
+    if (!nanobind::try_cast(without_gradient(source), held_, false)) return false;
     std::array<std::size_t, MOST_AXES> shape{};
     for (std::size_t axis = 0; axis < held_.ndim() && axis < MOST_AXES; axis++) shape[axis] = held_.shape(axis);
     data_ = held_.data();

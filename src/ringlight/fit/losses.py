@@ -42,22 +42,21 @@ def photometric(color: Float[Tensor, "H W 3"], target: Target, settings: Photome
     ``color`` is used in place when its memory is planar ([3 H W] permuted), as rasterizers return it, and copied
     otherwise; its gradient is planar too. The kernels want float32 on the CPU; anything else takes the torch path.
     """
-    planar = color.permute(2, 0, 1)
-    if planar.shape != target.image.shape:
-        sizes = f"{tuple(planar.shape[1:])} and {tuple(target.image.shape[1:])}"
+    if color.shape[:2] != target.image.shape[1:]:
+        sizes = f"{tuple(color.shape[:2])} and {tuple(target.image.shape[1:])}"
         raise ValueError(f"rendering and target differ in height and width: {sizes}")
     if color.device.type == "cpu" and color.dtype == torch.float32:
-        result: Tensor = _Photometric.apply(planar, target, settings)
+        result: Tensor = _Photometric.apply(color, target, settings)
         return result
-    return photometric_reference(planar, target.image.to(color), settings)
+    return photometric_reference(color.permute(2, 0, 1), target.image.to(color), settings)
 
 
 class _Photometric(torch.autograd.Function):
     """Value and gradient come out of one pass, so the gradient exists before it is asked for."""
 
     @staticmethod
-    def forward(ctx: Any, planar: Tensor, target: Target, settings: PhotometricLoss) -> Tensor:
-        image = planar.contiguous()
+    def forward(ctx: Any, color: Tensor, target: Target, settings: PhotometricLoss) -> Tensor:
+        image = color.permute(2, 0, 1).contiguous()
         ctx.gradient = torch.empty_like(image)
         value = _kernels.photometric(
             image,
@@ -77,7 +76,8 @@ class _Photometric(torch.autograd.Function):
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None, None]:
         factor = upstream.item()
         # A bare loss.backward() passes 1: one walk over the image less.
-        return ctx.gradient if factor == 1 else ctx.gradient * factor, None, None
+        gradient = ctx.gradient if factor == 1 else ctx.gradient * factor
+        return gradient.permute(1, 2, 0), None, None
 
 
 def _workspace(image: Tensor) -> Tensor:

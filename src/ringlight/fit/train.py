@@ -1,7 +1,9 @@
 """The training loop. Read this first."""
 
+import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
 import torch
 from jaxtyping import Float
@@ -78,7 +80,7 @@ def train(training: Training) -> Iterator[Progress]:
         rendering = model.render(batch.camera, batch.background)
         terms = {"photometric": photometric(rendering.color, target, training.loss)}
         terms |= {name: penalty(model) for name, penalty in training.penalties.items()}
-        torch.stack(list(terms.values())).sum().backward()
+        reduce(operator.add, terms.values()).backward()
         optimizer.step(step, None if rendering.raster is None else rendering.raster.footprint.radii)
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, rendering)

@@ -40,10 +40,11 @@ class SplatModel(nn.Module):
     @property
     def gaussians(self) -> Gaussians:
         """The table, sharing memory with the parameters."""
-        return Gaussians.from_columns(dict(self.columns.items()))
+        # Not items(): torch's dictionary of parameters looks each name up four times over.
+        return Gaussians.from_columns({name: getattr(self.columns, name) for name in self.columns})
 
     def __len__(self) -> int:
-        return len(self.columns["means"])
+        return self.columns["means"].shape[0]
 
     def load_columns(self, columns: Mapping[str, Tensor]) -> None:
         """Take these columns, of any number of rows, in place of the present ones."""
@@ -88,10 +89,13 @@ class SplatModel(nn.Module):
         background: Float[Tensor, "3"],
     ) -> Rendering:
         """Blend all channels in one pass; the background applies to "rgb" only."""
+        opacity_factor = None if factor is None else factor[:, 0]
+        if list(channels) == ["rgb"]:
+            raster = self.rasterize(gaussians, channels["rgb"], camera, background, self.options, opacity_factor)
+            return Rendering(raster.image, raster.alpha, {"rgb": raster.image}, raster)
         widths = [values.shape[-1] for values in channels.values()]
         behind = [background if name == "rgb" else torch.zeros(w) for name, w in zip(channels, widths, strict=True)]
-        values = torch.cat(list(channels.values()), -1) if len(channels) > 1 else next(iter(channels.values()))
-        opacity_factor = None if factor is None else factor[:, 0]
+        values = torch.cat(list(channels.values()), -1)
         raster = self.rasterize(gaussians, values, camera, torch.cat(behind), self.options, opacity_factor)
         buffers = dict(zip(channels, raster.image.split(widths, -1), strict=True))
         return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)

@@ -60,12 +60,12 @@ class CpuRasterizer:
             if torch.is_grad_enabled() and any(column is not None and column.requires_grad for column in columns):
                 image, alpha = _Rasterize.apply(job, self._spare, *columns)
             else:
-                image, alpha = _Loan(self._spare).draw(job, job.table(columns))
+                image, alpha = _as_raster(*_Loan(self._spare).draw(job, job.table(columns)))
         except ValueError:  # the kernels only count what is not finite, in passing
             names = (*GEOMETRY, "opacity_factor", "channels")
             refuse_if_not_finite(dict(zip(names, columns, strict=True)), camera, background)
             raise
-        return Raster(image.permute(1, 2, 0), alpha.unsqueeze(-1), job.footprint)
+        return Raster(image, alpha, job.footprint)
 
 
 def _check(columns: Sequence[Tensor | None], camera: Camera) -> None:
@@ -134,10 +134,9 @@ class _Job:
         self.background = background.detach().float().contiguous()
         self.footprint = Footprint(torch.empty(count, 2), torch.empty(count, 2))
 
-    def table(self, columns: Sequence[Tensor | None]) -> "_kernels.SplatTable":
+    def table(self, columns: Sequence[Any]) -> "_kernels.SplatTable":
         """The columns as the kernels take them: means, log_scales, quats, opacity_logits, opacity_factor, channels."""
-        arrays: list[Any] = [None if column is None else column.detach() for column in columns]
-        means, log_scales, quats, opacity_logits, opacity_factor, channels = arrays
+        means, log_scales, quats, opacity_logits, opacity_factor, channels = columns
         return _kernels.SplatTable(means, log_scales, quats, opacity_logits, opacity_factor, channels, self.background)
 
     def draw(self, workspace: "_kernels.Workspace", table: "_kernels.SplatTable") -> tuple[Tensor, Tensor]:
@@ -163,8 +162,16 @@ class _Job:
             footprint.absolute_gradient = absolute if known_absolute is None else known_absolute + absolute
 
 
+def _as_raster(image: Float[Tensor, "C H W"], alpha: Float[Tensor, "H W"]) -> tuple[Tensor, Tensor]:
+    """The same memory as the contract has it."""
+    return image.permute(1, 2, 0), alpha.unsqueeze(-1)
+
+
 class _Rasterize(torch.autograd.Function):
-    """Planar image and alpha from the columns; ``job`` says the rest."""
+    """Image [H W C] and alpha [H W 1], of planar memory, from the columns; ``job`` says the rest.
+
+    Axes are turned in here, where autograd keeps no record of it: a step saves four nodes of its graph.
+    """
 
     @staticmethod
     def forward(
@@ -174,7 +181,7 @@ class _Rasterize(torch.autograd.Function):
         ctx.job, ctx.table, ctx.loan = job, job.table(columns), _Loan(spare)
         image, alpha = ctx.loan.draw(job, ctx.table)
         ctx.save_for_backward(image, *columns)  # the columns, so that torch notices when one is changed in place
-        return image, alpha
+        return _as_raster(image, alpha)
 
     @staticmethod
     @once_differentiable
@@ -185,8 +192,8 @@ class _Rasterize(torch.autograd.Function):
         means, log_scales, quats, opacity_logits, opacity_factor, channels = by_columns
         by_center = torch.empty_like(job.footprint.means2d)
         absolute = torch.empty_like(by_center) if job.absgrad else None
-        by_image = torch.zeros_like(image) if by_image is None else by_image.contiguous()
-        by_alpha = None if by_alpha is None else by_alpha.contiguous()
+        by_image = torch.zeros_like(image) if by_image is None else by_image.permute(2, 0, 1).contiguous()
+        by_alpha = None if by_alpha is None else by_alpha.squeeze(-1).contiguous()
         loan.reclaim(job, ctx.table)
         gradients = _kernels.SplatGradients(
             means, log_scales, quats, opacity_logits, opacity_factor, channels, by_center, absolute
