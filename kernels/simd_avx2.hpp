@@ -163,16 +163,13 @@ RINGLIGHT_INLINE Vec scale_by_floor(Vec a, Vec x) { return scale_by_power(a, flo
 RINGLIGHT_HALVES1(Vec, Vec, exponent, detail::exponent_half)
 RINGLIGHT_HALVES1(Vec, Vec, mantissa, detail::mantissa_half)
 
-// Four rows of four floats, `stride` floats apart: one block of an image.
-RINGLIGHT_INLINE Vec load_block(const float* from, std::size_t stride) {
-  return {_mm256_set_m128(_mm_loadu_ps(from + stride), _mm_loadu_ps(from)),
-          _mm256_set_m128(_mm_loadu_ps(from + 3 * stride), _mm_loadu_ps(from + 2 * stride))};
-}
-RINGLIGHT_INLINE void store_block(float* to, std::size_t stride, Vec a) {
-  _mm_storeu_ps(to, _mm256_castps256_ps128(a.low));
-  _mm_storeu_ps(to + stride, _mm256_extractf128_ps(a.low, 1));
-  _mm_storeu_ps(to + 2 * stride, _mm256_castps256_ps128(a.high));
-  _mm_storeu_ps(to + 3 * stride, _mm256_extractf128_ps(a.high, 1));
+// Quarter j (four lanes) of rows[i] becomes quarter i of rows[j].
+RINGLIGHT_INLINE void transpose_quarters(Vec rows[4]) {
+  const Vec r0 = rows[0], r1 = rows[1], r2 = rows[2], r3 = rows[3];
+  rows[0] = {_mm256_permute2f128_ps(r0.low, r1.low, 0x20), _mm256_permute2f128_ps(r2.low, r3.low, 0x20)};
+  rows[1] = {_mm256_permute2f128_ps(r0.low, r1.low, 0x31), _mm256_permute2f128_ps(r2.low, r3.low, 0x31)};
+  rows[2] = {_mm256_permute2f128_ps(r0.high, r1.high, 0x20), _mm256_permute2f128_ps(r2.high, r3.high, 0x20)};
+  rows[3] = {_mm256_permute2f128_ps(r0.high, r1.high, 0x31), _mm256_permute2f128_ps(r2.high, r3.high, 0x31)};
 }
 
 namespace detail {

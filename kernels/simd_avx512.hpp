@@ -88,18 +88,16 @@ RINGLIGHT_INLINE Vec scale_by_floor(Vec a, Vec x) { return _mm512_scalef_ps(a.v,
 RINGLIGHT_INLINE Vec exponent(Vec a) { return _mm512_getexp_ps(a.v); }
 RINGLIGHT_INLINE Vec mantissa(Vec a) { return _mm512_getmant_ps(a.v, _MM_MANT_NORM_1_2, _MM_MANT_SIGN_src); }
 
-// Four rows of four floats, `stride` floats apart: one block of an image.
-RINGLIGHT_INLINE Vec load_block(const float* from, std::size_t stride) {
-  __m512 block = _mm512_castps128_ps512(_mm_loadu_ps(from));
-  block = _mm512_insertf32x4(block, _mm_loadu_ps(from + stride), 1);
-  block = _mm512_insertf32x4(block, _mm_loadu_ps(from + 2 * stride), 2);
-  return _mm512_insertf32x4(block, _mm_loadu_ps(from + 3 * stride), 3);
-}
-RINGLIGHT_INLINE void store_block(float* to, std::size_t stride, Vec a) {
-  _mm_storeu_ps(to, _mm512_castps512_ps128(a.v));
-  _mm_storeu_ps(to + stride, _mm512_extractf32x4_ps(a.v, 1));
-  _mm_storeu_ps(to + 2 * stride, _mm512_extractf32x4_ps(a.v, 2));
-  _mm_storeu_ps(to + 3 * stride, _mm512_extractf32x4_ps(a.v, 3));
+// Quarter j (four lanes) of rows[i] becomes quarter i of rows[j].
+RINGLIGHT_INLINE void transpose_quarters(Vec rows[4]) {
+  const __m512 low01 = _mm512_shuffle_f32x4(rows[0].v, rows[1].v, 0x44);
+  const __m512 low23 = _mm512_shuffle_f32x4(rows[2].v, rows[3].v, 0x44);
+  const __m512 high01 = _mm512_shuffle_f32x4(rows[0].v, rows[1].v, 0xee);
+  const __m512 high23 = _mm512_shuffle_f32x4(rows[2].v, rows[3].v, 0xee);
+  rows[0] = _mm512_shuffle_f32x4(low01, low23, 0x88);
+  rows[1] = _mm512_shuffle_f32x4(low01, low23, 0xdd);
+  rows[2] = _mm512_shuffle_f32x4(high01, high23, 0x88);
+  rows[3] = _mm512_shuffle_f32x4(high01, high23, 0xdd);
 }
 
 // rows[i] lane j becomes rows[j] lane i.
@@ -225,17 +223,12 @@ RINGLIGHT_INLINE void store_columns(float* to, Vec a, Vec b, Vec c, Vec d) {
   const __m512d cd_low = _mm512_castps_pd(_mm512_unpacklo_ps(c.v, d.v));
   const __m512d cd_high = _mm512_castps_pd(_mm512_unpackhi_ps(c.v, d.v));
   // rows[j] holds rows j, 4 + j, 8 + j and 12 + j, one per quarter.
-  const __m512 rows[4] = {
+  Vec rows[4] = {
       _mm512_castpd_ps(_mm512_unpacklo_pd(ab_low, cd_low)), _mm512_castpd_ps(_mm512_unpackhi_pd(ab_low, cd_low)),
       _mm512_castpd_ps(_mm512_unpacklo_pd(ab_high, cd_high)), _mm512_castpd_ps(_mm512_unpackhi_pd(ab_high, cd_high))};
-  const __m512 low01 = _mm512_shuffle_f32x4(rows[0], rows[1], 0x44);
-  const __m512 low23 = _mm512_shuffle_f32x4(rows[2], rows[3], 0x44);
-  const __m512 high01 = _mm512_shuffle_f32x4(rows[0], rows[1], 0xee);
-  const __m512 high23 = _mm512_shuffle_f32x4(rows[2], rows[3], 0xee);
-  _mm512_storeu_ps(to, _mm512_shuffle_f32x4(low01, low23, 0x88));
-  _mm512_storeu_ps(to + 16, _mm512_shuffle_f32x4(low01, low23, 0xdd));
-  _mm512_storeu_ps(to + 32, _mm512_shuffle_f32x4(high01, high23, 0x88));
-  _mm512_storeu_ps(to + 48, _mm512_shuffle_f32x4(high01, high23, 0xdd));
+  transpose_quarters(rows);
+#pragma GCC unroll 4
+  for (int i = 0; i < 4; i++) store(to + 16 * i, rows[i]);
 }
 // Sixteen 64-bit words from their low and high halves.
 RINGLIGHT_INLINE void store_words(std::uint64_t* to, IVec low, IVec high) {

@@ -1,7 +1,7 @@
 // Stage 4: front-to-back compositing (Porter & Duff 1984; Kerbl et al. 2023, eq. 3), tile by tile, in chunks of CHUNK
 // entries. Within a chunk every block walks the list of the entries that touch it, its pixels in registers.
 #include "block_masks.hpp"
-#include "tiles.hpp"
+#include "tile_pixels.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -125,32 +125,29 @@ RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const flo
   const std::size_t plane = stride * static_cast<std::size_t>(frame.camera.height);
   const int channels = frame.splats.channel_count, floats = (2 + width_of<C>(frame)) * LANES;
   float* const kept = frame.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
-  for (int block = 0; block < BLOCKS; block++) {
-    if (!(tile.inside >> block & 1)) continue;
-    const float* const state = states + block * floats;
-    const Vec transmittance = load(state + FINAL);
-    store(kept + block * LANES, transmittance);
-    const BlockPlace place = block_at(frame, tile, block);
-    const std::size_t at = static_cast<std::size_t>(place.y) * stride + static_cast<std::size_t>(place.x);
-    for (int c = -1; c < channels; c++) {  // -1: alpha
-      const Vec value = c < 0 ? Vec(1.f) - transmittance
-                              : fma(transmittance, Vec(frame.splats.background[c]), load(state + COLOR + c * LANES));
-      float* const to = (c < 0 ? images.alpha : images.image + static_cast<std::size_t>(c) * plane) + at;
-      if (place.whole) {
-        store_block(to, stride, value);
-        continue;
-      }
-      float pixels[LANES];
-      store(pixels, value);
-      for (int y = 0; y < place.rows; y++)
-        for (int x = 0; x < place.columns; x++) to[static_cast<std::size_t>(y) * stride + x] = pixels[4 * y + x];
+  for_each_strip(frame, tile, [&](const Strip& strip) {
+    const float* const first = states + strip.first_block * floats;
+    Vec transmittance[STRIP], values[STRIP];
+    for (int k = 0; k < STRIP; k++) {
+      transmittance[k] = load(first + k * floats + FINAL);
+      store(kept + (strip.first_block + k) * LANES, transmittance[k]);
+      values[k] = Vec(1.f) - transmittance[k];
     }
-  }
+    store_strip(images.alpha, stride, strip, values);
+    for (int c = 0; c < channels; c++) {
+      const Vec background(frame.splats.background[c]);
+      for (int k = 0; k < STRIP; k++)
+        values[k] = fma(transmittance[k], background, load(first + k * floats + COLOR + c * LANES));
+      store_strip(images.image + static_cast<std::size_t>(c) * plane, stride, strip, values);
+    }
+  });
 }
 
 template <int C>
 RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* scratch, const Images& images) {
   const int width = width_of<C>(frame), floats = (2 + width) * LANES;
+  prefetch_pixels(frame, tile, images.alpha, 1);
+  prefetch_pixels(frame, tile, images.image, frame.splats.channel_count);
   float* const rows = scratch;
   float* const states = scratch + CHUNK * row_stride(C == WIDE ? width : C);
   for (int block = 0; block < BLOCKS; block++) {
@@ -187,7 +184,9 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
 
 template <int C>
 void blend_all(const Frame& frame, const Images& images) {
-  for_each_tile(frame, [&](const Tile& tile, float* scratch) { blend_tile<C>(frame, tile, scratch, images); });
+  for_each_tile(frame, [&](const Tile& tile, const Tile*, float* scratch) {
+    blend_tile<C>(frame, tile, scratch, images);
+  });
 }
 
 }  // namespace

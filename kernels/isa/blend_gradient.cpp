@@ -4,7 +4,7 @@
 // With w = alpha T and rest = sum of v . (what lies behind) + background, a pixel's g = dL / d log(alpha) is
 // w (v . channels) - alpha / (1 - alpha) rest. `rest` starts as v . image - v_alpha T_final and loses w (v . channels)
 // with every Gaussian, so the pass needs no back-to-front order and one scalar per pixel whatever the channels.
-#include "tiles.hpp"
+#include "tile_pixels.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -27,16 +27,6 @@ RINGLIGHT_INLINE float* state_of(const Workplace& place, int block, int width) {
   return place.states + block * (2 + width) * LANES;
 }
 
-// One value per pixel of a block from an image plane; 0 outside the image.
-RINGLIGHT_INLINE Vec read_block(const float* plane, const BlockPlace& place, std::size_t stride) {
-  const float* const from = plane + static_cast<std::size_t>(place.y) * stride + static_cast<std::size_t>(place.x);
-  if (place.whole) return load_block(from, stride);
-  float pixels[LANES] = {};
-  for (int y = 0; y < place.rows; y++)
-    for (int x = 0; x < place.columns; x++) pixels[4 * y + x] = from[static_cast<std::size_t>(y) * stride + x];
-  return load(pixels);
-}
-
 RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const ImageGradients& from, Workplace& place) {
   const std::size_t stride = static_cast<std::size_t>(frame.camera.width);
   const std::size_t plane = stride * static_cast<std::size_t>(frame.camera.height);
@@ -46,24 +36,31 @@ RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const Imag
     store(place.x[side], load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * side)));
     store(place.y[side], load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * side)));
   }
-  for (std::uint64_t left = tile.inside; left; left &= left - 1) {
-    const int block = __builtin_ctzll(left);
-    const BlockPlace at = block_at(frame, tile, block);
-    float* const state = state_of(place, block, place.width);
-    Vec rest(0.f);
-    if (from.alpha_gradient)
-      rest = -(read_block(from.alpha_gradient, at, stride) * load(transmittance + block * LANES));
-    for (int c = 0; c < place.width; c++) {
-      Vec upstream(0.f);
-      if (c < frame.splats.channel_count) {
-        upstream = read_block(from.image_gradient + static_cast<std::size_t>(c) * plane, at, stride);
-        rest = fma(upstream, read_block(from.image + static_cast<std::size_t>(c) * plane, at, stride), rest);
-      }
-      store(state + UPSTREAM + c * LANES, upstream);
+  const int floats = (2 + place.width) * LANES;
+  for_each_strip(frame, tile, [&](const Strip& strip) {
+    float* const first = state_of(place, strip.first_block, place.width);
+    Vec rest[STRIP], pixels[STRIP], upstream[STRIP];
+    for (int k = 0; k < STRIP; k++) rest[k] = Vec(0.f);
+    if (from.alpha_gradient) {
+      load_strip(from.alpha_gradient, stride, strip, upstream);
+      for (int k = 0; k < STRIP; k++)
+        rest[k] = -(upstream[k] * load(transmittance + (strip.first_block + k) * LANES));
     }
-    store(state + RUNNING, Vec(1.f));
-    store(state + REST, rest);
-  }
+    for (int c = 0; c < frame.splats.channel_count; c++) {
+      load_strip(from.image_gradient + static_cast<std::size_t>(c) * plane, stride, strip, upstream);
+      load_strip(from.image + static_cast<std::size_t>(c) * plane, stride, strip, pixels);
+      for (int k = 0; k < STRIP; k++) {
+        rest[k] = fma(upstream[k], pixels[k], rest[k]);
+        store(first + k * floats + UPSTREAM + c * LANES, upstream[k]);
+      }
+    }
+    for (int k = 0; k < STRIP; k++) {
+      float* const state = first + k * floats;
+      for (int c = frame.splats.channel_count; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));
+      store(state + RUNNING, Vec(1.f));
+      store(state + REST, rest[k]);
+    }
+  });
 }
 
 template <int C, bool Absolute>
@@ -193,10 +190,15 @@ RINGLIGHT_INLINE const float* channels_of(const Frame& frame, const float* recor
 }
 
 template <int C, bool Absolute>
-RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const ImageGradients& from, Workplace& place) {
+RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Tile* next, const ImageGradients& from,
+                                Workplace& place) {
   const std::uint32_t end = tile.begin + frame.tile_used[tile.number];
   if (end == tile.begin) return;
   open_tile(frame, tile, from, place);
+  if (next) {
+    prefetch_pixels(frame, *next, from.image_gradient, frame.splats.channel_count);
+    prefetch_pixels(frame, *next, from.image, frame.splats.channel_count);
+  }
   const std::size_t stride =
       static_cast<std::size_t>(slot_stride(C == WIDE ? frame.splats.channel_count : C, Absolute));
   std::uint64_t alive = tile.inside;
@@ -218,13 +220,13 @@ RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Imag
 
 template <int C, bool Absolute>
 void walk_all(const Frame& frame, const ImageGradients& from) {
-  for_each_tile(frame, [&](const Tile& tile, float* scratch) {
+  for_each_tile(frame, [&](const Tile& tile, const Tile* next, float* scratch) {
     Workplace place;
     place.width = C == WIDE ? padded_channels(frame.splats.channel_count) : C;
     place.states = scratch;
     place.wide_sums = scratch + BLOCKS * (2 + place.width) * LANES;
     place.channels = place.wide_sums + place.width * LANES;
-    walk_tile<C, Absolute>(frame, tile, from, place);
+    walk_tile<C, Absolute>(frame, tile, next, from, place);
   });
 }
 

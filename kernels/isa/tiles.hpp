@@ -25,34 +25,30 @@ RINGLIGHT_INLINE Tile tile_at(const Frame& frame, int number) {
   return {number, left, top, frame.tile_starts[number], frame.tile_starts[number + 1], inside};
 }
 
-struct BlockPlace {
-  int x, y;             // pixels, upper left
-  bool whole;           // no pixel of it lies outside the image
-  int columns, rows;    // pixels inside the image
-};
-
-RINGLIGHT_INLINE BlockPlace block_at(const Frame& frame, const Tile& tile, int block) {
-  constexpr int SIDE = convention::BLOCK;
-  const int x = tile.left + SIDE * (block % BLOCKS_PER_SIDE), y = tile.top + SIDE * (block / BLOCKS_PER_SIDE);
-  const int right = frame.camera.width - x, below = frame.camera.height - y;
-  return {x, y, right >= SIDE && below >= SIDE, right < SIDE ? right : SIDE, below < SIDE ? below : SIDE};
-}
-
 // Offsets of a block's pixel centres from its upper left corner.
 alignas(64) constexpr float CENTERS_X[LANES] = {.5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f,
                                                 .5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f};
 alignas(64) constexpr float CENTERS_Y[LANES] = {.5f,  .5f,  .5f,  .5f,  1.5f, 1.5f, 1.5f, 1.5f,
                                                 2.5f, 2.5f, 2.5f, 2.5f, 3.5f, 3.5f, 3.5f, 3.5f};
 
-// Calls body(tile, scratch) for every tile, longest first; `scratch` is the worker's own memory.
+// Calls body(tile, next, scratch) for every tile, longest first; `scratch` is the worker's own memory. A worker claims
+// one tile ahead, so that `next`, null for its last one, can be fetched into the cache meanwhile.
 template <class F>
 RINGLIGHT_INLINE void for_each_tile(const Frame& frame, F&& body) {
   const int tiles = frame.tiles_x * frame.tiles_y;
-  int next = 0;
+  int unclaimed = 0;
+  const auto claim = [&] { return __atomic_fetch_add(&unclaimed, 1, __ATOMIC_RELAXED); };
   parallel_for(static_cast<std::size_t>(frame.workers), [&](std::size_t worker) {
     float* const scratch = frame.scratch + worker * frame.scratch_stride;
-    for (int i; (i = __atomic_fetch_add(&next, 1, __ATOMIC_RELAXED)) < tiles;)
-      body(tile_at(frame, static_cast<int>(frame.tile_order[i])), scratch);
+    int i = claim();
+    if (i >= tiles) return;
+    for (Tile tile = tile_at(frame, static_cast<int>(frame.tile_order[i]));;) {
+      i = claim();
+      if (i >= tiles) return body(tile, static_cast<const Tile*>(nullptr), scratch);
+      const Tile next = tile_at(frame, static_cast<int>(frame.tile_order[i]));
+      body(tile, &next, scratch);
+      tile = next;
+    }
   });
 }
 
