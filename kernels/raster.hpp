@@ -139,14 +139,16 @@ struct Frame {
   float* scratch;              // [workers scratch_stride]
 };
 
-// Channels that the blending kernels are compiled for; narrower images are padded, wider ones take the general kernel.
-inline constexpr int WIDE = 0;
+// Channels that the blending kernels are compiled for; narrower images are padded. Wider ones take the general kernel,
+// which keeps the weights and adds up CHANNEL_GROUP channels at a time: more would not fit the registers.
+inline constexpr int WIDE = 0, CHANNEL_GROUP = 8;
 constexpr int kernel_channels(int channels) {
-  return channels == 1 ? 1 : channels <= 3 ? 3 : channels <= 4 ? 4 : channels <= 8 ? 8 : channels <= 16 ? 16 : WIDE;
+  return channels == 1 ? 1 : channels <= 3 ? 3 : channels <= 4 ? 4 : channels <= 8 ? 8 : WIDE;
 }
 constexpr int round_up_lanes(int floats) { return (floats + LANES - 1) / LANES * LANES; }
 constexpr int padded_channels(int channels) {
-  return kernel_channels(channels) == WIDE ? round_up_lanes(channels) : kernel_channels(channels);
+  if (kernel_channels(channels) != WIDE) return kernel_channels(channels);
+  return (channels + CHANNEL_GROUP - 1) / CHANNEL_GROUP * CHANNEL_GROUP;
 }
 // Floats of one row of a chunk: the record, and channels that do not fit into it.
 constexpr int row_stride(int channels) {

@@ -30,15 +30,15 @@ void Workspace::make_room() {
   frame_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
 }
 
-// Each worker needs the states of a tile's blocks and, forward, a chunk's rows; backward, one row of channels and its
-// sums.
+// Each worker needs the states of a tile's blocks and, forward, a chunk's rows and weights; backward, one row of channels
+// and the weights of its blocks.
 void Workspace::reserve_scratch() {
   const int channels = frame_.splats.channel_count;
   const auto floats = [](int n) { return static_cast<std::size_t>(n); };
   const std::size_t states = BLOCKS * floats(state_stride(channels));
-  const std::size_t width = floats(padded_channels(channels)), row = floats(row_stride(padded_channels(channels)));
+  const std::size_t width = floats(round_up_lanes(channels)), row = floats(row_stride(padded_channels(channels)));
   frame_.workers = threads();
-  frame_.scratch_stride = states + std::max(CHUNK * row, width * (LANES + 1));
+  frame_.scratch_stride = states + std::max(CHUNK * (row + LANES), width + BLOCKS * LANES);
   frame_.scratch_stride = (frame_.scratch_stride + LANES - 1) / LANES * LANES;
   frame_.scratch = scratch_.reserve(static_cast<std::size_t>(frame_.workers) * frame_.scratch_stride);
 }

@@ -33,7 +33,7 @@ struct Chunk {
 template <int C>
 RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::uint64_t alive, const Chunk& chunk) {
   const int channels = frame.splats.channel_count;
-  const int stride = row_stride(C == WIDE ? channels : C);
+  const int stride = row_stride(padded_channels(channels));
   const std::uint64_t* const entries = frame.entries + chunk.at;
   const std::uint32_t last = tile.end - chunk.at - 1;
   for (int first = 0; first < chunk.count; first += LANES) {
@@ -47,7 +47,9 @@ RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::ui
       float* const to = chunk.rows + (first + i) * stride;
       store(to, fields[i]);
       if (C != WIDE && C <= RECORD_CHANNELS) continue;
-      const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
+      const std::size_t width = static_cast<std::size_t>(channels);
+      const float* const from = frame.splats.channels + row * width;
+      prefetch_floats(frame.splats.channels + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * width, channels);
       for (int c = 0; c < channels; c += LANES)
         store(to + RECORD + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
     }
@@ -73,9 +75,29 @@ struct RowList {
   int count;
 };
 
+// Adds weighted channels to one block: `blended` listed rows, whose weights are known, for each group of channels.
+RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t stride, const float* weights, int width,
+                                   float* color) {
+  for (int c = 0; c < width; c += CHANNEL_GROUP) {
+    Vec sums[CHANNEL_GROUP];
+#pragma GCC unroll 8
+    for (int i = 0; i < CHANNEL_GROUP; i++) sums[i] = load(color + (c + i) * LANES);
+    for (int k = 0; k < blended; k++) {
+      const Vec weight = load(weights + k * LANES);
+      const float* const channels = list.rows + list.numbers[k] * stride + RECORD + c;
+#pragma GCC unroll 8
+      for (int i = 0; i < CHANNEL_GROUP; i++) sums[i] = fma(weight, Vec(channels[i]), sums[i]);
+    }
+#pragma GCC unroll 8
+    for (int i = 0; i < CHANNEL_GROUP; i++) store(color + (c + i) * LANES, sums[i]);
+  }
+}
+
 // Blends the listed rows into the block with pixel centres (x, y). Returns false when all of its pixels are finished.
+// `weights` has room for one Vec per row; only the general kernel uses it.
 template <int C>
-RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec strongest, int width, float* state) {
+RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec strongest, int width, float* weights,
+                                  float* state) {
   constexpr int KEPT = C == WIDE ? 1 : C;
   const std::size_t stride = static_cast<std::size_t>(row_stride(C == WIDE ? width : C));
   Vec running = load(state + RUNNING), final = load(state + FINAL), color[KEPT];
@@ -86,7 +108,8 @@ RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec stronge
   bool open = true;
   const float* row = list.rows + list.numbers[0] * stride;
   Vec alpha = sample_alpha(row, x, y, strongest);
-  for (int k = 0; k < list.count; k++) {
+  int k = 0;
+  while (k < list.count) {
     // One row ahead: alpha takes long to compute, but does not wait for the rows in front.
     const float* const next_row = list.rows + list.numbers[k + 1] * stride;
     const Vec next_alpha = sample_alpha(next_row, x, y, strongest);
@@ -96,14 +119,12 @@ RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec stronge
     final = select(drawn, behind, final);
     running = behind;
     if constexpr (C == WIDE) {
-      for (int c = 0; c < width; c++) {
-        float* const channel = state + COLOR + c * LANES;
-        store(channel, fma(weight, Vec(row[RECORD + c]), load(channel)));
-      }
+      store(weights + k * LANES, weight);
     } else {
 #pragma GCC unroll 16
       for (int c = 0; c < C; c++) color[c] = fma(weight, Vec(row[channel_offset<C>() + c]), color[c]);
     }
+    k++;
     if (!any(drawn)) {
       open = false;
       break;
@@ -113,7 +134,8 @@ RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec stronge
   }
   store(state + RUNNING, running);
   store(state + FINAL, final);
-  if constexpr (C != WIDE)
+  if constexpr (C == WIDE) add_channels(list, k, stride, weights, width, state + COLOR);
+  else
 #pragma GCC unroll 16
     for (int c = 0; c < C; c++) store(state + COLOR + c * LANES, color[c]);
   return open;
@@ -149,7 +171,8 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
   prefetch_pixels(frame, tile, images.alpha, 1);
   prefetch_pixels(frame, tile, images.image, frame.splats.channel_count);
   float* const rows = scratch;
-  float* const states = scratch + CHUNK * row_stride(C == WIDE ? width : C);
+  float* const weights = scratch + CHUNK * row_stride(C == WIDE ? width : C);
+  float* const states = weights + CHUNK * LANES;
   for (int block = 0; block < BLOCKS; block++) {
     float* const state = states + block * floats;
     store(state + RUNNING, Vec(1.f));
@@ -173,7 +196,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       const Vec x = load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * (block % BLOCKS_PER_SIDE)));
       const Vec y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * (block / BLOCKS_PER_SIDE)));
       const RowList list{rows, numbers, length};
-      if (!blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, states + block * floats))
+      if (!blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, weights, states + block * floats))
         alive &= ~(std::uint64_t{1} << block);
     }
     at += static_cast<std::uint32_t>(count);
@@ -197,7 +220,6 @@ void blend(const Frame& frame, const Images& images) {
     case 3: return blend_all<3>(frame, images);
     case 4: return blend_all<4>(frame, images);
     case 8: return blend_all<8>(frame, images);
-    case 16: return blend_all<16>(frame, images);
     default: return blend_all<WIDE>(frame, images);
   }
 }

@@ -18,7 +18,7 @@ enum State { RUNNING = 0, REST = LANES, UPSTREAM = 2 * LANES };
 struct Workplace {
   float* states;     // [BLOCKS][2 + width][LANES]
   float* channels;   // [width] of the current entry, padded with zeros
-  float* wide_sums;  // [width][LANES], general kernel only
+  float* weights;    // [BLOCKS][LANES] of the current entry, general kernel only
   int width;         // channels, padded
   alignas(64) float x[BLOCKS_PER_SIDE][LANES], y[BLOCKS_PER_SIDE][LANES];  // pixel centres by block column and row
 };
@@ -64,15 +64,10 @@ RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const Imag
 }
 
 template <int C, bool Absolute>
-RINGLIGHT_INLINE void write_slot(float* slot, const Vec* sums, const Workplace& place) {
+RINGLIGHT_INLINE void write_slot(float* slot, const Vec* sums) {
   constexpr int moments = slot_moments(Absolute);
   if constexpr (C == WIDE) {
     store_first(slot, lane_sums<moments>(sums), moments);
-    for (int c = 0; c < place.width; c += LANES) {
-      Vec group[LANES];
-      for (int i = 0; i < LANES; i++) group[i] = load(place.wide_sums + (c + i) * LANES);
-      store(slot + moments + c, lane_sums<LANES>(group));
-    }
   } else {
     constexpr int terms = moments + C;
     store(slot, lane_sums<(terms < LANES ? terms : LANES)>(sums));
@@ -102,21 +97,39 @@ RINGLIGHT_INLINE Sample sample(const Ellipse& e, const Workplace& place, int blo
   return {along, across, keep(ge(log2_alpha, Vec(LOG2_MIN_ALPHA)), min(exp2_fast(log2_alpha), e.strongest))};
 }
 
+// v . channels for one block.
+template <int C>
+RINGLIGHT_INLINE Vec upstream_dot(const float* upstream, const float* channels, int width) {
+  if constexpr (C != WIDE) {
+    Vec dot = load(upstream) * Vec(channels[0]);
+#pragma GCC unroll 8
+    for (int c = 1; c < C; c++) dot = fma(load(upstream + c * LANES), Vec(channels[c]), dot);
+    return dot;
+  }
+  Vec even(0.f), odd(0.f);  // two sums, since each waits for itself
+  for (int c = 0; c < width; c += CHANNEL_GROUP)
+#pragma GCC unroll 8
+    for (int i = c; i < c + CHANNEL_GROUP; i += 2) {
+      even = fma(load(upstream + i * LANES), Vec(channels[i]), even);
+      odd = fma(load(upstream + (i + 1) * LANES), Vec(channels[i + 1]), odd);
+    }
+  return even + odd;
+}
+
 // Moves one block past the entry and adds its pixels to the sums. Returns whether any pixel is still unfinished.
 template <int C, bool Absolute>
 RINGLIGHT_INLINE bool add_block(const Ellipse& e, const Sample& at, const float* channels, const Workplace& place,
-                                float* state, Vec* sums) {
+                                int block, Vec* sums) {
   constexpr int moments = slot_moments(Absolute);
   const int width = C == WIDE ? place.width : C;
+  float* const state = state_of(place, block, width);
   const Vec running = load(state + RUNNING), rest_before = load(state + REST), one(1.f);
   const Vec behind = fnma(running, at.alpha, running);
   const Mask drawn = gt(behind, Vec(convention::MIN_TRANSMITTANCE));
   const Vec weight = keep(drawn, at.alpha * running);
   store(state + RUNNING, behind);
 
-  Vec dot = load(state + UPSTREAM) * Vec(channels[0]);
-#pragma GCC unroll 16
-  for (int c = 1; c < width; c++) dot = fma(load(state + UPSTREAM + c * LANES), Vec(channels[c]), dot);
+  const Vec dot = upstream_dot<C>(state + UPSTREAM, channels, width);
   const Vec own = weight * dot, rest = rest_before - own;
   store(state + REST, rest);
   // A clamped alpha does not move with the geometry; its channels still do.
@@ -135,10 +148,7 @@ RINGLIGHT_INLINE bool add_block(const Ellipse& e, const Sample& at, const float*
     sums[ABSOLUTE_Y] += abs(fma(e.along_y, g_along, e.across_y * g_across));
   }
   if constexpr (C == WIDE) {
-    for (int c = 0; c < width; c++) {
-      float* const sum = place.wide_sums + c * LANES;
-      store(sum, fma(weight, load(state + UPSTREAM + c * LANES), load(sum)));
-    }
+    store(place.weights + block * LANES, weight);
   } else {
 #pragma GCC unroll 16
     for (int c = 0; c < C; c++)
@@ -147,17 +157,32 @@ RINGLIGHT_INLINE bool add_block(const Ellipse& e, const Sample& at, const float*
   return any(drawn);
 }
 
+// The gradients of the entry's channels, group by group, from the weights that its blocks left.
+RINGLIGHT_INLINE void add_channels(const Workplace& place, std::uint64_t blocks, float* to) {
+  for (int c = 0; c < place.width; c += CHANNEL_GROUP) {
+    Vec sums[CHANNEL_GROUP];
+#pragma GCC unroll 8
+    for (int i = 0; i < CHANNEL_GROUP; i++) sums[i] = Vec(0.f);
+    for (std::uint64_t left = blocks; left; left &= left - 1) {
+      const int block = __builtin_ctzll(left);
+      const Vec weight = load(place.weights + block * LANES);
+      const float* const upstream = state_of(place, block, place.width) + UPSTREAM + c * LANES;
+#pragma GCC unroll 8
+      for (int i = 0; i < CHANNEL_GROUP; i++) sums[i] = fma(weight, load(upstream + i * LANES), sums[i]);
+    }
+    store_first(to + c, lane_sums<CHANNEL_GROUP>(sums), CHANNEL_GROUP);
+  }
+}
+
 // Adds up one entry over the blocks in `mask`. Returns the blocks whose pixels are all finished.
 template <int C, bool Absolute>
 RINGLIGHT_INLINE std::uint64_t walk_entry(const Ellipse& e, const float* channels, std::uint64_t mask,
                                           const Workplace& place, float* slot) {
   constexpr int terms = slot_moments(Absolute) + (C == WIDE ? 0 : C);
-  const int width = C == WIDE ? place.width : C;
+  [[maybe_unused]] const std::uint64_t visited = mask;
   Vec sums[terms];
 #pragma GCC unroll 32
   for (int i = 0; i < terms; i++) sums[i] = Vec(0.f);
-  if constexpr (C == WIDE)
-    for (int c = 0; c < width; c++) store(place.wide_sums + c * LANES, Vec(0.f));
   std::uint64_t finished = 0;
   int block = __builtin_ctzll(mask);
   Sample now = sample(e, place, block);
@@ -165,14 +190,15 @@ RINGLIGHT_INLINE std::uint64_t walk_entry(const Ellipse& e, const float* channel
   while (mask &= mask - 1) {
     const int next_block = __builtin_ctzll(mask);
     const Sample next = sample(e, place, next_block);
-    if (!add_block<C, Absolute>(e, now, channels, place, state_of(place, block, width), sums)) [[unlikely]]
+    if (!add_block<C, Absolute>(e, now, channels, place, block, sums)) [[unlikely]]
       finished |= std::uint64_t{1} << block;
     block = next_block;
     now = next;
   }
-  if (!add_block<C, Absolute>(e, now, channels, place, state_of(place, block, width), sums)) [[unlikely]]
+  if (!add_block<C, Absolute>(e, now, channels, place, block, sums)) [[unlikely]]
     finished |= std::uint64_t{1} << block;
-  write_slot<C, Absolute>(slot, sums, place);
+  write_slot<C, Absolute>(slot, sums);
+  if constexpr (C == WIDE) add_channels(place, visited, slot + slot_moments(Absolute));
   return finished;
 }
 
@@ -183,7 +209,7 @@ RINGLIGHT_INLINE const float* channels_of(const Frame& frame, const float* recor
   if constexpr (C != WIDE && C <= RECORD_CHANNELS) return record + FIRST_CHANNELS;
   const int channels = frame.splats.channel_count;
   const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
-  if (C == channels) return from;
+  if (place.width == channels) return from;
   for (int c = 0; c < channels; c += LANES)
     store(place.channels + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
   return place.channels;
@@ -209,6 +235,9 @@ RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Tile
     __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(ahead)} * RECORD);
     __builtin_prefetch(frame.slots + (ahead >> 32) * stride, 1);
     __builtin_prefetch(frame.slot_used + (ahead >> 32), 1);
+    if (C == WIDE || C > RECORD_CHANNELS)
+      prefetch_floats(frame.splats.channels + static_cast<std::uint32_t>(ahead) *
+                          static_cast<std::size_t>(frame.splats.channel_count), frame.splats.channel_count);
     const std::size_t row = static_cast<std::uint32_t>(entry), slot = entry >> 32;
     const float* const record = frame.records + row * RECORD;
     const float* const channels = channels_of<C>(frame, record, row, place);
@@ -224,8 +253,8 @@ void walk_all(const Frame& frame, const ImageGradients& from) {
     Workplace place;
     place.width = C == WIDE ? padded_channels(frame.splats.channel_count) : C;
     place.states = scratch;
-    place.wide_sums = scratch + BLOCKS * (2 + place.width) * LANES;
-    place.channels = place.wide_sums + place.width * LANES;
+    place.weights = scratch + BLOCKS * (2 + place.width) * LANES;
+    place.channels = place.weights + BLOCKS * LANES;
     walk_tile<C, Absolute>(frame, tile, next, from, place);
   });
 }
@@ -243,7 +272,6 @@ void blend_gradient(const Frame& frame, const ImageGradients& from) {
     case 3: return walk_all<3>(frame, from);
     case 4: return walk_all<4>(frame, from);
     case 8: return walk_all<8>(frame, from);
-    case 16: return walk_all<16>(frame, from);
     default: return walk_all<WIDE>(frame, from);
   }
 }

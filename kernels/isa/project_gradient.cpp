@@ -42,7 +42,7 @@ RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int c
   return seen;
 }
 
-// Gradients of channels that do not all lie in the first LANES floats of a slot, straight to their rows.
+// Channel gradients of one Gaussian, straight to its row, where they do not all lie in the first LANES floats of a slot.
 RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::size_t stride, bool seen, float* to) {
   const SlotRange range = slots_of(frame, frame.pieces[row / ROWS_PER_PIECE], row);
   const float* const from = frame.slots + slot_moments(frame.settings.absgrad);
@@ -53,6 +53,23 @@ RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::siz
     for (std::size_t slot = range.begin; seen && slot < range.end; slot++)
       if (frame.slot_used[slot]) total += load_first(from + slot * stride + c, width);
     store_first(to + c, total, width);
+  }
+}
+
+// Channel gradients of sixteen Gaussians row by row; `totals` as add_slots left them.
+RINGLIGHT_INLINE void write_channel_rows(const Frame& frame, float* to, std::size_t first, int count, std::size_t stride,
+                                         unsigned seen, const Vec* totals) {
+  const int channels = frame.splats.channel_count, moments = slot_moments(frame.settings.absgrad);
+  for (int i = 0; i < count; i++) {
+    const std::size_t row = first + static_cast<std::size_t>(i);
+    float* const out = to + row * static_cast<std::size_t>(channels);
+    if (moments + channels > LANES) {
+      add_channels(frame, row, stride, seen >> i & 1, out);
+      continue;
+    }
+    float sums[LANES];
+    store(sums, totals[i]);
+    store_first(out, load_first(sums + moments, channels), channels);
   }
 }
 
@@ -194,27 +211,24 @@ RINGLIGHT_INLINE void write_rows(const SplatGradients& to, std::size_t first, in
   if (to.absolute) write_columns<2>(to.absolute, first, count, on, from.absolute);
 }
 
-RINGLIGHT_INLINE void write_channels(const Frame& frame, float* to, std::size_t first, int count, unsigned seen,
-                                     const Vec* columns) {
+constexpr bool columns_fit(int channels) { return channels == 1 || channels == 3 || channels == 4; }
+
+RINGLIGHT_INLINE void write_channel_columns(float* to, int channels, std::size_t first, int count, const Vec* columns) {
   const Mask all = mask_from_bits(0xffff);
-  const int channels = frame.splats.channel_count;
-  if (channels == 1) return write_columns<1>(to, first, count, all, columns);
-  if (channels == 3) return write_columns<3>(to, first, count, all, columns);
-  if (channels == 4) return write_columns<4>(to, first, count, all, columns);
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(channels, frame.settings.absgrad));
-  for (int i = 0; i < count; i++) {
-    const std::size_t row = first + static_cast<std::size_t>(i);
-    add_channels(frame, row, stride, seen >> i & 1, to + row * static_cast<std::size_t>(channels));
-  }
+  if (channels == 1) write_columns<1>(to, first, count, all, columns);
+  if (channels == 3) write_columns<3>(to, first, count, all, columns);
+  if (channels == 4) write_columns<4>(to, first, count, all, columns);
 }
 
 void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t begin, std::size_t end) {
   const bool absgrad = frame.settings.absgrad;
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(frame.splats.channel_count, absgrad));
+  const int channels = frame.splats.channel_count;
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(channels, absgrad));
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
     Vec t[LANES];
     const unsigned seen = add_slots(frame, first, count, stride, t);
+    if (!columns_fit(channels)) write_channel_rows(frame, to.channels, first, count, stride, seen, t);
     RowGradients rows = {};
     if (seen) {
       transpose(t);
@@ -227,7 +241,8 @@ void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t be
       row_gradients(frame, p, m, rows);
     }
     write_rows(to, first, count, mask_from_bits(seen), rows);
-    write_channels(frame, to.channels, first, count, seen, t + slot_moments(absgrad));
+    if (columns_fit(channels))
+      write_channel_columns(to.channels, channels, first, count, t + slot_moments(absgrad));
   }
 }
 

@@ -31,6 +31,12 @@ alignas(64) constexpr float CENTERS_X[LANES] = {.5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f
 alignas(64) constexpr float CENTERS_Y[LANES] = {.5f,  .5f,  .5f,  .5f,  1.5f, 1.5f, 1.5f, 1.5f,
                                                 2.5f, 2.5f, 2.5f, 2.5f, 3.5f, 3.5f, 3.5f, 3.5f};
 
+RINGLIGHT_INLINE void prefetch_floats(const float* from, int count) {
+  constexpr int LINE = 64 / sizeof(float);
+  for (int i = 0; i < count; i += LINE) __builtin_prefetch(from + i);
+  __builtin_prefetch(from + count - 1);
+}
+
 // Calls body(tile, next, scratch) for every tile, longest first; `scratch` is the worker's own memory. A worker claims
 // one tile ahead, so that `next`, null for its last one, can be fetched into the cache meanwhile.
 template <class F>

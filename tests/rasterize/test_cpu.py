@@ -54,7 +54,7 @@ def all_bits(rasterizer: "cpu.CpuRasterizer", case: Case, threads: int) -> list[
     return [outcome.raster.image, outcome.raster.alpha, *marks, *outcome.gradients.values()]
 
 
-@pytest.mark.parametrize("channels", [3, 16, 40])
+@pytest.mark.parametrize("channels", [3, 8, 16, 40])
 def test_any_number_of_threads_gives_the_same_bits(rasterizer, channels: int):
     case = crowd(channels, channels=channels)
     alone = all_bits(rasterizer, case, 1)
