@@ -2,6 +2,8 @@
 #pragma once
 #include <cstddef>
 
+#include "every_isa.hpp"
+
 namespace ringlight {
 
 struct AdamStep {
@@ -24,8 +26,7 @@ struct AdamColumn {
   namespace isa {                                                               \
   void adam(const AdamColumn* columns, std::size_t count, const float* radii);  \
   }
-RINGLIGHT_DECLARE_ADAM(v3)
-RINGLIGHT_DECLARE_ADAM(v4)
+RINGLIGHT_EVERY_ISA(RINGLIGHT_DECLARE_ADAM)
 #undef RINGLIGHT_DECLARE_ADAM
 
 }  // namespace ringlight

@@ -1,6 +1,8 @@
 #include "dispatch.hpp"
 
+#ifdef __x86_64__
 #include <cpuid.h>
+#endif
 
 #include <cstdlib>
 #include <stdexcept>
@@ -9,6 +11,7 @@
 namespace ringlight {
 namespace {
 
+#ifdef __x86_64__
 // The part of x86-64-v3 for which not every compiler's __builtin_cpu_supports has a name.
 bool has_lesser_v3() {
   constexpr unsigned MOVBE = 1u << 22, F16C = 1u << 29, LZCNT = 1u << 5;
@@ -20,6 +23,7 @@ bool has_lesser_v3() {
 // Everything that the compiler may use by CMakeLists.txt is asked for: virtual machines mask features one by one, and
 // a processor may have AVX-512 without VBMI2.
 bool has_v3() {
+  __builtin_cpu_init();
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
          __builtin_cpu_supports("bmi2") && has_lesser_v3();
 }
@@ -31,18 +35,23 @@ bool has_v4() {
          __builtin_cpu_supports("avx512vbmi2") && __builtin_cpu_supports("avx512bitalg") &&
          __builtin_cpu_supports("avx512vpopcntdq") && __builtin_cpu_supports("gfni");
 }
+#else
+bool has_v3() { return false; }
+bool has_v4() { return false; }
+#endif
 
 Isa choose() {
-  __builtin_cpu_init();
-  if (!has_v3())
-    throw std::runtime_error("this processor lacks AVX2 (x86-64-v3), which ringlight's CPU kernels need; run it on a newer one");
   const char* forced = std::getenv("RINGLIGHT_ISA");
   const std::string wish = forced ? forced : "";
-  if (wish.empty()) return has_v4() ? Isa::v4 : Isa::v3;
-  if (wish == "avx2") return Isa::v3;
-  if (wish != "avx512") throw std::runtime_error("RINGLIGHT_ISA=" + wish + " is unknown; use avx2 or avx512");
-  if (!has_v4()) throw std::runtime_error("RINGLIGHT_ISA=avx512, but this processor lacks AVX-512 with VBMI2; unset it");
-  return Isa::v4;
+  if (wish.empty()) return has_v4() ? Isa::v4 : has_v3() ? Isa::v3 : Isa::generic;
+  if (wish == "generic") return Isa::generic;
+  if (wish != "avx2" && wish != "avx512")
+    throw std::runtime_error("RINGLIGHT_ISA=" + wish + " is unknown; use generic, avx2 or avx512, or unset it");
+  if (wish == "avx2" && !has_v3())
+    throw std::runtime_error("RINGLIGHT_ISA=avx2, but this processor lacks AVX2 (x86-64-v3); unset it");
+  if (wish == "avx512" && !has_v4())
+    throw std::runtime_error("RINGLIGHT_ISA=avx512, but this processor lacks AVX-512 with VBMI2; unset it");
+  return wish == "avx2" ? Isa::v3 : Isa::v4;
 }
 
 }  // namespace
@@ -52,6 +61,6 @@ Isa current_isa() {
   return isa;
 }
 
-const char* isa_name(Isa isa) { return isa == Isa::v4 ? "avx512" : "avx2"; }
+const char* isa_name(Isa isa) { return isa == Isa::v4 ? "avx512" : isa == Isa::v3 ? "avx2" : "generic"; }
 
 }  // namespace ringlight

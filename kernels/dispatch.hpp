@@ -2,12 +2,24 @@
 #pragma once
 namespace ringlight {
 
-enum class Isa { v3, v4 };  // x86-64-v3: AVX2 and FMA; v4: AVX-512 with VBMI2, BITALG, VPOPCNTDQ, GFNI
+// x86-64-v3: AVX2 and FMA; v4: AVX-512 with VBMI2, BITALG, VPOPCNTDQ, GFNI; generic: what every processor of this kind
+// has, several times slower.
+enum class Isa { generic, v3, v4 };
 
-// The best set that this processor has; the environment variable RINGLIGHT_ISA=avx2 forces v3.
-// Throws std::runtime_error with a sentence for the user if the processor lacks AVX2 or the value is unknown.
+// The best set that this processor has; the environment variable RINGLIGHT_ISA=generic, avx2 or avx512 forces one.
+// Throws std::runtime_error with a sentence for the user if the value is unknown or the processor lacks it.
 Isa current_isa();
 
 const char* isa_name(Isa isa);
 
 }  // namespace ringlight
+
+// The copy of a kernel that this process runs: RINGLIGHT_CHOSEN(adam)(value, ...).
+#ifdef __x86_64__
+#define RINGLIGHT_CHOSEN(kernel)                           \
+  (::ringlight::current_isa() == ::ringlight::Isa::v4   ? ::ringlight::v4::kernel \
+   : ::ringlight::current_isa() == ::ringlight::Isa::v3 ? ::ringlight::v3::kernel \
+                                                        : ::ringlight::generic::kernel)
+#else
+#define RINGLIGHT_CHOSEN(kernel) (::ringlight::generic::kernel)
+#endif

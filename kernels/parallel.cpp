@@ -1,6 +1,5 @@
 #include "parallel.hpp"
 
-#include <immintrin.h>
 #include <pthread.h>
 #include <sched.h>
 
@@ -14,27 +13,19 @@
 #include <utility>
 #include <vector>
 
+#include "processor.hpp"
+
 namespace ringlight {
 namespace {
 
-constexpr unsigned FLUSH_TO_ZERO = 0x8040;  // MXCSR: FTZ and DAZ; subnormal alphas cost a hundred cycles each
-constexpr int SPINS = 4000;                 // about 50 us: the usual gap between two loops of one training step
-constexpr int MOST_THREADS = 1024;          // more than any machine has cores: a slip of the keyboard must not pass
+constexpr int SPINS = 4000;         // about 50 us: the usual gap between two loops of one training step
+constexpr int MOST_THREADS = 1024;  // more than any machine has cores: a slip of the keyboard must not pass
 
 int cores() {
   cpu_set_t set;
   if (sched_getaffinity(0, sizeof set, &set) == 0) return CPU_COUNT(&set);
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));  // 0 where it is not known
 }
-
-class FlushToZero {
- public:
-  FlushToZero() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | FLUSH_TO_ZERO); }
-  ~FlushToZero() { _mm_setcsr(saved_); }
-
- private:
-  unsigned saved_;
-};
 
 struct Loop {
   detail::Body body = nullptr;
@@ -94,7 +85,7 @@ class Pool {
     loop_.work();
     state_.fetch_and(~OPEN);
     for (int spins = 0; state_.load(std::memory_order_acquire) != 0;) {
-      if (++spins < SPINS) _mm_pause();
+      if (++spins < SPINS) relax();
       else std::this_thread::yield();
     }
     loop_.rethrow();
@@ -115,7 +106,7 @@ class Pool {
     unsigned seen = 0;
     for (;;) {
       for (int spins = 0; generation_.load(std::memory_order_acquire) == seen;) {
-        if (++spins < SPINS) _mm_pause();
+        if (++spins < SPINS) relax();
         else generation_.wait(seen);
       }
       seen = generation_.load();

@@ -3,6 +3,8 @@
 #pragma once
 #include <cstddef>
 
+#include "every_isa.hpp"
+
 namespace ringlight {
 
 struct PerceptronShape {
@@ -15,18 +17,15 @@ struct PerceptronLayers {
   Float *weight[3], *bias[3];
 };
 
-namespace v3 {
 // rows [heads nodes inputs] to results [heads nodes outputs].
-void perceptron_forward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows,
-                        float* results);
-void perceptron_backward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows,
-                         const float* upstream, const PerceptronLayers<float>& gradients);
-}  // namespace v3
-namespace v4 {
-void perceptron_forward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows,
-                        float* results);
-void perceptron_backward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows,
-                         const float* upstream, const PerceptronLayers<float>& gradients);
-}  // namespace v4
+#define RINGLIGHT_PERCEPTRON(isa) \
+  namespace isa { \
+  void perceptron_forward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows, \
+                          float* results); \
+  void perceptron_backward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows, \
+                           const float* upstream, const PerceptronLayers<float>& gradients); \
+  }
+RINGLIGHT_EVERY_ISA(RINGLIGHT_PERCEPTRON)
+#undef RINGLIGHT_PERCEPTRON
 
 }  // namespace ringlight

@@ -2,6 +2,8 @@
 #pragma once
 #include <cstddef>
 
+#include "every_isa.hpp"
+
 namespace ringlight {
 
 // pull[i] += |gradient[i] * scale|, views[i] += 1 for each row that was drawn (radius > 0). Arrays of `count` rows;
@@ -10,13 +12,12 @@ struct PullScale {
   float x, y;
 };
 
-namespace v3 {
-void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views,
-                     std::size_t count);
-}
-namespace v4 {
-void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views,
-                     std::size_t count);
-}
+#define RINGLIGHT_PULL(isa) \
+  namespace isa { \
+  void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views, \
+                       std::size_t count); \
+  }
+RINGLIGHT_EVERY_ISA(RINGLIGHT_PULL)
+#undef RINGLIGHT_PULL
 
 }  // namespace ringlight

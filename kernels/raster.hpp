@@ -11,6 +11,7 @@
 #include <cstdint>
 
 #include "convention.hpp"
+#include "every_isa.hpp"
 
 namespace ringlight {
 
@@ -162,17 +163,14 @@ constexpr int slot_stride(int channels, bool absgrad) {
 constexpr int state_stride(int channels) { return (2 + padded_channels(channels)) * LANES; }
 
 // Stages compiled once per instruction set.
-#define RINGLIGHT_RASTER_STAGES                                       \
-  void project(const Frame& frame, const Footprints& footprints);     \
-  void blend(const Frame& frame, const Images& images);               \
-  void blend_gradient(const Frame& frame, const ImageGradients& from); \
-  void project_gradient(const Frame& frame, const SplatGradients& to);
-namespace v3 {
-RINGLIGHT_RASTER_STAGES
-}
-namespace v4 {
-RINGLIGHT_RASTER_STAGES
-}
+#define RINGLIGHT_RASTER_STAGES(isa)                                    \
+  namespace isa {                                                        \
+  void project(const Frame& frame, const Footprints& footprints);        \
+  void blend(const Frame& frame, const Images& images);                  \
+  void blend_gradient(const Frame& frame, const ImageGradients& from);   \
+  void project_gradient(const Frame& frame, const SplatGradients& to);   \
+  }
+RINGLIGHT_EVERY_ISA(RINGLIGHT_RASTER_STAGES)
 #undef RINGLIGHT_RASTER_STAGES
 
 }  // namespace ringlight

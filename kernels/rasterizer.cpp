@@ -12,8 +12,6 @@
 namespace ringlight {
 namespace {
 
-bool is_v4() { return current_isa() == Isa::v4; }
-
 std::size_t piece_count(const Frame& frame) { return (frame.splats.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE; }
 
 int tiles_along(int pixels) { return (pixels + convention::TILE - 1) / convention::TILE; }
@@ -52,7 +50,8 @@ std::uint64_t Workspace::number_slots() {
     drawn += frame_.pieces[i].drawn;
     broken += frame_.pieces[i].broken;
   }
-  if (broken) throw std::domain_error("rasterizer: " + std::to_string(broken) + " rows hold a value that is not finite");
+  if (broken)
+    throw std::domain_error("rasterizer: " + std::to_string(broken) + " rows hold a value that is not finite");
   constexpr std::uint64_t MAX_SLOTS = 0xffff0000u;  // half an entry names its slot; some are left for bin.cpp
   if (slots > MAX_SLOTS) throw std::bad_alloc();
   slots_in_use_ = slots;
@@ -70,11 +69,11 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   frame_.tiles_y = tiles_along(camera.height);
   make_room();
   reserve_scratch();
-  (is_v4() ? v4::project : v3::project)(frame_, footprints);
+  RINGLIGHT_CHOSEN(project)(frame_, footprints);
   const std::uint64_t drawn = number_slots();
   binning_.bin(frame_, sort_.sort(frame_, drawn), drawn);
   frame_.block_masks = block_masks_.reserve(slots_in_use_);
-  (is_v4() ? v4::blend : v3::blend)(frame_, images);
+  RINGLIGHT_CHOSEN(blend)(frame_, images);
   complete_ = true;
 }
 
@@ -85,8 +84,8 @@ void Workspace::backward(const Splats& splats, const ImageGradients& from, const
   frame_.slots = slots_.reserve(slots_in_use_ * stride);
   frame_.slot_used = slot_used_.reserve(slots_in_use_);
   if (slots_in_use_) std::memset(frame_.slot_used, 0, slots_in_use_);
-  (is_v4() ? v4::blend_gradient : v3::blend_gradient)(frame_, from);
-  (is_v4() ? v4::project_gradient : v3::project_gradient)(frame_, to);
+  RINGLIGHT_CHOSEN(blend_gradient)(frame_, from);
+  RINGLIGHT_CHOSEN(project_gradient)(frame_, to);
 }
 
 }  // namespace ringlight

@@ -11,7 +11,8 @@ namespace ringlight {
 class Workspace {
  public:
   // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
-  // view would not fit into the memory of the machine, std::domain_error when the table holds a value that is not finite.
+  // view would not fit into the memory of the machine, std::domain_error when the table holds a value that is not
+  // finite.
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
                const Footprints& footprints);
 

@@ -10,6 +10,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "every_isa.hpp"
+
 namespace ringlight {
 
 // The largest sizes that the kernels take.
@@ -77,19 +79,16 @@ static inline int ring_shards(std::size_t active_count) {
   return active_count <= 1024 ? 1 : active_count <= 8192 ? 2 : active_count <= 32768 ? 4 : 8;
 }
 
-namespace v3 {
-void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&);
-void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, const float* color_gradient,
-                   const RingParameters<float>& gradients, const RingRowGradients& row_gradients, float* workspace);
 // Floats of workspace that ring_backward needs for this many visible rows.
-std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count);
-}
-namespace v4 {
-void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&);
-void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, const float* color_gradient,
-                   const RingParameters<float>& gradients, const RingRowGradients& row_gradients, float* workspace);
-// Floats of workspace that ring_backward needs for this many visible rows.
-std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count);
-}
+#define RINGLIGHT_RING(isa) \
+  namespace isa { \
+  void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&); \
+  void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, \
+                     const float* color_gradient, const RingParameters<float>& gradients, \
+                     const RingRowGradients& row_gradients, float* workspace); \
+  std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count); \
+  }
+RINGLIGHT_EVERY_ISA(RINGLIGHT_RING)
+#undef RINGLIGHT_RING
 
 }  // namespace ringlight

@@ -2,6 +2,8 @@
 #pragma once
 #include <cstddef>
 
+#include "every_isa.hpp"
+
 namespace ringlight {
 
 constexpr int SH_REST = 45;  // coefficients after the constant ones: 15 harmonics by 3 colours
@@ -29,13 +31,12 @@ struct HarmonicsGradient {
   float* rest;
 };
 
-namespace v3 {
-void sh_colors(const Harmonics& table, float* colors);
-void sh_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient);
-}
-namespace v4 {
-void sh_colors(const Harmonics& table, float* colors);
-void sh_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient);
-}
+#define RINGLIGHT_HARMONICS(isa) \
+  namespace isa { \
+  void sh_colors(const Harmonics& table, float* colors); \
+  void sh_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient); \
+  }
+RINGLIGHT_EVERY_ISA(RINGLIGHT_HARMONICS)
+#undef RINGLIGHT_HARMONICS
 
 }  // namespace ringlight

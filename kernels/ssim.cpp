@@ -35,7 +35,7 @@ std::size_t strip_scratch(const Planes& planes) { return ssim::SCRATCH_ROWS * ss
 
 double photometric(const PhotometricImages& images, const Planes& planes, const PhotometricWeights& weights,
                    float* workspace, std::size_t workspace_size) {
-  const auto run = current_isa() == Isa::v4 ? v4::photometric_strip : v3::photometric_strip;
+  const auto run = RINGLIGHT_CHOSEN(photometric_strip);
   std::vector<StripSums> sums(strips(planes));
   for_each_strip(planes, workspace, workspace_size, [&](std::size_t strip, float* scratch) {
     sums[strip] = run(images, planes, weights, strip, scratch);
@@ -51,7 +51,7 @@ double photometric(const PhotometricImages& images, const Planes& planes, const 
 
 void blur_target(const float* image, const Planes& planes, float* blur, float* square_blur, float* workspace,
                  std::size_t workspace_size) {
-  const auto run = current_isa() == Isa::v4 ? v4::blur_strip : v3::blur_strip;
+  const auto run = RINGLIGHT_CHOSEN(blur_strip);
   for_each_strip(planes, workspace, workspace_size, [&](std::size_t strip, float* scratch) {
     run(image, planes, strip, blur, square_blur, scratch);
   });

@@ -5,6 +5,8 @@
 #pragma once
 #include <cstddef>
 
+#include "every_isa.hpp"
+
 namespace ringlight {
 
 struct Planes {
@@ -48,8 +50,7 @@ void blur_target(const float* image, const Planes& planes, float* blur, float* s
   void blur_strip(const float* image, const Planes& planes, std::size_t strip, float* blur, float* square_blur,   \
                   float* scratch);                                                                                \
   }
-RINGLIGHT_DECLARE_SSIM(v3)
-RINGLIGHT_DECLARE_SSIM(v4)
+RINGLIGHT_EVERY_ISA(RINGLIGHT_DECLARE_SSIM)
 #undef RINGLIGHT_DECLARE_SSIM
 
 }  // namespace ringlight

@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "every_isa.hpp"
+
 namespace ringlight {
 
 // A pinhole view and the margins of color/drawable.py, which explains them.
@@ -17,17 +19,15 @@ struct SplatColumns {
   std::size_t count;
 };
 
-namespace v3 {
 // Writes the numbers of the rows that may be drawn, ascending, and returns how many; `rows` has room for `count`.
-std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows);
 // factor = 1 where sigmoid(logit) > threshold, else 0; the gradient is the sigmoid's (RingLight-GS, eq. 10).
-void straight_through(const float* logits, std::size_t count, float threshold, float* factor);
-void straight_through_gradient(const float* logits, const float* upstream, std::size_t count, float* gradient);
-}  // namespace v3
-namespace v4 {
-std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows);
-void straight_through(const float* logits, std::size_t count, float threshold, float* factor);
-void straight_through_gradient(const float* logits, const float* upstream, std::size_t count, float* gradient);
-}  // namespace v4
+#define RINGLIGHT_VISIBILITY(isa) \
+  namespace isa { \
+  std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows); \
+  void straight_through(const float* logits, std::size_t count, float threshold, float* factor); \
+  void straight_through_gradient(const float* logits, const float* upstream, std::size_t count, float* gradient); \
+  }
+RINGLIGHT_EVERY_ISA(RINGLIGHT_VISIBILITY)
+#undef RINGLIGHT_VISIBILITY
 
 }  // namespace ringlight

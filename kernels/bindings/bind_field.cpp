@@ -105,7 +105,7 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
   const RingOutputs outputs{color.data(), residual ? residual->data() : nullptr,
                             modulation ? modulation->data() : nullptr};
   const nb::gil_scoped_release unlocked;
-  (current_isa() == Isa::v4 ? v4::ring_forward : v3::ring_forward)(shape, weights, scene, outputs);
+  RINGLIGHT_CHOSEN(ring_forward)(shape, weights, scene, outputs);
 }
 
 void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
@@ -118,18 +118,17 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   check(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
         "ring: gradients of color and base must be [N 3]");
   check(latents_gradient.size() == latents.size(), "ring: the gradient of latents must be [N L]");
-  const bool wide = current_isa() == Isa::v4;
-  check(workspace.size() >= (wide ? v4::ring_workspace : v3::ring_workspace)(shape, scene.visible_count),
+  check(workspace.size() >= RINGLIGHT_CHOSEN(ring_workspace)(shape, scene.visible_count),
         "ring: the workspace is too small");
+  const RingRowGradients row_sums{base_gradient.data(), latents_gradient.data()};
   const nb::gil_scoped_release unlocked;
-  (wide ? v4::ring_backward : v3::ring_backward)(shape, weights, scene, color_gradient.data(), sums,
-                                                 {base_gradient.data(), latents_gradient.data()}, workspace.data());
+  RINGLIGHT_CHOSEN(ring_backward)(shape, weights, scene, color_gradient.data(), sums, row_sums, workspace.data());
 }
 
 std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
   const RingShape shape = shape_from(sizes);
   check(visible_count <= std::numeric_limits<std::int32_t>::max(), "ring: too many rows");
-  return (current_isa() == Isa::v4 ? v4::ring_workspace : v3::ring_workspace)(shape, visible_count);
+  return RINGLIGHT_CHOSEN(ring_workspace)(shape, visible_count);
 }
 
 }  // namespace

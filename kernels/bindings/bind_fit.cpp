@@ -41,7 +41,7 @@ void adam_step(const Arrays& values, const Inputs& gradients, const Arrays& mean
                        {rate, beta1, beta2, epsilon, step}});
   }
   const nb::gil_scoped_release unlocked;
-  const auto run = current_isa() == Isa::v4 ? v4::adam : v3::adam;
+  const auto run = RINGLIGHT_CHOSEN(adam);
   run(columns.data(), columns.size(), radii ? radii->data() : nullptr);
 }
 
@@ -50,7 +50,7 @@ void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array p
   check(gradient.size() == 2 * count && radii.size() == 2 * count && views.size() == count,
         "accumulate_pull: gradient and radii must be [N 2], pull and views [N]");
   const nb::gil_scoped_release unlocked;
-  const auto run = current_isa() == Isa::v4 ? v4::accumulate_pull : v3::accumulate_pull;
+  const auto run = RINGLIGHT_CHOSEN(accumulate_pull);
   run(gradient.data(), radii.data(), {scale_x, scale_y}, pull.data(), views.data(), count);
 }
 

@@ -31,7 +31,7 @@ void colors(const Points& means, const Points& constant, const Rest& rest, const
   const Harmonics table = as_table(means, constant, rest, position, degree);
   if (out.shape(0) != table.count) throw std::invalid_argument("sh_colors: colors must have one row per Gaussian");
   const nb::gil_scoped_release unlocked;
-  (current_isa() == Isa::v4 ? v4::sh_colors : v3::sh_colors)(table, out.data());
+  RINGLIGHT_CHOSEN(sh_colors)(table, out.data());
 }
 
 void gradient(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
@@ -46,7 +46,7 @@ void gradient(const Points& means, const Points& constant, const Rest& rest, con
   const ColorGradient by_color{upstream.data(), upstream.stride(0)};
   const HarmonicsGradient out{by_means.data(), by_constant.data(), by_rest.data()};
   const nb::gil_scoped_release unlocked;
-  (current_isa() == Isa::v4 ? v4::sh_gradient : v3::sh_gradient)(table, by_color, out);
+  RINGLIGHT_CHOSEN(sh_gradient)(table, by_color, out);
 }
 
 }  // namespace

@@ -31,23 +31,20 @@ std::size_t drawable(Input means, Input log_scales, Input opacity_logits, const 
   at.reach_sigmas = view[18], at.reach_pixels = view[19], at.slope_margin = view[20], at.faintest_logit = view[21];
   const SplatColumns table{means.data(), log_scales.data(), opacity_logits.data(), count};
   const nb::gil_scoped_release unlocked;
-  return (current_isa() == Isa::v4 ? v4::drawable_rows : v3::drawable_rows)(table, at, rows.data());
+  return RINGLIGHT_CHOSEN(drawable_rows)(table, at, rows.data());
 }
 
 void mask(Input logits, float threshold, Array factor) {
   check(factor.size() == logits.size(), "straight_through: one factor per logit");
   const nb::gil_scoped_release unlocked;
-  (current_isa() == Isa::v4 ? v4::straight_through : v3::straight_through)(logits.data(), logits.size(), threshold,
-                                                                           factor.data());
+  RINGLIGHT_CHOSEN(straight_through)(logits.data(), logits.size(), threshold, factor.data());
 }
 
 void mask_gradient(Input logits, Input upstream, Array gradient) {
   check(upstream.size() == logits.size() && gradient.size() == logits.size(),
         "straight_through_gradient: one gradient per logit");
   const nb::gil_scoped_release unlocked;
-  (current_isa() == Isa::v4 ? v4::straight_through_gradient
-                            : v3::straight_through_gradient)(logits.data(), upstream.data(), logits.size(),
-                                                             gradient.data());
+  RINGLIGHT_CHOSEN(straight_through_gradient)(logits.data(), upstream.data(), logits.size(), gradient.data());
 }
 
 }  // namespace

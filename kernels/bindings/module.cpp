@@ -8,7 +8,7 @@
 NB_MODULE(_kernels, module) {
   module.doc() = "CPU kernels of ringlight: functions fill arrays that the caller made.";
   module.def("isa", [] { return ringlight::isa_name(ringlight::current_isa()); },
-             "Instruction set in use: 'avx512' or 'avx2'.");
+             "Instruction set in use: 'avx512', 'avx2' or 'generic'.");
   ringlight::bind_threads(module);
   ringlight::bind_raster(module);
   ringlight::bind_fit(module);

@@ -4,11 +4,7 @@ ReLU and clamp have kinks where float32 and float64 may take different sides; ex
 are left out, so that the comparison is between equal functions.
 """
 
-import os
-import subprocess
-import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -240,17 +236,3 @@ def test_latents_of_another_width_are_refused():
     gaussians.appearance["latents"] = torch.zeros(5, 2)
     with pytest.raises(ValueError, match="latents"):
         evaluate(model, gaussians, torch.ones(5, 3))
-
-
-@pytest.mark.skipif(_kernels.isa() == "avx2", reason="the suite already runs on AVX2")
-def test_avx2_build():
-    """The same tests with the AVX2 kernels, in a process of their own."""
-    here = Path(__file__)
-    names = ("test_kernel_equals_twin", "test_kernel_equals_twin_at_the_papers_sizes", "test_no_visible_row_is_fine")
-    tests = [f"{here}::{name}" for name in names]
-    tests += [here.with_name("test_drawable.py"), here.with_name("test_visibility_mask.py")]
-    tests.append(here.parents[1] / "fields" / "test_perceptron_kernel.py")
-    environment = os.environ | {"RINGLIGHT_ISA": "avx2"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *map(str, tests)]
-    done = subprocess.run(command, env=environment, cwd=here.parents[2], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-2000:]

@@ -1,12 +1,8 @@
 """What only the CPU back end promises; the contract itself is in tests/contracts/test_rasterizers.py."""
 
 import gc
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -90,19 +86,6 @@ def test_equals_the_oracle(rasterizer, name: str):
     assert off_by(footprint.means2d[seen], arrays["means2d"][seen]) < 1e-6
     assert off_by(footprint.means2d_gradient, arrays["g_means2d"]) < ORACLE_GRADIENT_TOLERANCE
     assert off_by(footprint.absolute_gradient, arrays["absgrad_means2d"]) < ORACLE_GRADIENT_TOLERANCE
-
-
-@pytest.mark.skipif(os.environ.get("RINGLIGHT_ISA") == "avx2", reason="this process runs on AVX2 already")
-def test_avx2_equals_the_oracle_and_the_reference():
-    """The instruction set is chosen once per process."""
-    here = Path(__file__)
-    contract = here.parents[1] / "contracts" / "test_rasterizers.py"
-    chosen = "equals_the_oracle or (cpu and (channels or option or image_size))"
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(here), str(contract), "-k", chosen]
-    answer = subprocess.run(
-        command, env=os.environ | {"RINGLIGHT_ISA": "avx2"}, cwd=here.parents[2], capture_output=True, text=True
-    )
-    assert answer.returncode == 0, answer.stdout[-2000:]
 
 
 extreme = st.one_of(

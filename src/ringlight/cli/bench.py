@@ -25,7 +25,7 @@ class Common:
     """What all benchmarks share."""
 
     threads: int = 0
-    """Threads of the kernels; 0 takes every core. RINGLIGHT_ISA=avx2 in the environment forces the AVX2 kernels."""
+    """Threads of the kernels; 0 takes every core. RINGLIGHT_ISA=avx2 or generic in the environment forces those."""
     rounds: int = 20
     """Rounds timed; medians are shown."""
     seconds: float = 5.0

@@ -26,7 +26,7 @@ except ImportError:  # the constructor says what to do about it
 
 
 class CpuRasterizer:
-    """Own SIMD kernels (AVX2 or AVX-512, chosen at run time); any number of channels, float32.
+    """Own SIMD kernels (AVX-512, AVX2 or generic, chosen at run time); any number of channels, float32.
 
     The image's memory is planar. Results do not depend on the number of threads, bit for bit.
     Raises BackendError where the compiled module is missing or the input is nothing that it can draw.

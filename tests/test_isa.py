@@ -1,0 +1,109 @@
+"""Every instruction set gives what the slow twins give, and no two share code. A process chooses once."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ringlight import _kernels
+
+ROOT = Path(__file__).parents[1]
+
+KERNEL_TESTS = (
+    "contracts/test_rasterizers.py",
+    "rasterize/test_cpu.py",
+    "color/test_harmonics.py",
+    "color/test_ring_kernel.py",
+    "color/test_drawable.py",
+    "color/test_visibility_mask.py",
+    "fields/test_perceptron_kernel.py",
+    "fit/test_losses.py",
+    "fit/test_optimizer.py",
+)
+# All that compares with a twin, without the tests of the reference alone and those that take long.
+CHOSEN = "not reference and not random_scenes and not finite_input and not large_images"
+
+
+def with_isa(name: str, *command: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"RINGLIGHT_ISA": name}
+    return subprocess.run(
+        [sys.executable, *command], env=environment, cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+def answer(name: str) -> str:
+    code = "from ringlight import _kernels\ntry: print(_kernels.isa())\nexcept RuntimeError as error: print(error)"
+    return with_isa(name, "-c", code).stdout.strip()
+
+
+@pytest.mark.parametrize("name", ["generic", "avx2"])
+def test_the_kernels_equal_their_twins(name: str):
+    if _kernels.isa() == name:
+        pytest.skip("the whole suite runs on it already")
+    if answer(name) != name:
+        pytest.skip(answer(name))
+    files = [str(ROOT / "tests" / file) for file in KERNEL_TESTS]
+    done = with_isa(name, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", CHOSEN, *files)
+    assert done.returncode == 0, done.stdout[-2000:]
+
+
+def test_a_set_that_does_not_exist_is_refused_with_those_that_do():
+    assert answer("sse9") == "RINGLIGHT_ISA=sse9 is unknown; use generic, avx2 or avx512, or unset it"
+
+
+def test_what_the_processor_lacks_is_refused_with_the_remedy():
+    if answer("avx512") == "avx512":
+        pytest.skip("this processor has them all")
+    assert answer("avx512").endswith("unset it")
+
+
+def test_a_set_that_cannot_run_ends_the_command_in_one_sentence():
+    done = with_isa("sse9", "-m", "ringlight", "bench", "raster")
+    assert done.returncode == 1
+    assert done.stderr.strip().endswith("RINGLIGHT_ISA=sse9 is unknown; use generic, avx2 or avx512, or unset it")
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.fixture
+def check_isa_symbols():
+    """What the build runs on the object files of each instruction set (CMakeLists.txt)."""
+    path = ROOT / "cmake" / "check_isa_symbols.py"
+    if not path.is_file():
+        pytest.skip("needs the source tree")
+    spec = importlib.util.spec_from_file_location("check_isa_symbols", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_code_outside_the_namespace_of_its_set_is_found(check_isa_symbols):
+    own = "0000000000000000 T _ZN9ringlight2v34adamEPfPKfS0_S0_m"
+    lambda_of_own = "0000000000000000 W _ZN9ringlight12parallel_forIZN9ringlight2v34adamEvEUlmE_EEvmOT_"
+    local, data = "0000000000000040 t _ZL5helpf", "0000000000000000 V _ZN9ringlight5LANESE"
+    merged = "0000000000000000 W _ZSt4swapIfEvRT_S1_"
+    inline = "0000000000000000 W _ZN9ringlight9plane_sumEPKf"
+    listing = "\n".join(["", "adam.cpp.o:", own, lambda_of_own, local, data, merged, inline])
+    assert check_isa_symbols.shared_code(listing, "v3") == sorted(
+        ["_ZSt4swapIfEvRT_S1_", "_ZN9ringlight9plane_sumEPKf"]
+    )
+    assert "_ZN9ringlight2v34adamEPfPKfS0_S0_m" in check_isa_symbols.shared_code(own, "v4")
+
+
+SHARED_INLINE = (
+    "inline __attribute__((noinline)) float shared(float x) { return x * x; } float (*user)(float) = shared;"
+)
+
+
+def test_the_build_refuses_an_object_that_would_be_merged(check_isa_symbols, tmp_path, capsys):
+    compiler, nm = shutil.which("c++"), shutil.which("nm")
+    if compiler is None or nm is None:
+        pytest.skip("needs a compiler and nm")
+    source, target = tmp_path / "kernel.cpp", tmp_path / "kernel.o"
+    source.write_text(SHARED_INLINE, encoding="utf-8")
+    subprocess.run([compiler, "-c", str(source), "-o", str(target)], check=True)
+    assert check_isa_symbols.main(nm, "v3", str(target)) == 1
+    assert "keep it out of kernels/isa" in capsys.readouterr().err
