@@ -30,8 +30,8 @@ class SceneOptions:
     """Every n-th image by name, from the first, is a test image, where the scene brings no split of its own."""
 
     initial_points: int | None = None
-    """Random points to start from where the scene brings none: by default 100000, 50000 for images up to 400 pixels
-    a side, 20000 up to 200."""
+    """Random points to start from where the scene brings none: by default 100000, 20000 for images up to 200 pixels
+    a side."""
 
     points_seed: int = 0
     """Seed of those random points."""

@@ -46,8 +46,11 @@ PARALLEL_AXES = 1e-3
 SURROUNDINGS = 3.0
 """Half side of the cube, in camera extents, around cameras that do not look at one point."""
 
-DEFAULT_COUNTS = ((200, 20_000), (400, 50_000))
-"""(largest side in pixels, random points): 3DGS's 100000 are for 800 pixels; a smaller image holds less detail."""
+SMALL_SIDE = 200
+"""Images up to this many pixels a side start from fewer random points: they have too few pixels to place more."""
+
+SMALL_COUNT = 20_000
+"""Random points for those: half as many as such an image has pixels."""
 
 LARGEST_COUNT = 100_000
 """Random points for larger images, as 3DGS."""
@@ -100,7 +103,7 @@ def scene_extent(cameras: Sequence[Camera], box: Float[Tensor, "2 3"]) -> float:
 def default_count(cameras: Sequence[Camera]) -> int:
     """How many random points suit images of this size."""
     side = max(max(camera.width, camera.height) for camera in cameras)
-    return next((count for largest, count in DEFAULT_COUNTS if side <= largest), LARGEST_COUNT)
+    return SMALL_COUNT if side <= SMALL_SIDE else LARGEST_COUNT
 
 
 def random_points(box: Float[Tensor, "2 3"], count: int, seed: int) -> PointCloud:
