@@ -225,18 +225,13 @@ RINGLIGHT_INLINE Vec scale_by_floor(Vec a, Vec x) { return scale_by_power(a, flo
 RINGLIGHT_PARTS1(Vec, Vec, exponent, detail::exponent_part(a))
 RINGLIGHT_PARTS1(Vec, Vec, mantissa, (detail::Floats)(((detail::Ints)a & 0x007fffff) | 0x3f800000))
 
-// Four rows of four floats, `stride` floats apart: one block of an image.
-RINGLIGHT_INLINE Vec load_block(const float* from, std::size_t stride) {
-  Vec result;
+// Quarter j (four lanes) of rows[i] becomes quarter i of rows[j].
+RINGLIGHT_INLINE void transpose_quarters(Vec rows[4]) {
+  const Vec from[4] = {rows[0], rows[1], rows[2], rows[3]};
 #pragma GCC unroll 4
-  for (std::size_t i = 0; i < detail::PARTS; i++)
-    result.part[i] = *reinterpret_cast<const detail::FloatsInMemory*>(from + i * stride);
-  return result;
-}
-RINGLIGHT_INLINE void store_block(float* to, std::size_t stride, Vec a) {
+  for (int i = 0; i < 4; i++)
 #pragma GCC unroll 4
-  for (std::size_t i = 0; i < detail::PARTS; i++)
-    *reinterpret_cast<detail::FloatsInMemory*>(to + i * stride) = a.part[i];
+    for (int j = 0; j < 4; j++) rows[j].part[i] = from[i].part[j];
 }
 
 // rows[i] lane j becomes rows[j] lane i.
