@@ -117,7 +117,8 @@ struct Gradients {
                 channels.shape(0) == n && means2d.shape(0) == n && (!absolute || absolute->shape(0) == n) &&
                 channels.shape(1) == static_cast<std::size_t>(splats.channel_count),
             "gradients must be shaped like the table");
-    require(opacity_factor.has_value() == (splats.opacity_factor != nullptr) &&
+    // An empty array may be a null pointer.
+    require((n == 0 || opacity_factor.has_value() == (splats.opacity_factor != nullptr)) &&
                 (!opacity_factor || opacity_factor->shape(0) == n),
             "opacity_factor and its gradient go together");
     require(absolute.has_value() == absgrad, "the absolute gradient goes with absgrad");
