@@ -200,3 +200,12 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
     result = run_alone(code)
     assert result.returncode == 0, result.stderr
+
+
+def test_freed_memory_is_kept_or_the_library_says_that_it_cannot():
+    code = """
+assert _kernels.keep_freed_memory() in (True, False)
+assert (step(2) == alone).all()
+"""
+    done = run_alone(code)
+    assert done.returncode == 0, done.stderr

@@ -12,6 +12,7 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "pairs.hpp"
 #include "rasterizer.hpp"
 
 namespace nb = nanobind;
@@ -145,6 +146,13 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
       splats, {image.data(), image_gradient.data(), alpha_gradient ? alpha_gradient->data() : nullptr}, to);
 }
 
+std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
+  require(workspace.complete(), "there is no forward pass whose pairs could be counted");
+  const nb::gil_scoped_release unlocked;
+  const PairCounts counts = count_pairs(workspace.frame());
+  return {counts.evaluated, counts.blended};
+}
+
 }  // namespace
 
 void bind_raster(nb::module_& module) {
@@ -183,7 +191,8 @@ void bind_raster(nb::module_& module) {
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, array("image"), array("alpha"),
            array("means2d"), array("radii"), "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2].")
       .def("backward", &backward, "table"_a, array("image"), array("image_gradient"),
-           array("alpha_gradient").none(), "gradients"_a, "Fill the gradients of the last forward pass.");
+           array("alpha_gradient").none(), "gradients"_a, "Fill the gradients of the last forward pass.")
+      .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");
 }
 
 }  // namespace ringlight

@@ -5,7 +5,7 @@ import torch
 
 from ringlight.bench.staged_step import StagedStep
 from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
-from ringlight.bench.timing import Budget
+from ringlight.bench.timing import TOTAL, Budget
 from ringlight.bench.workload import Size
 from ringlight.data.bundled import bundled_scene
 from ringlight.errors import RecipeError
@@ -42,7 +42,15 @@ def test_repeating_leaves_the_training_where_it_was(circumstances):
     assert result.gaussians == TINY.gaussians
     assert result.image == "32x32"
     assert set(result.stages) == set(StagedStep(before.training, before.step).stages())
+    assert set(result.kernels) == {"raster forward", "loss", "raster backward", "adam", TOTAL}
     assert result.wall_floor_ratio > 0
+
+
+def test_another_rasterizer_has_no_floor(circumstances):
+    other = subject_of_workload("3dgs", METHODS["3dgs"], Size(20, 8), rasterizer_for("reference"))
+    result = bench_step(other, Budget(rounds=1, seconds=60.0), circumstances)
+    assert result.kernels == {}
+    assert result.wall_floor_ratio is None
 
 
 def test_photographs_can_be_stepped_on_too():

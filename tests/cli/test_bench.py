@@ -9,6 +9,8 @@ from ringlight.cli.main import run
 QUICK = ["--rounds", "1", "--seconds", "0"]
 SMALL = {
     "raster": ["--sizes", "200@16", "300@24"],
+    "loss": ["--sizes", "24"],
+    "adam": ["--gaussians", "50"],
     "color": ["--gaussians", "50"],
     "step": ["ringlight", "--size", "300@24"],
 }
@@ -16,6 +18,7 @@ SMALL = {
 
 @pytest.fixture(autouse=True)
 def quick_peaks(monkeypatch):
+    monkeypatch.setattr("ringlight.bench.record.fma_gflops", lambda: 3.0)
     monkeypatch.setattr("ringlight.bench.record.peak_gflops", lambda: 1.0)
     monkeypatch.setattr("ringlight.bench.record.copy_bandwidth", lambda: 2.0)
 
@@ -25,7 +28,7 @@ def test_json_is_valid_and_complete(what, capsys):
     assert run(["bench", what, *SMALL[what], *QUICK, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     now = record["circumstances"]
-    assert {"version", "commit", "date", "machine", "matrix_gflops", "copy_gbs", "load"} == set(now)
+    assert {"version", "commit", "date", "machine", "fma_gflops", "matrix_gflops", "copy_gbs", "load"} == set(now)
     assert len(now["date"].split("-")) == 3
     assert now["machine"]["isa"]
     measured = record["stages"] if what == "step" else record["rows"]
@@ -54,6 +57,8 @@ def test_save_writes_what_json_prints(tmp_path, monkeypatch, capsys):
         (["raster", "--sizes", "10x"], "'10x' is no size"),
         (["raster", "--save", "../x"], "no name for a result"),
         (["raster", "--device", "reference", "--sizes", "10@8", "--against", "nowhere"], "has no kernel.cpp"),
+        (["loss", "--sizes", "0"], "an image of 0 pixels"),
+        (["adam", "--gaussians", "0"], "0 Gaussians"),
         (["color", "--models", "shiny"], "no colour model is called"),
         (["step", "nerf"], "no method is called"),
         (["step", "--scene", "nowhere"], "nowhere"),

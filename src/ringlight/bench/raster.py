@@ -8,6 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.bench.flops import Pairs
+from ringlight.bench.kernels_alone import RasterKernel
 from ringlight.bench.record import Circumstances
 from ringlight.bench.timing import SHORTEST_MS, TOTAL, Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, Workload, workload
@@ -16,6 +18,8 @@ from ringlight.core.randomness import generator
 from ringlight.rasterize.contract import Rasterizer
 
 FORWARD, BACKWARD = "forward", "backward"
+NATIVE = "cpu"
+"""The rasterizer whose kernels are also timed alone."""
 
 
 class Peer(Protocol):
@@ -48,6 +52,11 @@ class RasterRow:
     visible: int
     """Gaussians that reach the image."""
     ours: Passes
+    kernels: Passes | None = None
+    """Our compiled kernels alone, without autograd and new arrays; None for another rasterizer than the CPU's."""
+    pairs: Pairs | None = None
+    gflops: float | None = None
+    """Operations of blending (``bench/flops.py``) over the whole time of the kernels alone, fastest round."""
     peer: Passes | None = None
     wall_ratio: float | None = None
     cpu_ratio: float | None = None
@@ -110,13 +119,23 @@ def image_gradient(size: Size, seed: int = 0) -> Float[Tensor, "C H W"]:
 def _row(size: Size, rasterize: Rasterizer, budget: Budget, peer: PeerMaker | None, seed: int) -> RasterRow:
     work, upstream = workload(size, seed), image_gradient(size, seed)
     ours = OurRaster(work, upstream, rasterize)
+    kernels = RasterKernel(work.gaussians, work.channels, work.camera, ours.background)
     theirs = peer(work, upstream) if peer else None
     contestants = {"ours": Contestant({FORWARD: ours.forward, BACKWARD: ours.backward})}
+    if rasterize.name == NATIVE:
+        contestants["kernels"] = Contestant({FORWARD: kernels.forward, BACKWARD: lambda: kernels.backward(upstream)})
     if theirs:
         contestants["peer"] = Contestant({FORWARD: theirs.forward, BACKWARD: theirs.backward})
     timings = {name: _passes(stages) for name, stages in interleaved(contestants, budget).items()}
     row = RasterRow(size, int(ours.raster.footprint.visible.sum()), timings["ours"])
+    if "kernels" in timings:
+        row = _counted(row, timings["kernels"], Pairs(*kernels.count_pairs()))
     return _beside(row, timings["peer"], ours.image, theirs.image) if theirs else row
+
+
+def _counted(row: RasterRow, kernels: Passes, pairs: Pairs) -> RasterRow:
+    seconds = max(kernels.both.best_ms, SHORTEST_MS) / 1e3
+    return replace(row, kernels=kernels, pairs=pairs, gflops=pairs.flops(row.size.channels) / seconds / 1e9)
 
 
 def _beside(row: RasterRow, peer: Passes, ours: Tensor, theirs: Tensor) -> RasterRow:

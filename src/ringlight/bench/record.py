@@ -10,7 +10,7 @@ from ringlight.errors import OutputError, RecipeError
 from ringlight.files.atomic import write_text
 from ringlight.measure.json_record import to_json
 from ringlight.measure.machine import Machine, machine, source_commit
-from ringlight.measure.speed import copy_bandwidth, peak_gflops
+from ringlight.measure.speed import copy_bandwidth, fma_gflops, peak_gflops
 
 RESULTS = Path("benchmarks", "results")
 """Below the current folder."""
@@ -23,12 +23,14 @@ NAME = re.compile(r"[\w][\w.+-]*")
 
 @dataclass(frozen=True)
 class Circumstances:
-    """Facts that decide what the times mean; the two peaks are measured in the same run, on the same threads."""
+    """Facts that decide what the times mean; the three peaks are measured in the same run, on the same threads."""
 
     version: str
     commit: str | None
     date: str
     machine: Machine
+    fma_gflops: float
+    """float32 multiply-adds in registers, GFLOP/s: nothing that computes is faster."""
     matrix_gflops: float
     """float32 matrix product, GFLOP/s."""
     copy_gbs: float
@@ -50,6 +52,7 @@ def circumstances(date: str) -> Circumstances:
         commit=source_commit(),
         date=date,
         machine=machine(),
+        fma_gflops=fma_gflops(),
         matrix_gflops=peak_gflops(),
         copy_gbs=copy_bandwidth(),
         load=load,

@@ -6,24 +6,27 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import torch
+
+from ringlight.bench.kernels_alone import AdamKernel, LossKernel, RasterKernel, gradients_like
+from ringlight.bench.raster import NATIVE
 from ringlight.bench.record import Circumstances
 from ringlight.bench.staged_step import StagedStep
 from ringlight.bench.timing import SHORTEST_MS, TOTAL, Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload, workload_scene
 from ringlight.core.gaussians import GEOMETRY
+from ringlight.core.rendering import OPACITY_FACTOR
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.fit.train import Training, train
+from ringlight.models.splats import COLUMNS_PREFIX
 from ringlight.rasterize.contract import Rasterizer
 
 SCHEDULED_STEP = 7_501
 """The workload's step: densification counts pulls, as in half of a run, but edits no rows at this one."""
 
-KERNEL_STAGES = ("raster forward", "raster backward", "loss", "adam")
-"""The floor: the kernels that every method needs."""
-
-WHOLE, STAGED = "whole", "staged"
+WHOLE, STAGED, KERNELS = "whole", "staged", "kernels"
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,8 @@ class StepBench:
     """What ``ringlight bench step`` measured.
 
     ``whole`` is the step of the training loop; ``stages`` are the same work cut at its seams, each timed alone, whose
-    sum is ``staged``. The floor ratios are whole over raster + loss + Adam.
+    sum is ``staged``. ``kernels`` are the floor: the compiled rasterizer, loss and Adam on the same inputs, called
+    alone. The floor ratios are whole over their sum; without the CPU's rasterizer there is no such floor.
     """
 
     circumstances: Circumstances
@@ -43,8 +47,9 @@ class StepBench:
     whole: Timing
     staged: Timing
     stages: dict[str, Timing]
-    wall_floor_ratio: float
-    cpu_floor_ratio: float
+    kernels: dict[str, Timing]
+    wall_floor_ratio: float | None
+    cpu_floor_ratio: float | None
 
 
 @dataclass(frozen=True)
@@ -95,10 +100,14 @@ def bench_step(subject: Subject, budget: Budget, now: Circumstances) -> StepBenc
         WHOLE: Contestant({WHOLE: lambda: next(train(training))}, put_back),
         STAGED: Contestant(staged.stages(), put_back),
     }
+    if training.model.rasterize.name == NATIVE:
+        # Put back as well, though nothing has changed: caches are then as cold for all three.
+        contestants[KERNELS] = Contestant(_kernels_alone(subject), put_back)
     timings = interleaved(contestants, budget)
     whole, stages = timings[WHOLE][WHOLE], timings[STAGED]
     total = stages.pop(TOTAL)
-    floor = [stages[name] for name in KERNEL_STAGES]
+    kernels = timings.get(KERNELS, {})
+    floor = kernels.get(TOTAL)
     camera = training.batches.at(subject.step).camera
     return StepBench(
         circumstances=now,
@@ -110,9 +119,36 @@ def bench_step(subject: Subject, budget: Budget, now: Circumstances) -> StepBenc
         whole=whole,
         staged=total,
         stages=stages,
-        wall_floor_ratio=whole.wall_ms / max(sum(timing.wall_ms for timing in floor), SHORTEST_MS),
-        cpu_floor_ratio=whole.cpu_ms / max(sum(timing.cpu_ms for timing in floor), SHORTEST_MS),
+        kernels=kernels,
+        wall_floor_ratio=whole.wall_ms / max(floor.wall_ms, SHORTEST_MS) if floor else None,
+        cpu_floor_ratio=whole.cpu_ms / max(floor.cpu_ms, SHORTEST_MS) if floor else None,
     )
+
+
+def _kernels_alone(subject: Subject) -> dict[str, Callable[[], object]]:
+    """The step's kernels on the step's inputs; Adam updates every parameter of the model."""
+    training = subject.training
+    batch = training.batches.at(subject.step)
+    target = training.targets.of(batch, training.batches.scene.background != "random")
+    model, table = training.model, training.model.gaussians
+    with torch.no_grad():
+        channels = dict(model.color.channels(table, batch.camera))
+    factor = channels.pop(OPACITY_FACTOR, None)
+    raster = RasterKernel(
+        table, channels["rgb"], batch.camera, batch.background, model.options,
+        None if factor is None else factor[:, 0],
+    )  # fmt: skip
+    loss = LossKernel(raster.image, target, training.loss)
+    parameters = dict(model.named_parameters())
+    known = {COLUMNS_PREFIX + name: gradient for name, gradient in raster.gradients.items()}
+    groups = [training.optimizer.groups[name] for name in parameters]
+    adam = AdamKernel(list(parameters.values()), gradients_like(parameters, known), groups)
+    return {
+        "raster forward": raster.forward,
+        "loss": loss.run,
+        "raster backward": lambda: raster.backward(loss.gradient),
+        "adam": adam.run,
+    }
 
 
 def _snapshot(training: Training) -> Callable[[], None]:

@@ -6,10 +6,13 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
+from ringlight.bench.adam import AdamBench
 from ringlight.bench.color import ColorBench
+from ringlight.bench.loss import LossBench
 from ringlight.bench.raster import Passes, RasterBench, RasterRow
 from ringlight.bench.record import Circumstances
 from ringlight.bench.step import StepBench
+from ringlight.bench.timing import TOTAL
 
 Block = Table | Text
 
@@ -28,10 +31,25 @@ def raster_tables(record: RasterBench) -> Iterator[Block]:
         per_second = f"{1e3 / row.ours.both.wall_ms:,.0f}"
         table.add_row(row.size.name, str(row.size.channels), *_passes(row.ours), per_second)
     yield table
+    counted = [row for row in record.rows if row.kernels]
+    if counted:
+        yield Text("the compiled kernels alone; GFLOP/s of blending in their fastest round", style="bold")
+        yield _kernel_table(counted, record.circumstances)
     compared = [row for row in record.rows if row.peer]
     if compared:
         yield Text(f"beside it, in turns, on the same inputs: {record.peer}", style="bold")
         yield _peer_table(compared)
+
+
+def _kernel_table(rows: list[RasterRow], now: Circumstances) -> Table:
+    titles = ("forward", "backward", "both", "CPU", "tried", "blended", "GFLOP/s", "of FMA", "of mm")
+    table = _table("size", *titles)
+    for row in rows:
+        if row.kernels and row.pairs and row.gflops is not None:
+            pairs = (f"{row.pairs.evaluated / 1e6:.1f}M", f"{row.pairs.blended / 1e6:.1f}M")
+            shares = (f"{100 * row.gflops / peak:.0f}%" for peak in (now.fma_gflops, now.matrix_gflops))
+            table.add_row(row.size.name, *_passes(row.kernels), *pairs, f"{row.gflops:.0f}", *shares)
+    return table
 
 
 def _peer_table(rows: list[RasterRow]) -> Table:
@@ -55,6 +73,32 @@ def color_tables(record: ColorBench) -> Iterator[Block]:
     yield Text("show: without gradients, as in rendering; both: as in a training step", style="dim")
 
 
+def loss_tables(record: LossBench) -> Iterator[Block]:
+    """Milliseconds an image."""
+    yield Text("photometric loss, value and gradient, milliseconds an image, medians", style="bold")
+    yield from _circumstances(record.circumstances)
+    table = _table("pixels", "kernel", "CPU", "step", "CPU", "torch", "CPU", "torch : step", "CPU", "max diff")
+    for row in record.rows:
+        times = (time for timing in (row.kernel, row.step, row.torch) for time in (timing.wall_ms, timing.cpu_ms))
+        ratios = (f"{row.wall_ratio:.1f}", f"{row.cpu_ratio:.1f}", f"{row.largest_difference:.0e}")
+        table.add_row(f"{row.pixels}x{row.pixels}", *(_ms(time) for time in times), *ratios)
+    yield table
+    yield Text("kernel: called alone; step: as training calls it; torch: by convolutions", style="dim")
+
+
+def adam_tables(record: AdamBench) -> Iterator[Block]:
+    """Milliseconds an update."""
+    yield Text("one Adam update of a 3dgs table, 59 floats a Gaussian, milliseconds, medians", style="bold")
+    yield from _circumstances(record.circumstances)
+    table = _table("Gaussians", "kernel", "CPU", "fused", "CPU", "foreach", "CPU", "fused : ours", "CPU", "GB/s")
+    for row in record.rows:
+        times = (time for timing in (row.kernel, row.fused, row.foreach) for time in (timing.wall_ms, timing.cpu_ms))
+        ratios = (f"{row.wall_ratio:.2f}", f"{row.cpu_ratio:.2f}", f"{row.gigabytes_per_second:.0f}")
+        table.add_row(f"{row.gaussians:,}", *(_ms(time) for time in times), *ratios)
+    yield table
+    yield Text("fused, foreach: torch's own, in turns with ours on the same numbers", style="dim")
+
+
 def step_tables(record: StepBench) -> Iterator[Block]:
     """Where one training step spends its time."""
     yield Text(f"one training step of {record.method} on {record.scene}, medians", style="bold")
@@ -68,16 +112,22 @@ def step_tables(record: StepBench) -> Iterator[Block]:
     table.add_row("sum of stages", _ms(record.staged.wall_ms), _ms(record.staged.cpu_ms), "")
     rate = f"{1e3 / record.whole.wall_ms:.0f} it/s"
     table.add_row("the loop's step", _ms(record.whole.wall_ms), _ms(record.whole.cpu_ms), rate, style="bold")
+    if record.kernels:
+        table.add_section()
+        for name, timing in record.kernels.items():
+            title = "kernels alone" if name == TOTAL else f"{name}, kernel"
+            table.add_row(title, _ms(timing.wall_ms), _ms(timing.cpu_ms), "", style="bold" if name == TOTAL else "")
     yield table
-    ratios = f"{record.wall_floor_ratio:.2f} times its raster + loss + Adam stages (CPU {record.cpu_floor_ratio:.2f})"
-    yield Text(f"the step takes {ratios}", style="dim")
+    if record.wall_floor_ratio is not None and record.cpu_floor_ratio is not None:
+        ratios = f"{record.wall_floor_ratio:.2f} times (CPU {record.cpu_floor_ratio:.2f} times)"
+        yield Text(f"the step takes {ratios} its raster + loss + Adam kernels alone")
 
 
 def _circumstances(now: Circumstances) -> Iterator[Text]:
     machine, source = now.machine, (now.commit or "installed copy")[:COMMIT_DIGITS]
     yield Text(f"{machine.cpu}: {machine.cores} cores, {machine.threads} threads, {machine.isa}; {source}", style="dim")
-    peaks = f"float32 matrix product {now.matrix_gflops:.0f} GFLOP/s, copy {now.copy_gbs:.0f} GB/s"
-    yield Text(f"measured in this run: {peaks}", style="dim")
+    peaks = f"multiply-adds {now.fma_gflops:.0f}, matrix product {now.matrix_gflops:.0f} GFLOP/s"
+    yield Text(f"peaks in this run: {peaks}, copy {now.copy_gbs:.0f} GB/s", style="dim")
     if now.is_busy:
         yield Text(f"the machine is busy (load {now.load:.1f}): trust CPU times, not wall times", style="yellow")
 

@@ -1,4 +1,4 @@
-"""``ringlight bench raster|color|step``: how fast this machine is, and where the time goes."""
+"""``ringlight bench raster|loss|adam|color|step``: how fast this machine is, and where the time goes."""
 
 import datetime
 import sys
@@ -54,6 +54,24 @@ class RasterArguments:
 
 
 @dataclass(frozen=True)
+class LossArguments:
+    """The photometric loss, value and gradient, beside torch's."""
+
+    sizes: tuple[int, ...] = (200, 400, 800)
+    """Pixels on a side."""
+    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+
+@dataclass(frozen=True)
+class AdamArguments:
+    """One Adam update of a 3dgs table, beside torch's fused and foreach Adam."""
+
+    gaussians: tuple[int, ...] = (10_000, 100_000, 300_000)
+    """Numbers of Gaussians."""
+    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+
+@dataclass(frozen=True)
 class ColorArguments:
     """Colour of every Gaussian towards one camera: spherical harmonics, the tensor ring."""
 
@@ -87,6 +105,8 @@ class BenchArguments:
 
     what: Annotated[
         Annotated[RasterArguments, tyro.conf.subcommand("raster", prefix_name=False)]
+        | Annotated[LossArguments, tyro.conf.subcommand("loss", prefix_name=False)]
+        | Annotated[AdamArguments, tyro.conf.subcommand("adam", prefix_name=False)]
         | Annotated[ColorArguments, tyro.conf.subcommand("color", prefix_name=False)]
         | Annotated[StepArguments, tyro.conf.subcommand("step", prefix_name=False)],
         tyro.conf.arg(name=""),
@@ -136,6 +156,22 @@ def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterato
     return record, raster_tables(record)
 
 
+def _loss(asked: LossArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.loss import LossBench, bench_loss
+    from ringlight.bench.tables import loss_tables
+
+    record = LossBench(now, bench_loss(asked.sizes, _budget(asked.common), asked.common.seed))
+    return record, loss_tables(record)
+
+
+def _adam(asked: AdamArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.adam import AdamBench, bench_adam
+    from ringlight.bench.tables import adam_tables
+
+    record = AdamBench(now, bench_adam(asked.gaussians, _budget(asked.common), asked.common.seed))
+    return record, adam_tables(record)
+
+
 def _color(asked: ColorArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
     from ringlight.bench.color import ColorBench, bench_color
     from ringlight.bench.tables import color_tables
@@ -159,7 +195,13 @@ def _step(asked: StepArguments, now: "Circumstances") -> "tuple[Any, Iterator[Bl
     return record, step_tables(record)
 
 
-_RUNNERS: dict[type, Any] = {RasterArguments: _raster, ColorArguments: _color, StepArguments: _step}
+_RUNNERS: dict[type, Any] = {
+    RasterArguments: _raster,
+    LossArguments: _loss,
+    AdamArguments: _adam,
+    ColorArguments: _color,
+    StepArguments: _step,
+}
 
 
 def _rasterizer(device: Device) -> "Rasterizer":

@@ -1,4 +1,4 @@
-"""How many threads the kernels and torch use."""
+"""How many threads the kernels and torch use, and what the process does with memory."""
 
 from ringlight.errors import BackendError, RecipeError
 
@@ -7,7 +7,7 @@ MOST_TORCH_THREADS = 2
 
 
 def use_threads(count: int) -> None:
-    """``count`` threads for the kernels, 0 for every core.
+    """``count`` threads for the kernels, 0 for every core; arrays that a step frees are kept for the next.
 
     Raises RecipeError for fewer than none, BackendError where the kernels cannot run: every command that calls this
     needs them, whatever the rasterizer.
@@ -25,4 +25,5 @@ def use_threads(count: int) -> None:
     except RuntimeError as error:
         raise BackendError(str(error)) from error
     _kernels.set_threads(count)
+    _kernels.keep_freed_memory()
     torch.set_num_threads(min(_kernels.threads(), MOST_TORCH_THREADS))

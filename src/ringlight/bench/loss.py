@@ -1,0 +1,89 @@
+"""Speed of the photometric loss, value and gradient: our kernel beside torch's convolutions, in turns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.bench.kernels_alone import LossKernel
+from ringlight.bench.record import Circumstances
+from ringlight.bench.timing import SHORTEST_MS, Budget, Contestant, Timing, interleaved
+from ringlight.core.randomness import generator
+from ringlight.errors import RecipeError
+from ringlight.fit.losses import Target, photometric, photometric_reference
+from ringlight.fit.photometric import PhotometricLoss
+
+MOST_PIXELS = 8192
+"""On a side."""
+
+KERNEL, STEP, TORCH = "kernel", "step", "torch"
+
+
+@dataclass(frozen=True)
+class LossRow:
+    """One square image of three channels. ``kernel`` is the compiled function alone, ``step`` what training calls,
+    through autograd; ``torch`` the slow twin, which blurs the photograph as well. Ratios are torch's time over ours."""
+
+    pixels: int
+    kernel: Timing
+    step: Timing
+    torch: Timing
+    wall_ratio: float
+    cpu_ratio: float
+    largest_difference: float
+    """Between the gradients, as a share of the largest."""
+
+
+@dataclass(frozen=True)
+class LossBench:
+    """What ``ringlight bench loss`` measured."""
+
+    circumstances: Circumstances
+    rows: tuple[LossRow, ...]
+
+
+def bench_loss(sizes: Sequence[int], budget: Budget, seed: int = 0) -> tuple[LossRow, ...]:
+    """Time images of these many pixels on a side. Raises RecipeError for a size out of range."""
+    wrong = [pixels for pixels in sizes if not 1 <= pixels <= MOST_PIXELS]
+    if wrong:
+        raise RecipeError(f"an image of {wrong[0]} pixels a side cannot be compared; give 1 to {MOST_PIXELS}")
+    return tuple(_row(pixels, budget, seed) for pixels in sizes)
+
+
+class _Compared:
+    """A rendering and its photograph, and the gradient that each way leaves."""
+
+    def __init__(self, pixels: int, seed: int):
+        draw = generator(seed, pixels, "loss")
+        self.image = torch.rand(3, pixels, pixels, generator=draw)
+        self.target = Target((self.image + 0.1 * torch.randn(3, pixels, pixels, generator=draw)).clamp(0, 1))
+        self.settings = PhotometricLoss()
+        self.leaf = self.image.clone().requires_grad_()
+
+    def step(self) -> Float[Tensor, "3 H W"]:
+        value = photometric(self.leaf.permute(1, 2, 0), self.target, self.settings)
+        return torch.autograd.grad(value, self.leaf)[0]
+
+    def torch(self) -> Float[Tensor, "3 H W"]:
+        value = photometric_reference(self.leaf, self.target.image, self.settings)
+        return torch.autograd.grad(value, self.leaf)[0]
+
+
+def _row(pixels: int, budget: Budget, seed: int) -> LossRow:
+    compared = _Compared(pixels, seed)
+    kernel = LossKernel(compared.image, compared.target, compared.settings)
+    stages = {KERNEL: kernel.run, STEP: compared.step, TORCH: compared.torch}
+    timings = interleaved({name: Contestant({name: stage}) for name, stage in stages.items()}, budget)
+    ours, theirs = timings[STEP][STEP], timings[TORCH][TORCH]
+    expected = compared.torch()
+    return LossRow(
+        pixels=pixels,
+        kernel=timings[KERNEL][KERNEL],
+        step=ours,
+        torch=theirs,
+        wall_ratio=theirs.wall_ms / max(ours.wall_ms, SHORTEST_MS),
+        cpu_ratio=theirs.cpu_ms / max(ours.cpu_ms, SHORTEST_MS),
+        largest_difference=float((compared.step() - expected).abs().max() / expected.abs().max()),
+    )
