@@ -296,6 +296,7 @@ def test_a_healthy_machine(ringlight: Command) -> None:
     done = ringlight("doctor")
     assert done.code == 0, done.out
     assert "self test" in done.out
+    assert "import ringlight before torch" in done.out
     told = json.loads(ringlight("doctor", "--json").out)
     assert told["healthy"]
     assert all(finding["remedy"] for finding in told["findings"] if finding["state"] != "ok")

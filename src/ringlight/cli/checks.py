@@ -99,7 +99,8 @@ def _openmp() -> Finding:
     if os.environ.get("OMP_WAIT_POLICY", "").lower() == "active":
         remedy = "unset OMP_WAIT_POLICY: torch's idle threads would take the cores from the kernels"
         return Finding("OpenMP", "problem", detail, remedy)
-    return Finding("OpenMP", "ok", detail)
+    # It is read when torch is loaded: too late for a program that imports torch before ringlight.
+    return Finding("OpenMP", "ok", f"{detail}; in programs of your own import ringlight before torch")
 
 
 def _self_test() -> Finding:

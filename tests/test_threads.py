@@ -1,0 +1,124 @@
+"""Threads as a whole: the same bits for any number of them, forks, callers side by side, and who else spins."""
+
+import dataclasses
+import hashlib
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+import torch
+
+from ringlight import _kernels
+from ringlight.bench.workload import Size, workload
+from ringlight.cli.threads import MOST_TORCH_THREADS
+from ringlight.data.synthetic import tiny_scene
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.train import train
+from ringlight.methods.table import METHODS
+from ringlight.rasterize.choose import rasterizer_for
+
+
+@pytest.fixture(autouse=True)
+def _all_cores_afterwards():
+    yield
+    _kernels.set_threads(0)
+
+
+def state_after(method: str, steps: int, threads: int) -> dict[str, torch.Tensor]:
+    _kernels.set_threads(threads)
+    densify = DensifySettings(threshold=1e-5, begin=2, every=4, stop=0.9, max_gaussians=900)
+    recipe = dataclasses.replace(METHODS[method], steps=steps, densify=densify)
+    training = recipe.build(tiny_scene(), rasterizer_for("cpu"), seed=1)
+    for _ in train(training):
+        pass
+    return training.state()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_has_the_same_bits_for_any_number_of_threads(method: str):
+    alone = state_after(method, 12, threads=1)
+    for threads in (2, 4):
+        state = state_after(method, 12, threads)
+        assert state.keys() == alone.keys()
+        assert [name for name in alone if not torch.equal(state[name], alone[name])] == []
+
+
+def picture() -> str:
+    work = workload(Size(3000, 64))
+    with torch.no_grad():
+        raster = rasterizer_for("cpu")(work.gaussians, work.channels, work.camera, torch.zeros(3))
+    return hashlib.sha256(raster.image.contiguous().numpy().tobytes()).hexdigest()
+
+
+def test_callers_side_by_side_take_turns_and_get_what_they_asked_for():
+    _kernels.set_threads(3)
+    expected = picture()
+    with ThreadPoolExecutor(4) as callers:
+        assert set(callers.map(lambda _: picture(), range(24))) == {expected}
+
+
+def test_processes_forked_in_the_middle_of_a_loop_have_threads_of_their_own():
+    """The parent's other thread is inside the pool nearly always, so that its locks are held when it forks."""
+    code = """
+import multiprocessing, os, sys, threading
+import torch
+torch.set_num_threads(1)  # torch's own OpenMP does not survive a fork
+sys.path.insert(0, sys.argv[1])
+from test_threads import _kernels, picture
+_kernels.set_threads(3)
+expected = picture()
+def in_child(number):
+    _kernels.set_threads(number % 3 + 1)
+    grandchild = os.fork()
+    if grandchild == 0:
+        os._exit(0 if picture() == expected else 1)
+    return picture(), os.waitstatus_to_exitcode(os.waitpid(grandchild, 0)[1])
+def keep_busy():
+    while not done.is_set():
+        picture()
+done = threading.Event()
+busy = threading.Thread(target=keep_busy)
+busy.start()
+with multiprocessing.get_context("fork").Pool(3) as children:
+    answers = set(children.map(in_child, range(12), chunksize=1))
+done.set()
+busy.join()
+sys.exit(answers != {(expected, 0)} or picture() != expected)
+"""
+    # A deadlock of one of them ends here.
+    here = str(Path(__file__).parent)
+    result = subprocess.run(
+        [sys.executable, "-c", code, here], check=False, capture_output=True, text=True, timeout=100
+    )
+    assert result.returncode == 0, result.stderr[-2000:]
+
+
+def told_in_a_process_of_its_own(code: str, **environment: str) -> list[str]:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("OMP_")}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=clean | environment, check=True, capture_output=True, text=True
+    )
+    return done.stdout.split()
+
+
+def test_torchs_threads_are_told_not_to_spin_before_they_exist():
+    code = "import ringlight, os, sys; print(os.environ['OMP_WAIT_POLICY'], 'torch' in sys.modules)"
+    assert told_in_a_process_of_its_own(code) == ["passive", "False"]
+    assert told_in_a_process_of_its_own(code, OMP_WAIT_POLICY="active") == ["active", "False"], "the user knows better"
+
+
+def test_the_option_counts_for_the_kernels_and_bounds_torch():
+    code = """
+from ringlight.cli.threads import use_threads
+from ringlight import _kernels
+import torch
+for count in (1, 3, 0):
+    use_threads(count)
+    print(_kernels.threads(), torch.get_num_threads())
+"""
+    cores = len(os.sched_getaffinity(0))
+    expected = [1, 1, 3, min(3, MOST_TORCH_THREADS), cores, min(cores, MOST_TORCH_THREADS)]
+    assert told_in_a_process_of_its_own(code) == [str(number) for number in expected]
