@@ -18,12 +18,6 @@ struct Harmonics {
   int degree;
 };
 
-// dL/d(colour): rows of three floats, `stride` floats apart.
-struct ColorGradient {
-  const float* data;
-  std::ptrdiff_t stride;
-};
-
 // Overwritten, every row: [N 3], [N 3], [N 15 3]; zero for harmonics above the degree.
 struct HarmonicsGradient {
   float* means;
@@ -34,7 +28,7 @@ struct HarmonicsGradient {
 #define RINGLIGHT_HARMONICS(isa) \
   namespace isa { \
   void sh_colors(const Harmonics& table, float* colors); \
-  void sh_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient); \
+  void sh_gradient(const Harmonics& table, const float* upstream, const HarmonicsGradient& gradient); \
   }
 RINGLIGHT_EVERY_ISA(RINGLIGHT_HARMONICS)
 #undef RINGLIGHT_HARMONICS

@@ -1,4 +1,7 @@
+#include <nanobind/stl/optional.h>
+
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 
 #include "arrays.hpp"
@@ -47,15 +50,19 @@ void require_apart(const Image& image, const Result& result) {
 }
 
 double photometric_loss(Image image, Image target, Image target_blur, Image target_square_blur, Result gradient,
-                        Workspace workspace, float pixel_weight, float ssim_weight, bool squared) {
+                        Workspace workspace, float pixel_weight, float ssim_weight, bool squared,
+                        const std::optional<Array>& value) {
   const Planes planes = planes_of(image);
   for (const Image& other : {target, target_blur, target_square_blur}) require_shape(other, planes);
   require_shape(gradient, planes);
   for (const Image& input : {image, target, target_blur, target_square_blur}) require_apart(input, gradient);
+  check(!value || value->size() == 1, "photometric: the value is one number");
   const nb::gil_scoped_release unlocked;
-  return photometric(
+  const double loss = photometric(
       {image.data(), target.data(), target_blur.data(), target_square_blur.data(), gradient.data()}, planes,
       {pixel_weight, ssim_weight, squared}, workspace.data(), workspace.size());
+  if (value) *value->data() = static_cast<float>(loss);
+  return loss;
 }
 
 void blur(Image image, Result blurred, Result square_blurred, Workspace workspace) {
@@ -76,9 +83,9 @@ void bind_loss(nb::module_& module) {
   module.def("photometric", &photometric_loss, nb::arg("image").noconvert(), nb::arg("target").noconvert(),
              nb::arg("target_blur").noconvert(), nb::arg("target_square_blur").noconvert(),
              nb::arg("gradient").noconvert(), nb::arg("workspace").noconvert(), nb::arg("pixel_weight"),
-             nb::arg("ssim_weight"), nb::arg("squared"),
+             nb::arg("ssim_weight"), nb::arg("squared"), nb::arg("value").noconvert().none() = nb::none(),
              "pixel_weight * mean(|d| or d^2) + ssim_weight * (1 - mean SSIM) of planar float32 images; fills the "
-             "gradient with respect to image.");
+             "gradient with respect to image and, if given, the value, which is also returned.");
   module.def("blur_target", &blur, nb::arg("image").noconvert(), nb::arg("blur").noconvert(),
              nb::arg("square_blur").noconvert(), nb::arg("workspace").noconvert(),
              "11 x 11 Gaussian blurs (sigma 1.5, zeros outside) of a planar image and of its square.");

@@ -13,7 +13,6 @@ namespace {
 using Points = Tensor<const float, -1, 3>;
 using Rest = Tensor<const float, -1, 15, 3>;
 using Position = Tensor<const float, 3>;
-using Upstream = nb::ndarray<const float, nb::shape<-1, 3>, nb::device::cpu>;
 using PointsOut = Tensor<float, -1, 3>;
 using RestOut = Tensor<float, -1, 15, 3>;
 
@@ -35,18 +34,15 @@ void colors(const Points& means, const Points& constant, const Rest& rest, const
 }
 
 void gradient(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
-              const Upstream& upstream, const PointsOut& by_means, const PointsOut& by_constant,
+              const Points& upstream, const PointsOut& by_means, const PointsOut& by_constant,
               const RestOut& by_rest) {
   const Harmonics table = as_table(means, constant, rest, position, degree);
   if (upstream.shape(0) != table.count || by_means.shape(0) != table.count || by_constant.shape(0) != table.count ||
       by_rest.shape(0) != table.count)
     throw std::invalid_argument("sh_gradient: all gradients must have one row per Gaussian");
-  if (table.count > 0 && upstream.stride(1) != 1)
-    throw std::invalid_argument("sh_gradient: the three floats of an upstream row must be adjacent");
-  const ColorGradient by_color{upstream.data(), upstream.stride(0)};
   const HarmonicsGradient out{by_means.data(), by_constant.data(), by_rest.data()};
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(sh_gradient)(table, by_color, out);
+  RINGLIGHT_CHOSEN(sh_gradient)(table, upstream.data(), out);
 }
 
 }  // namespace

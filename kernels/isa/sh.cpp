@@ -156,10 +156,10 @@ void evaluate(const Harmonics& table, std::size_t first, std::size_t end, Block&
 }
 
 // dL/d(sum): nothing passes where the colour was clamped at black.
-void load_upstream(const ColorGradient& upstream, const Block& block, Lanes* by_sum) {
+void load_upstream(const float* upstream, const Block& block, Lanes* by_sum) {
   for (int lane = 0; lane < LANES; lane++) {
     const int row = lane < block.rows ? lane : block.rows - 1;
-    const float* gradient = upstream.data + upstream.stride * static_cast<std::ptrdiff_t>(block.first + row);
+    const float* gradient = upstream + 3 * (block.first + row);
     for (int c = 0; c < 3; c++) by_sum[c][lane] = block.sums[c][lane] >= 0 ? gradient[c] : 0.0f;
   }
 }
@@ -222,7 +222,7 @@ void store_rest(Block& block, const Lanes* by_sum, float* rest) {
     for (int k = 0; k < SH_REST; k++) rows[SH_REST * lane + k] = block.coefficients[k][lane];
 }
 
-void store_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient,
+void store_gradient(const Harmonics& table, const float* upstream, const HarmonicsGradient& gradient,
                     Block& block) {
   Lanes by_sum[3], by_basis[15], by_direction[3] = {};
   load_upstream(upstream, block, by_sum);
@@ -254,7 +254,7 @@ void sh_colors(const Harmonics& table, float* colors) {
   });
 }
 
-void sh_gradient(const Harmonics& table, const ColorGradient& upstream, const HarmonicsGradient& gradient) {
+void sh_gradient(const Harmonics& table, const float* upstream, const HarmonicsGradient& gradient) {
   parallel_ranges(table.count, GRAIN, [&](std::size_t begin, std::size_t end) {
     Block block;
     for (std::size_t first = begin; first < end; first += LANES) {

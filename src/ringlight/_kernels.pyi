@@ -32,6 +32,7 @@ def photometric(
     pixel_weight: float,
     ssim_weight: float,
     squared: bool,
+    value: Tensor | None = None,
 ) -> float: ...
 def sh_colors(means: Tensor, constant: Tensor, rest: Tensor, position: Tensor, degree: int, colors: Tensor) -> None: ...
 def sh_gradient(

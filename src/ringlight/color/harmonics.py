@@ -83,7 +83,7 @@ class _NativeColors(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, position: Tensor, degree: int) -> Tensor:
         colors = torch.empty_like(means)
-        _kernels.sh_colors(means.detach(), dc.detach(), rest.detach(), position, degree, colors)
+        _kernels.sh_colors(means, dc, rest, position, degree, colors)
         ctx.save_for_backward(means, dc, rest, position)
         ctx.degree = degree
         return colors
@@ -92,8 +92,6 @@ class _NativeColors(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, Tensor, Tensor, None, None]:
         means, dc, rest, position = ctx.saved_tensors
-        if upstream.stride(1) != 1:
-            upstream = upstream.contiguous()
         by_means, by_dc, by_rest = torch.empty_like(means), torch.empty_like(dc), torch.empty_like(rest)
-        _kernels.sh_gradient(means, dc, rest, position, ctx.degree, upstream, by_means, by_dc, by_rest)
+        _kernels.sh_gradient(means, dc, rest, position, ctx.degree, upstream.contiguous(), by_means, by_dc, by_rest)
         return by_means, by_dc, by_rest, None, None

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -58,7 +59,7 @@ class Scene:
     source: str
     notes: tuple[str, ...] = field(default_factory=tuple)
 
-    @property
+    @cached_property
     def background_color(self) -> Float[Tensor, "3"]:
         """What test images are composited over: white unless black was asked for."""
         return torch.zeros(3) if self.background == "black" else torch.ones(3)

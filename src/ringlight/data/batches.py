@@ -30,15 +30,15 @@ class ImageBatches:
 
     def __init__(self, scene: Scene, seed: int):
         self.scene, self.seed = scene, seed
-        self._epoch, self._order = -1, torch.empty(0, dtype=torch.int64)
+        self._epoch, self._order = -1, list[int]()
 
     def at(self, step: int) -> ImageBatch:
         """The batch of ``step`` (1 is the first)."""
         epoch, position = divmod(step - 1, len(self.scene.train))
         if epoch != self._epoch:
             draw = generator(self.seed, epoch, "order of views")
-            self._epoch, self._order = epoch, torch.randperm(len(self.scene.train), generator=draw)
-        index = int(self._order[position])
+            self._epoch, self._order = epoch, torch.randperm(len(self.scene.train), generator=draw).tolist()
+        index = self._order[position]
         return ImageBatch(index, self.scene.train[index], self._background(step))
 
     def _background(self, step: int) -> Float[Tensor, "3"]:

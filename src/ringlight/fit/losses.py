@@ -58,7 +58,8 @@ class _Photometric(torch.autograd.Function):
     def forward(ctx: Any, color: Tensor, target: Target, settings: PhotometricLoss) -> Tensor:
         image = color.permute(2, 0, 1).contiguous()
         ctx.gradient = torch.empty_like(image)
-        value = _kernels.photometric(
+        value = torch.empty(())
+        _kernels.photometric(
             image,
             target.image,
             target.blur,
@@ -68,8 +69,9 @@ class _Photometric(torch.autograd.Function):
             pixel_weight=settings.scale * (1 - settings.ssim_weight),
             ssim_weight=settings.scale * settings.ssim_weight,
             squared=settings.pixel == "l2",
+            value=value,
         )
-        return image.new_tensor(value)
+        return value
 
     @staticmethod
     @once_differentiable
