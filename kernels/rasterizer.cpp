@@ -1,6 +1,7 @@
 #include "rasterizer.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 #include <new>
 #include <stdexcept>
@@ -15,6 +16,21 @@ namespace {
 std::size_t piece_count(const Frame& frame) { return (frame.splats.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE; }
 
 int tiles_along(int pixels) { return (pixels + convention::TILE - 1) / convention::TILE; }
+
+// Times consecutive stages.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double* seconds) : seconds_(seconds) {}
+  void end(Stage stage) {
+    const auto now = std::chrono::steady_clock::now();
+    seconds_[stage] = std::chrono::duration<double>(now - since_).count();
+    since_ = now;
+  }
+
+ private:
+  double* seconds_;
+  std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
+};
 
 }  // namespace
 
@@ -69,11 +85,17 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   frame_.tiles_y = tiles_along(camera.height);
   make_room();
   reserve_scratch();
+  Stopwatch watch(seconds_);
   RINGLIGHT_CHOSEN(project)(frame_, footprints);
   const std::uint64_t drawn = number_slots();
-  binning_.bin(frame_, sort_.sort(frame_, drawn), drawn);
+  watch.end(PROJECT);
+  const std::uint64_t* const order = sort_.sort(frame_, drawn);
+  watch.end(SORT);
+  binning_.bin(frame_, order, drawn);
   frame_.block_masks = block_masks_.reserve(slots_in_use_);
+  watch.end(BIN);
   RINGLIGHT_CHOSEN(blend)(frame_, images);
+  watch.end(BLEND);
   complete_ = true;
 }
 
@@ -84,8 +106,11 @@ void Workspace::backward(const Splats& splats, const ImageGradients& from, const
   frame_.slots = slots_.reserve(slots_in_use_ * stride);
   frame_.slot_used = slot_used_.reserve(slots_in_use_);
   if (slots_in_use_) std::memset(frame_.slot_used, 0, slots_in_use_);
+  Stopwatch watch(seconds_);
   RINGLIGHT_CHOSEN(blend_gradient)(frame_, from);
+  watch.end(BLEND_GRADIENT);
   RINGLIGHT_CHOSEN(project_gradient)(frame_, to);
+  watch.end(PROJECT_GRADIENT);
 }
 
 }  // namespace ringlight

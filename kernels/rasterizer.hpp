@@ -7,6 +7,8 @@
 
 namespace ringlight {
 
+enum Stage { PROJECT, SORT, BIN, BLEND, BLEND_GRADIENT, PROJECT_GRADIENT, STAGES };
+
 // Holds what one forward pass leaves for its backward pass. Reused by later passes, it allocates only to grow.
 class Workspace {
  public:
@@ -24,6 +26,8 @@ class Workspace {
   // Whether the last forward pass came to its end, so that there is something for a backward pass.
   bool complete() const { return complete_; }
   const Frame& frame() const { return frame_; }
+  // How long each stage took the last time.
+  double seconds(Stage stage) const { return seconds_[stage]; }
 
  private:
   void make_room();
@@ -31,6 +35,7 @@ class Workspace {
   void reserve_scratch();
 
   Frame frame_{};
+  double seconds_[STAGES] = {};
   bool complete_ = false;
   std::uint64_t passes_ = 0, slots_in_use_ = 0;
   DepthSort sort_;

@@ -153,6 +153,13 @@ std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
   return {counts.evaluated, counts.blended};
 }
 
+nb::dict stage_seconds(const Workspace& workspace) {
+  constexpr const char* NAMES[STAGES] = {"project", "sort", "bin", "blend", "blend_gradient", "project_gradient"};
+  nb::dict seconds;
+  for (int i = 0; i < STAGES; i++) seconds[NAMES[i]] = workspace.seconds(static_cast<Stage>(i));
+  return seconds;
+}
+
 }  // namespace
 
 void bind_raster(nb::module_& module) {
@@ -188,6 +195,7 @@ void bind_raster(nb::module_& module) {
   nb::class_<Workspace>(module, "Workspace", "What a forward pass leaves for its backward pass; reusable.")
       .def(nb::init<>())
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
+      .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, array("image"), array("alpha"),
            array("means2d"), array("radii"), "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2].")
       .def("backward", &backward, "table"_a, array("image"), array("image_gradient"),
