@@ -12,7 +12,7 @@ from ringlight.bench.record import Circumstances
 from ringlight.bench.timing import SHORTEST_MS, Budget, Contestant, Timing, interleaved
 from ringlight.core.randomness import generator
 from ringlight.errors import RecipeError
-from ringlight.fit.losses import Target, photometric, photometric_reference
+from ringlight.fit.losses import Target, photometric_gradient, photometric_reference
 from ringlight.fit.photometric import PhotometricLoss
 
 MOST_PIXELS = 8192
@@ -23,8 +23,8 @@ KERNEL, STEP, TORCH = "kernel", "step", "torch"
 
 @dataclass(frozen=True)
 class LossRow:
-    """One square image of three channels. ``kernel`` is the compiled function alone, ``step`` what training calls,
-    through autograd; ``torch`` the slow twin, which blurs the photograph as well. Ratios are torch's time over ours."""
+    """One square image of three channels. ``kernel`` is the compiled function alone, ``step`` what training
+    calls; ``torch`` the slow twin, which blurs the photograph as well. Ratios are torch's time over ours."""
 
     pixels: int
     kernel: Timing
@@ -60,15 +60,14 @@ class _Compared:
         self.image = torch.rand(3, pixels, pixels, generator=draw)
         self.target = Target((self.image + 0.1 * torch.randn(3, pixels, pixels, generator=draw)).clamp(0, 1))
         self.settings = PhotometricLoss()
-        self.leaf = self.image.clone().requires_grad_()
 
     def step(self) -> Float[Tensor, "3 H W"]:
-        value = photometric(self.leaf.permute(1, 2, 0), self.target, self.settings)
-        return torch.autograd.grad(value, self.leaf)[0]
+        return photometric_gradient(self.image.permute(1, 2, 0), self.target, self.settings)[1].permute(2, 0, 1)
 
     def torch(self) -> Float[Tensor, "3 H W"]:
-        value = photometric_reference(self.leaf, self.target.image, self.settings)
-        return torch.autograd.grad(value, self.leaf)[0]
+        leaf = self.image.detach().requires_grad_()
+        value = photometric_reference(leaf, self.target.image, self.settings)
+        return torch.autograd.grad(value, leaf)[0]
 
 
 def _row(pixels: int, budget: Budget, seed: int) -> LossRow:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from ringlight.core.rendering import OPACITY_FACTOR, Rendering
-from ringlight.fit.losses import photometric
+from ringlight.fit.losses import photometric_gradient
 from ringlight.fit.train import Training
 
 
@@ -52,9 +52,7 @@ class StagedStep:
         )
 
     def loss(self) -> None:
-        image = self.raster.image.detach().requires_grad_()
-        value = photometric(image, self.target, self.training.loss)
-        (self.by_image,) = torch.autograd.grad(value, image)
+        _, self.by_image = photometric_gradient(self.raster.image, self.target, self.training.loss)
 
     def raster_backward(self) -> None:
         self.raster.image.backward(self.by_image)

@@ -4,13 +4,10 @@ SSIM is that of 3DGS: Wang et al. 2004 with an 11 x 11 Gaussian window of sigma 
 K2 = 0.03, range 1, averaged over pixels and channels. The rendering is compared as it is, not clamped.
 """
 
-from typing import Any
-
 import torch
 import torch.nn.functional
 from jaxtyping import Float
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
 from ringlight import _kernels
 from ringlight.fit.photometric import PhotometricLoss
@@ -36,50 +33,43 @@ class Target:
             _kernels.blur_target(self.image, self.blur, self.square_blur, _workspace(self.image))
 
 
-def photometric(color: Float[Tensor, "H W 3"], target: Target, settings: PhotometricLoss) -> Float[Tensor, ""]:
-    """The loss, differentiable (once) with respect to ``color``.
+def photometric_gradient(
+    color: Float[Tensor, "H W 3"], target: Target, settings: PhotometricLoss
+) -> tuple[Float[Tensor, ""], Float[Tensor, "H W 3"]]:
+    """The loss and its gradient with respect to ``color``, both without a graph.
 
-    ``color`` is used in place when its memory is planar ([3 H W] permuted), as rasterizers return it, and copied
-    otherwise; its gradient is planar too. The kernels want float32 on the CPU; anything else takes the torch path.
+    One pass gives both, so a step begins its backward pass with the gradient, and autograd has a node less. ``color``
+    is used in place when its memory is planar ([3 H W] permuted), as rasterizers return it, and copied otherwise; the
+    gradient is planar too. The kernels want float32 on the CPU; anything else takes the torch path. Raises ValueError
+    where the sizes differ.
     """
     if color.shape[:2] != target.image.shape[1:]:
         sizes = f"{tuple(color.shape[:2])} and {tuple(target.image.shape[1:])}"
         raise ValueError(f"rendering and target differ in height and width: {sizes}")
     if color.device.type == "cpu" and color.dtype == torch.float32:
-        result: Tensor = _Photometric.apply(color, target, settings)
-        return result
-    return photometric_reference(color.permute(2, 0, 1), target.image.to(color), settings)
+        return _native_gradient(color.detach(), target, settings)
+    leaf = color.detach().requires_grad_()
+    with torch.enable_grad():
+        value = photometric_reference(leaf.permute(2, 0, 1), target.image.to(color), settings)
+    return value.detach(), torch.autograd.grad(value, leaf)[0]
 
 
-class _Photometric(torch.autograd.Function):
-    """Value and gradient come out of one pass, so the gradient exists before it is asked for."""
-
-    @staticmethod
-    def forward(ctx: Any, color: Tensor, target: Target, settings: PhotometricLoss) -> Tensor:
-        image = color.permute(2, 0, 1).contiguous()
-        ctx.gradient = torch.empty_like(image)
-        value = torch.empty(())
-        _kernels.photometric(
-            image,
-            target.image,
-            target.blur,
-            target.square_blur,
-            ctx.gradient,
-            _workspace(image),
-            pixel_weight=settings.scale * (1 - settings.ssim_weight),
-            ssim_weight=settings.scale * settings.ssim_weight,
-            squared=settings.pixel == "l2",
-            value=value,
-        )
-        return value
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None, None]:
-        factor = upstream.item()
-        # A bare loss.backward() passes 1: one walk over the image less.
-        gradient = ctx.gradient if factor == 1 else ctx.gradient * factor
-        return gradient.permute(1, 2, 0), None, None
+def _native_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -> tuple[Tensor, Tensor]:
+    image = color.permute(2, 0, 1).contiguous()
+    value, gradient = torch.empty(()), torch.empty_like(image)
+    _kernels.photometric(
+        image,
+        target.image,
+        target.blur,
+        target.square_blur,
+        gradient,
+        _workspace(image),
+        pixel_weight=settings.scale * (1 - settings.ssim_weight),
+        ssim_weight=settings.scale * settings.ssim_weight,
+        squared=settings.pixel == "l2",
+        value=value,
+    )
+    return value, gradient.permute(1, 2, 0)
 
 
 def _workspace(image: Tensor) -> Tensor:

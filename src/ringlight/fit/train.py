@@ -1,9 +1,7 @@
 """The training loop. Read this first."""
 
-import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import reduce
 
 import torch
 from jaxtyping import Float
@@ -11,7 +9,7 @@ from torch import Tensor
 
 from ringlight.core.rendering import Rendering
 from ringlight.data.batches import ImageBatch, ImageBatches
-from ringlight.fit.losses import PhotometricLoss, Target, photometric
+from ringlight.fit.losses import PhotometricLoss, Target, photometric_gradient
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.targets import Targets
@@ -78,14 +76,15 @@ def train(training: Training) -> Iterator[Progress]:
         batch = training.batches.at(step)
         target = training.targets.of(batch, fixed_background)
         rendering = model.render(batch.camera, batch.background)
-        terms = {"photometric": photometric(rendering.color, target, training.loss)}
-        terms |= {name: penalty(model) for name, penalty in training.penalties.items()}
-        reduce(operator.add, terms.values()).backward()
+        value, by_color = photometric_gradient(rendering.color, target, training.loss)
+        penalties = {name: penalty(model) for name, penalty in training.penalties.items()}
+        torch.autograd.backward([rendering.color, *penalties.values()], [by_color, *(None for _ in penalties)])
+        terms = {"photometric": value} | {name: term.detach() for name, term in penalties.items()}
         optimizer.step(step, None if rendering.raster is None else rendering.raster.footprint.radii)
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, rendering)
         training.step = step
-        yield Progress(step, {name: term.detach() for name, term in terms.items()}, batch, rendering, target)
+        yield Progress(step, terms, batch, rendering, target)
 
 
 def _below(state: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
