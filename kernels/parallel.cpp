@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <exception>
 #include <mutex>
 #include <new>
@@ -18,14 +19,33 @@
 namespace ringlight {
 namespace {
 
-constexpr int SPINS = 4000;         // about 50 us: the usual gap between two loops of one training step
-constexpr int MOST_THREADS = 1024;  // more than any machine has cores: a slip of the keyboard must not pass
+constexpr std::chrono::microseconds PATIENCE{100};  // a little more than the usual gap between two loops of one step
+constexpr int MOST_THREADS = 1024;                  // more than any machine has cores: a slip of the keyboard must not pass
 
 int cores() {
   cpu_set_t set;
   if (sched_getaffinity(0, sizeof set, &set) == 0) return CPU_COUNT(&set);
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));  // 0 where it is not known
 }
+
+// Waiting without sleep, for a while: a thread that sleeps takes longer to wake up than most gaps last. By the clock,
+// since one pause lasts 10 to 140 cycles, depending on the processor.
+class Spin {
+ public:
+  // False when patience is at its end.
+  bool once() {
+    constexpr int PAUSES = 64;  // between two looks at the clock
+    relax();
+    if (++pauses_ % PAUSES) return true;
+    const auto now = std::chrono::steady_clock::now();
+    if (pauses_ == PAUSES) end_ = now + PATIENCE;
+    return now < end_;
+  }
+
+ private:
+  unsigned pauses_ = 0;
+  std::chrono::steady_clock::time_point end_;
+};
 
 struct Loop {
   detail::Body body = nullptr;
@@ -84,10 +104,8 @@ class Pool {
     generation_.notify_all();
     loop_.work();
     state_.fetch_and(~OPEN);
-    for (int spins = 0; state_.load(std::memory_order_acquire) != 0;) {
-      if (++spins < SPINS) relax();
-      else std::this_thread::yield();
-    }
+    for (Spin spin; state_.load(std::memory_order_acquire) != 0;)
+      if (!spin.once()) std::this_thread::yield();
     loop_.rethrow();
   }
 
@@ -105,10 +123,8 @@ class Pool {
     // Not generation_: a worker that starts after the last loop, or after the destructor, must notice that it is late.
     unsigned seen = 0;
     for (;;) {
-      for (int spins = 0; generation_.load(std::memory_order_acquire) == seen;) {
-        if (++spins < SPINS) relax();
-        else generation_.wait(seen);
-      }
+      for (Spin spin; generation_.load(std::memory_order_acquire) == seen;)
+        if (!spin.once()) generation_.wait(seen);
       seen = generation_.load();
       if (stopping_) return;
       if (!enter()) continue;
