@@ -1,4 +1,4 @@
-"""Peak memory of a training step above the parameters, their moments and the photograph, in a fresh process."""
+"""Peak memory of a training step above the parameters and their moments, in a fresh process."""
 
 import subprocess
 import sys
