@@ -23,8 +23,9 @@ const dlpack::Exchange* exchange_of(PyTypeObject* type);
 // __dlpack__ refuses parameters: what can be detached is, everything else is returned as it is.
 nanobind::object without_gradient(PyObject* source) noexcept;
 
-// Pointer and sizes of a tensor, which is kept alive. `Sizes` are those that it must have, -1 for any; none at all for
-// any number of dimensions.
+// Pointer and sizes of a tensor. `Sizes` are those that it must have, -1 for any; none at all for any number of
+// dimensions. The object is kept alive, but a tensor of torch may be given other memory (`t.data = ...`, `t.resize_`):
+// what keeps one of these from call to call must know that nobody does that meanwhile.
 template <class Scalar, int... Sizes>
 class Tensor {
  public:

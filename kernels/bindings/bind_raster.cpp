@@ -30,7 +30,7 @@ void require(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(std::string("rasterizer: ") + what);
 }
 
-// A table and its channels, kept alive by the arrays themselves.
+// A table and its channels, for one call: a tensor may be given other memory before the next (arrays.hpp).
 struct Table {
   Table(In<-1, 3> means, In<-1, 3> log_scales, In<-1, 4> quats, In<-1> opacity_logits,
         std::optional<In<-1>> opacity_factor, In<-1, -1> channels, In<-1> background)
@@ -180,7 +180,8 @@ void bind_raster(nb::module_& module) {
         new (self) RasterSettings(settings(eps2d, near, max_alpha, antialiased, absgrad));
       }, "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
 
-  nb::class_<Table>(module, "SplatTable", "The table in stored form, channels and background; holds the arrays.")
+  nb::class_<Table>(module, "SplatTable", "The table in stored form, channels and background. Make a new one for each call, unless nobody sets .data or "
+      "resizes an array in between.")
       .def(nb::init<In<-1, 3>, In<-1, 3>, In<-1, 4>, In<-1>, std::optional<In<-1>>, In<-1, -1>,
                     In<-1>>(),
            array("means"), array("log_scales"), array("quats"), array("opacity_logits"),

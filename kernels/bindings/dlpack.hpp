@@ -25,7 +25,7 @@ struct Exchange {
   int (*allocate)(...);
   int (*managed_from_object)(...);
   int (*managed_to_object)(...);
-  // Fills in a tensor that is valid as long as the object; 0 for success. May be null.
+  // Fills in a tensor that is valid as long as the object keeps its memory; 0 for success. May be null.
   int (*from_object)(void* object, Tensor* tensor);
 };
 

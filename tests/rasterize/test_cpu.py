@@ -1,6 +1,8 @@
 """What only the CPU back end promises; the contract itself is in tests/contracts/test_rasterizers.py."""
 
 import gc
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -188,3 +190,37 @@ def test_a_column_changed_in_place_before_backward_is_noticed(rasterizer):
         means += 1
     with pytest.raises(RuntimeError, match="modified by an inplace operation"):
         raster.image.sum().backward()
+
+
+OTHER_MEMORY = """
+import torch
+from ringlight.bench.workload import Size, workload
+from ringlight.core.gaussians import GEOMETRY, Gaussians
+from ringlight.rasterize.cpu import CpuRasterizer
+
+work = workload(Size(200_000, 64))  # arrays so large that the system takes freed ones back at once
+
+def gradients(between, retain):
+    leaves = {name: getattr(work.gaussians, name).clone().requires_grad_() for name in GEOMETRY}
+    leaves["channels"] = work.channels.clone().requires_grad_()
+    table = Gaussians.from_columns({name: leaves[name] for name in GEOMETRY})
+    image = CpuRasterizer()(table, leaves["channels"], work.camera, torch.ones(3)).image
+    if retain:
+        torch.autograd.grad(image.sum(), leaves.values(), retain_graph=True)
+    for leaf in leaves.values():
+        between(leaf)
+    return torch.autograd.grad(image.sum(), leaves.values())
+
+def elsewhere(leaf):
+    leaf.data = leaf.data.clone()
+
+for retain in (False, True):
+    pairs = zip(gradients(elsewhere, retain), gradients(lambda leaf: None, retain), strict=True)
+    assert all(torch.equal(ours, expected) for ours, expected in pairs), retain
+"""
+
+
+def test_columns_whose_memory_was_exchanged_before_backward_are_read_where_they_are():
+    """In a process of its own: to read what was freed ends it."""
+    done = subprocess.run([sys.executable, "-c", OTHER_MEMORY], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, f"{done.returncode}: {done.stderr}"

@@ -178,8 +178,8 @@ class _Rasterize(torch.autograd.Function):
         ctx: Any, job: _Job, spare: "list[_kernels.Workspace]", *columns: Tensor | None
     ) -> tuple[Tensor, Tensor]:
         ctx.set_materialize_grads(False)
-        ctx.job, ctx.table, ctx.loan = job, job.table(columns), _Loan(spare)
-        image, alpha = ctx.loan.draw(job, ctx.table)
+        ctx.job, ctx.loan = job, _Loan(spare)
+        image, alpha = ctx.loan.draw(job, job.table(columns))
         ctx.save_for_backward(image, *columns)  # the columns, so that torch notices when one is changed in place
         return _as_raster(image, alpha)
 
@@ -194,11 +194,12 @@ class _Rasterize(torch.autograd.Function):
         absolute = torch.empty_like(by_center) if job.absgrad else None
         by_image = torch.zeros_like(image) if by_image is None else by_image.permute(2, 0, 1).contiguous()
         by_alpha = None if by_alpha is None else by_alpha.squeeze(-1).contiguous()
-        loan.reclaim(job, ctx.table)
+        table = job.table(columns)  # anew: a column whose ``data`` was set since then has other memory
+        loan.reclaim(job, table)
         gradients = _kernels.SplatGradients(
             means, log_scales, quats, opacity_logits, opacity_factor, channels, by_center, absolute
         )
-        loan.workspace.backward(ctx.table, image, by_image, by_alpha, gradients)
+        loan.workspace.backward(table, image, by_image, by_alpha, gradients)
         loan.give_back()
         job.note(by_center, absolute)
         return (None, None, *by_columns)
