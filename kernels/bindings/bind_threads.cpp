@@ -3,6 +3,7 @@
 #include <malloc.h>
 #endif
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
 #include "parallel.hpp"
@@ -14,9 +15,9 @@ namespace ringlight {
 
 namespace {
 
-double run_multiply_adds(std::size_t pieces, std::size_t rounds) {
+double run_multiply_adds(std::size_t rounds, const Tensor<float, -1>& sums) {
   const nb::gil_scoped_release unlocked;
-  return RINGLIGHT_CHOSEN(multiply_adds)(pieces, rounds);
+  return RINGLIGHT_CHOSEN(multiply_adds)(sums.size(), rounds, sums.data());
 }
 
 // glibc hands freed memory back to the system, which must clear each page when it is asked for again. A training step
@@ -39,8 +40,9 @@ void bind_threads(nb::module_& module) {
   module.def("keep_freed_memory", &keep_freed_memory,
              "For the rest of this process freed arrays up to 32 MB stay with it, half a gigabyte in all, instead of "
              "going back to the system. Returns whether the C library can do so.");
-  module.def("multiply_adds", &run_multiply_adds, nb::arg("pieces"), nb::arg("rounds"),
-             "Multiply-adds in registers, as fast as it goes; returns the floating-point operations done.");
+  module.def("multiply_adds", &run_multiply_adds, nb::arg("rounds"), nb::arg("sums"),
+             "x <- x / 2 + 1 in registers for n numbers that begin with 0 to n - 1, as fast as it goes; once for each "
+             "element of sums, which receives the sum of the ends. Returns the floating-point operations done.");
 }
 
 }  // namespace ringlight

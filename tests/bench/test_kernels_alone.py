@@ -86,7 +86,13 @@ def test_more_channels_and_pairs_cost_more():
     assert Pairs(100, 10).flops(4) > Pairs(100, 10).flops(3)
 
 
-def test_operations_of_the_peak_grow_with_the_work():
-    one = _kernels.multiply_adds(1, 10)
-    assert one > 0
-    assert _kernels.multiply_adds(3, 20) == 6 * one
+@pytest.mark.parametrize("rounds", [0, 1, 4])
+def test_the_peak_counts_the_operations_that_it_does(rounds: int):
+    """Every number is a chain of its own: x/2 + 1, n times, is 2 + (x - 2) / 2^n. All sums are exact in float32."""
+    sums = torch.full((3,), torch.nan)
+    done = _kernels.multiply_adds(rounds, sums)
+    numbers = _kernels.multiply_adds(1, torch.empty(1)) / 2
+    assert numbers >= 16
+    assert done == 2 * numbers * rounds * len(sums)
+    expected = 2 * numbers + (numbers * (numbers - 1) / 2 - 2 * numbers) / 2**rounds
+    assert sums.tolist() == [expected] * 3
