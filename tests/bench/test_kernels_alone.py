@@ -59,10 +59,12 @@ def one_wide_gaussian(opacity_logit: float, count: int = 1) -> Gaussians:
     )
 
 
-def test_a_gaussian_on_every_pixel_makes_that_many_pairs():
-    camera = workload_camera(48)
-    kernel = RasterKernel(one_wide_gaussian(0.0), torch.ones(1, 3), camera, torch.zeros(3))
-    assert kernel.count_pairs() == (48 * 48, 48 * 48)
+@pytest.mark.parametrize("side", [48, 45, 33, 1])
+def test_a_gaussian_on_every_pixel_makes_that_many_pairs(side: int):
+    """Whole blocks of 4 x 4 lanes are evaluated; only pixels of the image are blended."""
+    kernel = RasterKernel(one_wide_gaussian(0.0), torch.ones(1, 3), workload_camera(side), torch.zeros(3))
+    lanes = (side + 3) // 4 * 4
+    assert kernel.count_pairs() == (lanes * lanes, side * side)
 
 
 def test_what_lies_behind_finished_pixels_is_not_a_pair():
