@@ -7,7 +7,8 @@ namespace {
 
 constexpr std::size_t GRAIN = 16384;  // floats a piece: four arrays of 64 KB stay in L2
 
-// Rows of a piece; a multiple of a cache line's floats, so that no two pieces write to one line.
+// Rows of a piece: a multiple of a cache line's floats, so that no two pieces of an aligned array write to one line.
+// One row where rows are so wide that sixteen of them are more than a piece should be.
 std::size_t rows_per_piece(const AdamColumn& column) {
   constexpr std::size_t LINE = 16;
   const std::size_t rows = GRAIN / (column.width * LINE) * LINE;

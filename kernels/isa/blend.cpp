@@ -207,9 +207,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
 
 template <int C>
 void blend_all(const Frame& frame, const Images& images) {
-  for_each_tile(frame, [&](const Tile& tile, const Tile*, float* scratch) {
-    blend_tile<C>(frame, tile, scratch, images);
-  });
+  for_each_tile(frame, [&](const Tile& tile, float* scratch) { blend_tile<C>(frame, tile, scratch, images); });
 }
 
 }  // namespace

@@ -249,7 +249,7 @@ RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Tile
 
 template <int C, bool Absolute>
 void walk_all(const Frame& frame, const ImageGradients& from) {
-  for_each_tile(frame, [&](const Tile& tile, const Tile* next, float* scratch) {
+  for_each_tile_ahead(frame, [&](const Tile& tile, const Tile* next, float* scratch) {
     Workplace place;
     place.width = C == WIDE ? padded_channels(frame.splats.channel_count) : C;
     place.states = scratch;

@@ -37,23 +37,34 @@ RINGLIGHT_INLINE void prefetch_floats(const float* from, int count) {
   __builtin_prefetch(from + count - 1);
 }
 
-// Calls body(tile, next, scratch) for every tile, longest first; `scratch` is the worker's own memory. A worker claims
-// one tile ahead, so that `next`, null for its last one, can be fetched into the cache meanwhile.
+// The next tile that nobody has, longest first; false when all are taken.
+RINGLIGHT_INLINE bool claim_tile(const Frame& frame, int& claimed, Tile& tile) {
+  const int i = __atomic_fetch_add(&claimed, 1, __ATOMIC_RELAXED);
+  if (i >= frame.tiles_x * frame.tiles_y) return false;
+  tile = tile_at(frame, static_cast<int>(frame.tile_order[i]));
+  return true;
+}
+
+// Calls body(tile, scratch) for every tile; `scratch` is the worker's own memory.
 template <class F>
 RINGLIGHT_INLINE void for_each_tile(const Frame& frame, F&& body) {
-  const int tiles = frame.tiles_x * frame.tiles_y;
-  int unclaimed = 0;
-  const auto claim = [&] { return __atomic_fetch_add(&unclaimed, 1, __ATOMIC_RELAXED); };
+  int claimed = 0;
   parallel_for(static_cast<std::size_t>(frame.workers), [&](std::size_t worker) {
-    float* const scratch = frame.scratch + worker * frame.scratch_stride;
-    int i = claim();
-    if (i >= tiles) return;
-    for (Tile tile = tile_at(frame, static_cast<int>(frame.tile_order[i]));;) {
-      i = claim();
-      if (i >= tiles) return body(tile, static_cast<const Tile*>(nullptr), scratch);
-      const Tile next = tile_at(frame, static_cast<int>(frame.tile_order[i]));
-      body(tile, &next, scratch);
-      tile = next;
+    Tile tile;
+    while (claim_tile(frame, claimed, tile)) body(tile, frame.scratch + worker * frame.scratch_stride);
+  });
+}
+
+// Calls body(tile, next, scratch): a worker claims one tile ahead, so that `next`, null for its last one, can be
+// fetched into the cache meanwhile. It may sit on a tile that an idle worker could have: for bodies that do fetch it.
+template <class F>
+RINGLIGHT_INLINE void for_each_tile_ahead(const Frame& frame, F&& body) {
+  int claimed = 0;
+  parallel_for(static_cast<std::size_t>(frame.workers), [&](std::size_t worker) {
+    Tile tile, next{};
+    for (bool more = claim_tile(frame, claimed, tile); more; tile = next) {
+      more = claim_tile(frame, claimed, next);
+      body(tile, more ? &next : nullptr, frame.scratch + worker * frame.scratch_stride);
     }
   });
 }
