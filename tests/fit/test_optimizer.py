@@ -23,11 +23,11 @@ class Table(nn.Module):
         self.shared = nn.Linear(2, 2)
 
 
-def stepped(model: Table, optimizer: Optimizer, step: int) -> None:
+def stepped(model: Table, optimizer: Optimizer, step: int, radii: torch.Tensor | None = None) -> None:
     draw = torch.Generator().manual_seed(step)
     for parameter in model.parameters():
         parameter.grad = torch.randn(parameter.shape, generator=draw)
-    optimizer.step(step)
+    optimizer.step(step, radii)
 
 
 def test_moments_follow_rows_and_new_rows_start_at_zero():
@@ -70,7 +70,7 @@ def test_rows_that_were_not_drawn_wait_if_wished():
     drawn = torch.tensor([True, False, True, True, False])
     radii = torch.where(drawn[:, None], 3.0, 0.0).repeat(1, 2)
     for model, optimizer in zip((waiting, dense), optimizers, strict=True):
-        stepped(model, optimizer, 1)  # no radii: every row
+        stepped(model, optimizer, 1, torch.ones(5, 2))
         before = {name: parameter.detach().clone() for name, parameter in model.named_parameters()}
         for parameter in model.parameters():
             parameter.grad = torch.ones_like(parameter)
@@ -80,6 +80,28 @@ def test_rows_that_were_not_drawn_wait_if_wished():
         assert torch.equal(column[~drawn], before[f"columns.{name}"][~drawn])
         assert not torch.equal(dense.columns[name][~drawn], before[f"columns.{name}"][~drawn])
     assert torch.equal(waiting.shared.weight, dense.shared.weight)
+
+
+def test_rows_that_were_drawn_must_be_known_if_others_shall_wait():
+    model = Table()
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10, visible_only=True)
+    before = {name: parameter.detach().clone() for name, parameter in model.named_parameters()}
+    with pytest.raises(RecipeError, match="switch visible_only off"):
+        stepped(model, optimizer, 1)
+    assert all(torch.equal(parameter, before[name]) for name, parameter in model.named_parameters())
+
+
+def test_a_part_of_the_model_that_was_exchanged_is_what_moves():
+    model = Table()
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    old, model.shared = model.shared, nn.Linear(2, 2)
+    weights = [module.weight.detach().clone() for module in (old, model.shared)]
+    stepped(model, optimizer, 1)
+    assert torch.equal(old.weight, weights[0])
+    assert not torch.equal(model.shared.weight, weights[1])
+    del model.shared
+    with pytest.raises(AttributeError, match="shared"):
+        stepped(model, optimizer, 2)
 
 
 def test_replace_clears_the_moments():

@@ -4,7 +4,7 @@ Every change of a parameter's shape goes through the verbs here (``edit_rows``, 
 parameter without its moments is the classic bug of this field.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 
 import torch
@@ -32,19 +32,26 @@ class Optimizer:
         self._mean = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
-        # Names are looked up once, parameters each time: the verbs below and the model replace them.
-        self._places = {name: _place_of(name, model) for name in self.groups}
+        # Names are cut once. Modules and parameters are looked up each time: the verbs below and the model replace them.
+        self._attributes: dict[str, list[tuple[str, str]]] = {}
+        for name in self.groups:
+            owner, _, attribute = name.rpartition(".")
+            self._attributes.setdefault(owner, []).append((name, attribute))
 
     @torch.no_grad()
     def step(self, step: int, radii: Float[Tensor, "N 2"] | None = None) -> None:
         """Update every parameter that has a gradient, and drop the gradients.
 
-        ``radii`` are the footprint's of this step; ``visible_only`` wants them.
+        ``radii`` are the footprint's of this step; RecipeError if ``visible_only`` wants them and there are none.
         """
+        if self.visible_only and radii is None:
+            raise RecipeError(
+                "visible_only wants to know which Gaussians this step drew, and the rendering does not say; "
+                "switch visible_only off for this method"
+            )
         columns: list[Update] = []
         shared: list[Update] = []
-        for name, (owner, attribute) in self._places.items():
-            parameter = getattr(owner, attribute)
+        for name, parameter in self._parameters():
             gradient = parameter.grad
             if gradient is None:
                 continue
@@ -77,7 +84,8 @@ class Optimizer:
     @torch.no_grad()
     def replace(self, name: str, value: Tensor) -> None:
         """Give a parameter a new value, of any shape; its moments start at zero."""
-        module, attribute = self._places[name]
+        owner, _, attribute = name.rpartition(".")
+        module = self.model.get_submodule(owner)
         parameter = nn.Parameter(value.detach().clone())
         if isinstance(module, nn.ParameterDict):
             module[attribute] = parameter
@@ -98,11 +106,12 @@ class Optimizer:
             self._square[name] = state[f"square.{name}"].clone()
         self._updates = dict(zip(self._updates, state["updates"].tolist(), strict=True))
 
-
-def _place_of(name: str, model: nn.Module) -> tuple[nn.Module, str]:
-    """The module that holds the parameter, and its name there."""
-    owner, _, attribute = name.rpartition(".")
-    return model.get_submodule(owner), attribute
+    def _parameters(self) -> Iterator[tuple[str, Tensor]]:
+        """What the model holds under each name now. Raises AttributeError for a name that it has lost."""
+        for owner, attributes in self._attributes.items():
+            module = self.model.get_submodule(owner)
+            for name, attribute in attributes:
+                yield name, getattr(module, attribute)
 
 
 def _group_of(name: str, groups: Mapping[str, Adam]) -> Adam:
