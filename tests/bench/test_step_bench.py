@@ -31,6 +31,16 @@ def test_stages_do_what_the_loop_does(method):
         assert torch.allclose(tensor, ours[name], rtol=1e-5, atol=1e-7), name
 
 
+def test_stages_take_a_constant_penalty_as_the_loop_does():
+    looped, staged = subject("3dgs"), subject("3dgs")
+    for each in (looped, staged):
+        each.training.penalties = {"constant": lambda model: torch.ones(())}
+    next(train(looped.training))
+    for stage in StagedStep(staged.training, staged.step).stages().values():
+        stage()
+    assert torch.equal(looped.training.model.columns["means"], staged.training.model.columns["means"])
+
+
 def test_the_workload_has_every_schedule_at_its_end():
     assert int(subject("3dgs").training.model.color.active_degree) == 3
     assert bool(subject("ringlight").training.model.color.lit)

@@ -74,6 +74,23 @@ def test_the_loss_shown_is_the_sum_of_its_terms():
     assert progress.loss == pytest.approx(sum(term.item() for term in progress.losses.values()))
 
 
+@pytest.mark.parametrize("constant", [False, True])
+def test_a_penalty_counts_whether_or_not_it_has_a_gradient(constant: bool):
+    def scales(model):
+        term = model.columns["log_scales"].exp().mean()
+        return term.detach() if constant else term
+
+    def after_one_step(penalties):
+        training = quick("3dgs").build(tiny_scene(), rasterizer_for("auto"), seed=0)
+        training.penalties = penalties
+        return next(train(training)), training.model.columns["log_scales"]
+
+    plain, without = after_one_step({})
+    progress, with_penalty = after_one_step({"scales": scales})
+    assert progress.loss > plain.loss
+    assert torch.equal(with_penalty, without) is constant
+
+
 def test_the_light_field_waits_for_the_warm_up():
     recipe = dataclasses.replace(quick("ringlight"), warmup=0.1)  # of 30 steps
     training = recipe.build(tiny_scene(), rasterizer_for("auto"), seed=0)

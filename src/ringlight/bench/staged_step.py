@@ -64,7 +64,9 @@ class StagedStep:
         slopes = [cuts[name].grad for name, values in self.channels.items() if values.requires_grad]  # type: ignore[union-attr]
         torch.autograd.backward(ends, slopes)
         for penalty in self.training.penalties.values():
-            penalty(self.training.model).backward()
+            term = penalty(self.training.model)
+            if term.requires_grad:
+                term.backward()
 
     def adam(self) -> None:
         self.training.optimizer.step(self.step, self.raster.footprint.radii)

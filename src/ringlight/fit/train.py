@@ -78,7 +78,8 @@ def train(training: Training) -> Iterator[Progress]:
         rendering = model.render(batch.camera, batch.background)
         value, by_color = photometric_gradient(rendering.color, target, training.loss)
         penalties = {name: penalty(model) for name, penalty in training.penalties.items()}
-        torch.autograd.backward([rendering.color, *penalties.values()], [by_color, *(None for _ in penalties)])
+        sloped = [term for term in penalties.values() if term.requires_grad]  # one that is constant counts all the same
+        torch.autograd.backward([rendering.color, *sloped], [by_color, *(None for _ in sloped)])
         terms = {"photometric": value} | {name: term.detach() for name, term in penalties.items()}
         optimizer.step(step, None if rendering.raster is None else rendering.raster.footprint.radii)
         for strategy in training.strategies:
