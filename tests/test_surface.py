@@ -61,3 +61,14 @@ def test_source_files_stay_short():
     """One idea a file: 400 lines need a reason, and there is none yet."""
     files = [*ROOT.glob("src/**/*.py"), *ROOT.glob("kernels/**/*.[ch]pp")]
     assert [str(f.relative_to(ROOT)) for f in files if len(f.read_text(encoding="utf-8").splitlines()) > 400] == []
+
+
+def test_the_oldest_torch_that_doctor_accepts_is_the_one_that_is_asked_for():
+    from ringlight.cli.checks import OLDEST_TORCH
+
+    project = ROOT / "pyproject.toml"
+    if not project.is_file():
+        pytest.skip("needs the source tree")
+    [floor] = re.findall(r'"torch>=([\d.]+)"', project.read_text(encoding="utf-8"))
+    assert tuple(map(int, floor.split("."))) == OLDEST_TORCH
+    assert OLDEST_TORCH >= (2, 5), "increment_version takes several tensors since then (fit/adam.py)"

@@ -16,7 +16,7 @@ from ringlight import __version__
 from ringlight.errors import RinglightError
 
 OLDEST_PYTHON = (3, 10)
-OLDEST_TORCH = (2, 4)
+OLDEST_TORCH = (2, 5)
 
 EXTRAS = {
     "av": ("video", "films as mp4"),
@@ -89,7 +89,8 @@ def _torch() -> Finding:
         gpu += f", {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ", no GPU found"
     detail = f"{torch.__version__}, {gpu}, {torch.get_num_threads()} threads"
     if tuple(int(part) for part in torch.__version__.split(".")[:2]) < OLDEST_TORCH:
-        return Finding("torch", "problem", detail, 'pip install --upgrade "torch>=2.4"', essential=True)
+        oldest = ".".join(map(str, OLDEST_TORCH))
+        return Finding("torch", "problem", detail, f'pip install --upgrade "torch>={oldest}"', essential=True)
     return Finding("torch", "ok", detail)
 
 
