@@ -92,6 +92,23 @@ def test_a_forward_pass_that_failed_has_no_backward_pass():
         workspace.backward(table, image, image, None, gradients)
 
 
+def test_every_number_of_a_camera_is_looked_at_alone():
+    """Two large focal lengths have a sum that is not finite."""
+    _kernels.Pinhole(torch.eye(4), (3e38, 3e38), (4.0, 4.0), 8, 8)
+    for bad in (float("nan"), float("inf")):
+        numbers = [8.0, 8.0, 4.0, 4.0]
+        for place in range(4):
+            focal_x, focal_y, center_x, center_y = [*numbers[:place], bad, *numbers[place + 1 :]]
+            with pytest.raises(ValueError, match="camera must be finite"):
+                _kernels.Pinhole(torch.eye(4), (focal_x, focal_y), (center_x, center_y), 8, 8)
+
+
+def freed(tensor: torch.Tensor) -> torch.Tensor:
+    """A shape without memory behind it."""
+    tensor.untyped_storage().resize_(0)
+    return tensor
+
+
 def images(change=lambda tensor: tensor) -> list[torch.Tensor]:
     """Image, target, two blurs and the gradient of a photometric loss, one of them changed."""
     return [change(torch.zeros(3, 8, 8)), *(torch.zeros(3, 8, 8) for _ in range(4))]
@@ -108,6 +125,9 @@ def images(change=lambda tensor: tensor) -> list[torch.Tensor]:
         lambda tensor: tensor[None],
         lambda tensor: tensor[None, None, None],
         lambda tensor: tensor.to("meta"),
+        freed,
+        lambda tensor: torch._efficientzerotensor(tensor.shape),
+        torch._neg_view,
         lambda tensor: tensor.numpy().astype("float64"),
         lambda tensor: tensor.numpy()[:, ::2],
         lambda tensor: tensor.tolist(),

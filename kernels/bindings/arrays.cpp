@@ -23,22 +23,33 @@ nb::object without_gradient(PyObject* source) noexcept {
   return detached != nullptr ? nb::steal(detached) : nb::borrow(source);
 }
 
+bool is_negated(PyObject* source) noexcept {
+  static PyObject* const name = PyUnicode_InternFromString("is_neg");
+  PyObject* const answer = PyObject_CallMethodNoArgs(source, name);
+  if (answer == nullptr) PyErr_Clear();  // no tensor of torch
+  Py_XDECREF(answer);
+  return answer == Py_True;
+}
+
 const dlpack::Exchange* exchange_of(PyTypeObject* type) {
   struct Known {
     PyTypeObject* type;
     const dlpack::Exchange* exchange;
   };
-  // Two types make up nearly all arguments, torch.Tensor and torch.nn.Parameter. Kept types stay alive, so that no other
-  // takes their address; Python's lock guards the places.
+  // Two types make up nearly all arguments, torch.Tensor and torch.nn.Parameter. Kept types stay alive, so that no
+  // other takes their address; Python's lock guards the places.
   static Known known[4] = {};
   static unsigned next = 0;
   for (const Known& one : known)
     if (one.type == type) return one.exchange;
+  // To look it up and to drop a type may run Python, which may come here again: no place is half filled meanwhile.
+  const dlpack::Exchange* const exchange = find_exchange(type);
   Known& place = known[next++ % 4];
-  Py_XDECREF(reinterpret_cast<PyObject*>(place.type));
+  PyTypeObject* const dropped = place.type;
   Py_INCREF(reinterpret_cast<PyObject*>(type));
-  place = {type, find_exchange(type)};
-  return place.exchange;
+  place = {type, exchange};
+  Py_XDECREF(reinterpret_cast<PyObject*>(dropped));
+  return exchange;
 }
 
 }  // namespace ringlight

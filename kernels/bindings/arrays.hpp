@@ -13,8 +13,9 @@
 
 namespace ringlight {
 
-inline void check(bool right, const char* message) {
-  if (!right) throw std::invalid_argument(message);
+// Every refusal of a binding goes through here: Python sees a ValueError.
+inline void require(bool holds, const char* otherwise) {
+  if (!holds) throw std::invalid_argument(otherwise);
 }
 
 // The exchange table of a type of tensors, or null where its library has none.
@@ -22,6 +23,9 @@ const dlpack::Exchange* exchange_of(PyTypeObject* type);
 
 // __dlpack__ refuses parameters: what can be detached is, everything else is returned as it is.
 nanobind::object without_gradient(PyObject* source) noexcept;
+
+// Whether the numbers in memory are the negatives of those that the tensor stands for. The exchange table does not say.
+bool is_negated(PyObject* source) noexcept;
 
 // Pointer and sizes of a tensor. `Sizes` are those that it must have, -1 for any; none at all for any number of
 // dimensions. The object is kept alive, but a tensor of torch may be given other memory (`t.data = ...`, `t.resize_`):
@@ -50,9 +54,10 @@ class Tensor {
     }
     if (!has_scalars(tensor) || tensor.device != dlpack::CPU || !adopt(tensor.ndim, tensor.shape)) return false;
     if (tensor.strides != nullptr && !is_contiguous(tensor.strides)) return false;
-    data_ = reinterpret_cast<Scalar*>(static_cast<char*>(tensor.data) + tensor.byte_offset);
+    if (is_negated(source)) return false;
+    if (tensor.data != nullptr) data_ = reinterpret_cast<Scalar*>(static_cast<char*>(tensor.data) + tensor.byte_offset);
     owner_ = nanobind::borrow(source);
-    return true;
+    return has_memory();
   }
 
  private:
@@ -91,8 +96,11 @@ class Tensor {
     std::array<std::size_t, MOST_AXES> shape{};
     for (std::size_t axis = 0; axis < held_.ndim() && axis < MOST_AXES; axis++) shape[axis] = held_.shape(axis);
     data_ = held_.data();
-    return adopt(held_.ndim(), shape.data());
+    return adopt(held_.ndim(), shape.data()) && has_memory();
   }
+
+  // A tensor may have a shape and nothing behind it: its storage was freed, or its zeros are only meant.
+  bool has_memory() const { return data_ != nullptr || size() == 0; }
 
   Scalar* data_ = nullptr;
   std::size_t ndim_ = 0;

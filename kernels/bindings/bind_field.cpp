@@ -18,18 +18,18 @@ namespace {
 using Rows = Tensor<const std::int32_t, -1>;
 
 RingShape shape_from(const std::vector<int>& sizes) {
-  check(sizes.size() == 7,
+  require(sizes.size() == 7,
         "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents");
   const RingShape shape{sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6]};
-  check(shape.rank >= 1 && shape.rank <= RING_MAX_RANK, "ring: rank out of range");
-  check(shape.features >= 1 && shape.features <= RING_MAX_FEATURES, "ring: features out of range");
-  check(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
-  check(shape.modulation_hidden >= 0 && shape.modulation_hidden <= RING_MAX_HIDDEN,
+  require(shape.rank >= 1 && shape.rank <= RING_MAX_RANK, "ring: rank out of range");
+  require(shape.features >= 1 && shape.features <= RING_MAX_FEATURES, "ring: features out of range");
+  require(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
+  require(shape.modulation_hidden >= 0 && shape.modulation_hidden <= RING_MAX_HIDDEN,
         "ring: modulation_hidden out of range");
-  check(shape.nodes >= 2 && shape.nodes <= RING_MAX_NODES && shape.view_nodes >= 2 &&
+  require(shape.nodes >= 2 && shape.nodes <= RING_MAX_NODES && shape.view_nodes >= 2 &&
             shape.view_nodes <= RING_MAX_NODES,
         "ring: nodes out of range");
-  check(shape.latents >= 0 && shape.latents <= RING_MAX_LATENTS, "ring: latents out of range");
+  require(shape.latents >= 0 && shape.latents <= RING_MAX_LATENTS, "ring: latents out of range");
   return shape;
 }
 
@@ -54,9 +54,9 @@ std::vector<std::size_t> parameter_sizes(const RingShape& shape) {
 template <class Float, class Arrays>
 RingParameters<Float> parameters_from(const RingShape& shape, const Arrays& arrays) {
   const std::vector<std::size_t> sizes = parameter_sizes(shape);
-  check(arrays.size() == sizes.size(), "ring: wrong number of parameters");
+  require(arrays.size() == sizes.size(), "ring: wrong number of parameters");
   for (std::size_t i = 0; i < sizes.size(); i++)
-    check(arrays[i].size() == sizes[i], "ring: a parameter has the wrong size");
+    require(arrays[i].size() == sizes[i], "ring: a parameter has the wrong size");
   RingParameters<Float> parameters{arrays[0].data(), arrays[1].data(), arrays[2].data(), {}, {}};
   std::size_t next = 3;
   const auto take = [&](RingLayer<Float>& layer) {
@@ -80,16 +80,16 @@ RingScene scene_from(const RingShape& shape, const Columns& columns, const Rows&
   scene.means = means.data(), scene.base = base.data(), scene.latents = latents.data();
   scene.count = means.size() / 3;
   scene.visible = visible.data(), scene.visible_count = visible.size();
-  check(means.size() == 3 * scene.count && base.size() == 3 * scene.count, "ring: means and base must be [N 3]");
-  check(latents.size() == shape.latents * scene.count, "ring: latents must be [N L]");
-  check(frame.size() == 9, "ring: frame is the camera's position and the box's low and high corner");
+  require(means.size() == 3 * scene.count && base.size() == 3 * scene.count, "ring: means and base must be [N 3]");
+  require(latents.size() == shape.latents * scene.count, "ring: latents must be [N L]");
+  require(frame.size() == 9, "ring: frame is the camera's position and the box's low and high corner");
   for (int c = 0; c < 3; c++) {
     scene.camera[c] = frame.data()[c];
     scene.low[c] = frame.data()[3 + c];
     scene.high[c] = frame.data()[6 + c];
   }
   for (std::size_t i = 0; i < scene.visible_count; i++)
-    check(static_cast<std::size_t>(scene.visible[i]) < scene.count, "ring: a visible row is not in the table");
+    require(static_cast<std::size_t>(scene.visible[i]) < scene.count, "ring: a visible row is not in the table");
   return scene;
 }
 
@@ -99,9 +99,9 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
   const RingShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
   const RingScene scene = scene_from(shape, {means, base, latents}, visible, frame);
-  check(color.size() == 3 * scene.count, "ring: color must be [N 3]");
-  check(!residual || residual->size() == 3 * scene.count, "ring: residual must be [N 3]");
-  check(!modulation || modulation->size() == scene.count, "ring: modulation must be [N 1]");
+  require(color.size() == 3 * scene.count, "ring: color must be [N 3]");
+  require(!residual || residual->size() == 3 * scene.count, "ring: residual must be [N 3]");
+  require(!modulation || modulation->size() == scene.count, "ring: modulation must be [N 1]");
   const RingOutputs outputs{color.data(), residual ? residual->data() : nullptr,
                             modulation ? modulation->data() : nullptr};
   const nb::gil_scoped_release unlocked;
@@ -115,10 +115,10 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
   const RingScene scene = scene_from(shape, {means, base, latents}, visible, frame);
-  check(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
+  require(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
         "ring: gradients of color and base must be [N 3]");
-  check(latents_gradient.size() == latents.size(), "ring: the gradient of latents must be [N L]");
-  check(workspace.size() >= RINGLIGHT_CHOSEN(ring_workspace)(shape, scene.visible_count),
+  require(latents_gradient.size() == latents.size(), "ring: the gradient of latents must be [N L]");
+  require(workspace.size() >= RINGLIGHT_CHOSEN(ring_workspace)(shape, scene.visible_count),
         "ring: the workspace is too small");
   const RingRowGradients row_sums{base_gradient.data(), latents_gradient.data()};
   const nb::gil_scoped_release unlocked;
@@ -127,23 +127,23 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
 
 std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
   const RingShape shape = shape_from(sizes);
-  check(visible_count <= std::numeric_limits<std::int32_t>::max(), "ring: too many rows");
+  require(visible_count <= std::numeric_limits<std::int32_t>::max(), "ring: too many rows");
   return RINGLIGHT_CHOSEN(ring_workspace)(shape, visible_count);
 }
 
 }  // namespace
 
 void bind_field(nb::module_& module) {
-  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters").noconvert(),
-             nb::arg("means").noconvert(), nb::arg("base").noconvert(), nb::arg("latents").noconvert(),
-             nb::arg("visible").noconvert(), nb::arg("frame").noconvert(), nb::arg("color").noconvert(),
-             nb::arg("residual").noconvert() = nb::none(), nb::arg("modulation").noconvert() = nb::none(),
+  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters"),
+             nb::arg("means"), nb::arg("base"), nb::arg("latents"),
+             nb::arg("visible"), nb::arg("frame"), nb::arg("color"),
+             nb::arg("residual") = nb::none(), nb::arg("modulation") = nb::none(),
              "Colours of the visible rows by the light field.");
-  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters").noconvert(),
-             nb::arg("means").noconvert(), nb::arg("base").noconvert(), nb::arg("latents").noconvert(),
-             nb::arg("visible").noconvert(), nb::arg("frame").noconvert(), nb::arg("color_gradient").noconvert(),
-             nb::arg("gradients").noconvert(), nb::arg("base_gradient").noconvert(),
-             nb::arg("latents_gradient").noconvert(), nb::arg("workspace").noconvert(),
+  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters"),
+             nb::arg("means"), nb::arg("base"), nb::arg("latents"),
+             nb::arg("visible"), nb::arg("frame"), nb::arg("color_gradient"),
+             nb::arg("gradients"), nb::arg("base_gradient"),
+             nb::arg("latents_gradient"), nb::arg("workspace"),
              "Gradients of all parameters, of the base colours' logits and of the latents.");
   module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
              "Floats of workspace that ring_backward needs.");

@@ -17,13 +17,13 @@ using Stack = Tensor<const float, -1, -1, -1>;
 // Weight, bias, weight, bias, ...: [H inputs outputs] and [H 1 outputs].
 template <class Float, class Arrays>
 PerceptronLayers<Float> layers_from(const PerceptronShape& shape, const Arrays& arrays) {
-  check(arrays.size() == 6, "perceptron: three layers have six parameters");
+  require(arrays.size() == 6, "perceptron: three layers have six parameters");
   const std::size_t widths[] = {static_cast<std::size_t>(shape.inputs), static_cast<std::size_t>(shape.hidden),
                                 static_cast<std::size_t>(shape.hidden), static_cast<std::size_t>(shape.outputs)};
   PerceptronLayers<Float> layers;
   for (int layer = 0; layer < 3; layer++) {
     const auto &weight = arrays[2 * layer], &bias = arrays[2 * layer + 1];
-    check(weight.size() == shape.heads * widths[layer] * widths[layer + 1] &&
+    require(weight.size() == shape.heads * widths[layer] * widths[layer + 1] &&
               bias.size() == shape.heads * widths[layer + 1],
           "perceptron: a parameter has the wrong size");
     layers.weight[layer] = weight.data();
@@ -35,11 +35,11 @@ PerceptronLayers<Float> layers_from(const PerceptronShape& shape, const Arrays& 
 PerceptronShape shape_from(const Stack& rows, const std::vector<Input>& parameters, std::size_t results) {
   constexpr std::size_t MOST_HEADS = 1 << 10, MOST_NODES = 1 << 20, WIDEST = 1 << 14;  // products fit an int
   const std::size_t heads = rows.shape(0), nodes = rows.shape(1), inputs = rows.shape(2);
-  check(heads && nodes && parameters.size() == 6, "perceptron: no rows, or not three layers");
-  check(heads <= MOST_HEADS && nodes <= MOST_NODES, "perceptron: too many heads or nodes");
+  require(heads && nodes && parameters.size() == 6, "perceptron: no rows, or not three layers");
+  require(heads <= MOST_HEADS && nodes <= MOST_NODES, "perceptron: too many heads or nodes");
   const std::size_t hidden = parameters[1].size() / heads, outputs = results / (heads * nodes);
-  check(results == heads * nodes * outputs, "perceptron: results and their gradient must be [H K outputs]");
-  check(inputs && hidden && outputs && inputs <= WIDEST && hidden <= WIDEST && outputs <= WIDEST,
+  require(results == heads * nodes * outputs, "perceptron: results and their gradient must be [H K outputs]");
+  require(inputs && hidden && outputs && inputs <= WIDEST && hidden <= WIDEST && outputs <= WIDEST,
         "perceptron: a width is 0 or above 2^14");
   return {static_cast<int>(heads), static_cast<int>(nodes), static_cast<int>(inputs), static_cast<int>(hidden),
           static_cast<int>(outputs)};
@@ -63,10 +63,10 @@ void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, 
 }  // namespace
 
 void bind_heads(nb::module_& module) {
-  module.def("perceptron_forward", &forward, nb::arg("parameters").noconvert(), nb::arg("rows").noconvert(),
-             nb::arg("results").noconvert(), "H perceptrons of three layers, each at its own rows [H K inputs].");
-  module.def("perceptron_backward", &backward, nb::arg("parameters").noconvert(), nb::arg("rows").noconvert(),
-             nb::arg("upstream").noconvert(), nb::arg("gradients").noconvert(), "Gradients of all weights and biases.");
+  module.def("perceptron_forward", &forward, nb::arg("parameters"), nb::arg("rows"),
+             nb::arg("results"), "H perceptrons of three layers, each at its own rows [H K inputs].");
+  module.def("perceptron_backward", &backward, nb::arg("parameters"), nb::arg("rows"),
+             nb::arg("upstream"), nb::arg("gradients"), "Gradients of all weights and biases.");
 }
 
 }  // namespace ringlight

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
 
 #include "arrays.hpp"
 #include "bindings.hpp"
@@ -19,24 +18,23 @@ using Workspace = Tensor<float, -1>;
 
 template <class Planar>
 void require_shape(const Planar& array, const Planes& planes) {
-  if (array.shape(0) != static_cast<std::size_t>(planes.channels) ||
-      array.shape(1) != static_cast<std::size_t>(planes.height) ||
-      array.shape(2) != static_cast<std::size_t>(planes.width))
-    throw std::invalid_argument("photometric: all images must have the same shape [channels, height, width]");
+  require(array.shape(0) == static_cast<std::size_t>(planes.channels) &&
+              array.shape(1) == static_cast<std::size_t>(planes.height) &&
+              array.shape(2) == static_cast<std::size_t>(planes.width),
+          "photometric: all images must have the same shape [channels, height, width]");
 }
 
 Planes planes_of(const Image& image) {
   // int is enough for every side, and keeps the row arithmetic of the kernels signed.
   constexpr std::size_t LARGEST = 1 << 30;
   for (std::size_t axis = 0; axis < 3; axis++)
-    if (image.shape(axis) == 0 || image.shape(axis) > LARGEST)
-      throw std::invalid_argument("photometric: an image side is 0 or above 2^30");
+    require(image.shape(axis) >= 1 && image.shape(axis) <= LARGEST, "photometric: an image side is 0 or above 2^30");
   return {static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(2))};
 }
 
 std::size_t workspace_size(int height, int width, int slots) {
-  if (height < 1 || width < 1 || slots < 1)
-    throw std::invalid_argument("photometric_workspace: height, width and slots must be positive");
+  require(height >= 1 && width >= 1 && slots >= 1,
+          "photometric_workspace: height, width and slots must be positive");
   const Planes planes{1, height, width};
   return strip_scratch(planes) * static_cast<std::size_t>(slots);
 }
@@ -45,8 +43,8 @@ std::size_t workspace_size(int height, int width, int slots) {
 void require_apart(const Image& image, const Result& result) {
   const auto begin = reinterpret_cast<std::uintptr_t>(image.data());
   const auto written = reinterpret_cast<std::uintptr_t>(result.data());
-  if (begin < written + result.nbytes() && written < begin + image.nbytes())
-    throw std::invalid_argument("photometric: results may not share memory with an image");
+  require(begin >= written + result.nbytes() || written >= begin + image.nbytes(),
+          "photometric: results may not share memory with an image");
 }
 
 double photometric_loss(Image image, Image target, Image target_blur, Image target_square_blur, Result gradient,
@@ -56,7 +54,7 @@ double photometric_loss(Image image, Image target, Image target_blur, Image targ
   for (const Image& other : {target, target_blur, target_square_blur}) require_shape(other, planes);
   require_shape(gradient, planes);
   for (const Image& input : {image, target, target_blur, target_square_blur}) require_apart(input, gradient);
-  check(!value || value->size() == 1, "photometric: the value is one number");
+  require(!value || value->size() == 1, "photometric: the value is one number");
   const nb::gil_scoped_release unlocked;
   const double loss = photometric(
       {image.data(), target.data(), target_blur.data(), target_square_blur.data(), gradient.data()}, planes,
@@ -80,14 +78,14 @@ void blur(Image image, Result blurred, Result square_blurred, Workspace workspac
 void bind_loss(nb::module_& module) {
   module.def("photometric_workspace", &workspace_size, nb::arg("height"), nb::arg("width"), nb::arg("slots"),
              "Floats of workspace that let `slots` threads work on images of this size.");
-  module.def("photometric", &photometric_loss, nb::arg("image").noconvert(), nb::arg("target").noconvert(),
-             nb::arg("target_blur").noconvert(), nb::arg("target_square_blur").noconvert(),
-             nb::arg("gradient").noconvert(), nb::arg("workspace").noconvert(), nb::arg("pixel_weight"),
-             nb::arg("ssim_weight"), nb::arg("squared"), nb::arg("value").noconvert().none() = nb::none(),
+  module.def("photometric", &photometric_loss, nb::arg("image"), nb::arg("target"),
+             nb::arg("target_blur"), nb::arg("target_square_blur"),
+             nb::arg("gradient"), nb::arg("workspace"), nb::arg("pixel_weight"),
+             nb::arg("ssim_weight"), nb::arg("squared"), nb::arg("value").none() = nb::none(),
              "pixel_weight * mean(|d| or d^2) + ssim_weight * (1 - mean SSIM) of planar float32 images; fills the "
              "gradient with respect to image and, if given, the value, which is also returned.");
-  module.def("blur_target", &blur, nb::arg("image").noconvert(), nb::arg("blur").noconvert(),
-             nb::arg("square_blur").noconvert(), nb::arg("workspace").noconvert(),
+  module.def("blur_target", &blur, nb::arg("image"), nb::arg("blur"),
+             nb::arg("square_blur"), nb::arg("workspace"),
              "11 x 11 Gaussian blurs (sigma 1.5, zeros outside) of a planar image and of its square.");
 }
 

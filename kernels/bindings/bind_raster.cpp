@@ -5,9 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
 #include "arrays.hpp"
@@ -25,10 +24,6 @@ template <int... Sizes>
 using In = Tensor<const float, Sizes...>;
 template <int... Sizes>
 using Out = Tensor<float, Sizes...>;
-
-void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(std::string("rasterizer: ") + what);
-}
 
 // A table and its channels, for one call: a tensor may be given other memory before the next (arrays.hpp).
 struct Table {
@@ -48,12 +43,13 @@ struct Table {
     const std::size_t count = means.shape(0), width = channels.shape(1);
     require(log_scales.shape(0) == count && quats.shape(0) == count && opacity_logits.shape(0) == count &&
                 channels.shape(0) == count && (!opacity_factor || opacity_factor->shape(0) == count),
-            "all columns of the table must have the same number of rows");
-    require(width >= 1 && background.shape(0) == width, "background needs one value per channel, and at least one");
+            "rasterizer: all columns of the table must have the same number of rows");
+    require(width >= 1 && background.shape(0) == width,
+            "rasterizer: background needs one value per channel, and at least one");
     require(std::all_of(background.data(), background.data() + width, [](float v) { return std::isfinite(v); }),
-            "the background must be finite");
+            "rasterizer: the background must be finite");
     constexpr std::size_t MAX_CHANNELS = 1 << 16, MAX_ROWS = std::size_t{1} << 31;
-    require(width <= MAX_CHANNELS && count < MAX_ROWS, "too many channels or rows");
+    require(width <= MAX_CHANNELS && count < MAX_ROWS, "rasterizer: too many channels or rows");
     return {count, static_cast<int>(width), means.data(), log_scales.data(), quats.data(), opacity_logits.data(),
             opacity_factor ? opacity_factor->data() : nullptr, channels.data(), background.data()};
   }
@@ -67,16 +63,19 @@ Pinhole pinhole(const In<4, 4>& world_to_camera, std::pair<float, float> focal,
   camera.center_x = center.first, camera.center_y = center.second;
   camera.width = width, camera.height = height;
   constexpr int MAX_SIDE = MAX_TILES * convention::TILE;
-  bool finite = std::isfinite(camera.focal_x + camera.focal_y + camera.center_x + camera.center_y);
-  for (const float value : camera.world_to_camera) finite = finite && std::isfinite(value);
-  require(finite, "the camera must be finite");
-  require(width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE, "width and height must be 1 to 8192");
+  const auto finite = [](float value) { return std::isfinite(value); };  // each: a sum may overflow
+  const float lens[] = {camera.focal_x, camera.focal_y, camera.center_x, camera.center_y};
+  require(std::all_of(std::begin(lens), std::end(lens), finite) &&
+              std::all_of(std::begin(camera.world_to_camera), std::end(camera.world_to_camera), finite),
+          "rasterizer: the camera must be finite");
+  require(width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE,
+          "rasterizer: width and height must be 1 to 8192");
   return camera;
 }
 
 RasterSettings settings(float eps2d, float near, float max_alpha, bool antialiased, bool absgrad) {
-  require(eps2d >= 0 && near >= 0, "eps2d and near must not be negative");
-  require(max_alpha > 0 && max_alpha < 1, "max_alpha must lie between 0 and 1");  // 1 would divide by zero
+  require(eps2d >= 0 && near >= 0, "rasterizer: eps2d and near must not be negative");
+  require(max_alpha > 0 && max_alpha < 1, "rasterizer: max_alpha must lie between 0 and 1");  // 1 would divide by zero
   return {eps2d, near, max_alpha, antialiased, absgrad};
 }
 
@@ -91,8 +90,9 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii) {
   const Splats splats = table.splats();
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == table.channels.shape(1),
-          "image must be [C H W] and alpha [H W]");
-  require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count, "footprints need one row per Gaussian");
+          "rasterizer: image must be [C H W] and alpha [H W]");
+  require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
+          "rasterizer: footprints need one row per Gaussian");
   const nb::gil_scoped_release unlocked;
   workspace.forward(camera, settings, splats, {image.data(), alpha.data()}, {means2d.data(), radii.data()});
 }
@@ -117,12 +117,12 @@ struct Gradients {
     require(means.shape(0) == n && log_scales.shape(0) == n && quats.shape(0) == n && opacity_logits.shape(0) == n &&
                 channels.shape(0) == n && means2d.shape(0) == n && (!absolute || absolute->shape(0) == n) &&
                 channels.shape(1) == static_cast<std::size_t>(splats.channel_count),
-            "gradients must be shaped like the table");
+            "rasterizer: gradients must be shaped like the table");
     // An empty array may be a null pointer.
     require((n == 0 || opacity_factor.has_value() == (splats.opacity_factor != nullptr)) &&
                 (!opacity_factor || opacity_factor->shape(0) == n),
-            "opacity_factor and its gradient go together");
-    require(absolute.has_value() == absgrad, "the absolute gradient goes with absgrad");
+            "rasterizer: opacity_factor and its gradient go together");
+    require(absolute.has_value() == absgrad, "rasterizer: the absolute gradient goes with absgrad");
     return {means.data(), log_scales.data(), quats.data(), opacity_logits.data(), channels.data(),
             opacity_factor ? opacity_factor->data() : nullptr, means2d.data(), absolute ? absolute->data() : nullptr};
   }
@@ -134,12 +134,12 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
   const Frame& frame = workspace.frame();
   require(workspace.complete() && splats.count == frame.splats.count &&
               splats.channel_count == frame.splats.channel_count,
-          "backward needs the table of the last forward pass");
+          "rasterizer: backward needs the table of the last forward pass");
   const auto fits = [&](const auto& array) {
     return is_image(array, frame.camera) && array.shape(0) == table.channels.shape(1);
   };
   require(fits(image) && fits(image_gradient) && (!alpha_gradient || is_image(*alpha_gradient, frame.camera)),
-          "image and its gradient must be [C H W], the gradient of alpha [H W]");
+          "rasterizer: image and its gradient must be [C H W], the gradient of alpha [H W]");
   const SplatGradients to = gradients.pointers(splats, frame.settings.absgrad);
   const nb::gil_scoped_release unlocked;
   workspace.backward(
@@ -147,7 +147,7 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
 }
 
 std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
-  require(workspace.complete(), "there is no forward pass whose pairs could be counted");
+  require(workspace.complete(), "rasterizer: there is no forward pass whose pairs could be counted");
   const nb::gil_scoped_release unlocked;
   const PairCounts counts = count_pairs(workspace.frame());
   return {counts.evaluated, counts.blended};
@@ -163,7 +163,6 @@ nb::dict stage_seconds(const Workspace& workspace) {
 }  // namespace
 
 void bind_raster(nb::module_& module) {
-  const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
   // A graph that is alive when Python exits holds a workspace: no leak of ours.
   nb::set_leak_warnings(false);
   module.attr("MAX_IMAGE_SIDE") = MAX_TILES * convention::TILE;
@@ -172,7 +171,7 @@ void bind_raster(nb::module_& module) {
       .def("__init__", [](Pinhole* self, const In<4, 4>& world_to_camera, std::pair<float, float> focal,
                           std::pair<float, float> center, int width, int height) {
         new (self) Pinhole(pinhole(world_to_camera, focal, center, width, height));
-      }, array("world_to_camera"), "focal"_a, "center"_a, "width"_a, "height"_a);
+      }, "world_to_camera"_a, "focal"_a, "center"_a, "width"_a, "height"_a);
 
   nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")
       .def("__init__", [](RasterSettings* self, float eps2d, float near, float max_alpha, bool antialiased,
@@ -180,27 +179,28 @@ void bind_raster(nb::module_& module) {
         new (self) RasterSettings(settings(eps2d, near, max_alpha, antialiased, absgrad));
       }, "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
 
-  nb::class_<Table>(module, "SplatTable", "The table in stored form, channels and background. Make a new one for each call, unless nobody sets .data or "
-      "resizes an array in between.")
+  nb::class_<Table>(module, "SplatTable",
+                    "The table in stored form, channels and background; made anew for each call, unless nobody sets "
+                    ".data or resizes an array in between.")
       .def(nb::init<In<-1, 3>, In<-1, 3>, In<-1, 4>, In<-1>, std::optional<In<-1>>, In<-1, -1>,
                     In<-1>>(),
-           array("means"), array("log_scales"), array("quats"), array("opacity_logits"),
-           array("opacity_factor").none(), array("channels"), array("background"));
+           "means"_a, "log_scales"_a, "quats"_a, "opacity_logits"_a,
+           "opacity_factor"_a.none(), "channels"_a, "background"_a);
 
   nb::class_<Gradients>(module, "SplatGradients", "Arrays for the gradients of a SplatTable and of its footprints.")
       .def(nb::init<Out<-1, 3>, Out<-1, 3>, Out<-1, 4>, Out<-1>, std::optional<Out<-1>>, Out<-1, -1>,
                     Out<-1, 2>, std::optional<Out<-1, 2>>>(),
-           array("means"), array("log_scales"), array("quats"), array("opacity_logits"),
-           array("opacity_factor").none(), array("channels"), array("means2d"), array("absolute").none());
+           "means"_a, "log_scales"_a, "quats"_a, "opacity_logits"_a,
+           "opacity_factor"_a.none(), "channels"_a, "means2d"_a, "absolute"_a.none());
 
   nb::class_<Workspace>(module, "Workspace", "What a forward pass leaves for its backward pass; reusable.")
       .def(nb::init<>())
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
-      .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, array("image"), array("alpha"),
-           array("means2d"), array("radii"), "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2].")
-      .def("backward", &backward, "table"_a, array("image"), array("image_gradient"),
-           array("alpha_gradient").none(), "gradients"_a, "Fill the gradients of the last forward pass.")
+      .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
+           "means2d"_a, "radii"_a, "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2].")
+      .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
+           "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
       .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");
 }
 

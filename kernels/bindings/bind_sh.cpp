@@ -1,5 +1,3 @@
-#include <stdexcept>
-
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
@@ -18,9 +16,9 @@ using RestOut = Tensor<float, -1, 15, 3>;
 
 Harmonics as_table(const Points& means, const Points& constant, const Rest& rest, const Position& position,
                    int degree) {
-  if (constant.shape(0) != means.shape(0) || rest.shape(0) != means.shape(0))
-    throw std::invalid_argument("sh: all columns must have the same number of rows");
-  if (degree < 0 || degree > 3) throw std::invalid_argument("sh: the degree must be 0 to 3");
+  require(constant.shape(0) == means.shape(0) && rest.shape(0) == means.shape(0),
+          "sh: all columns must have the same number of rows");
+  require(degree >= 0 && degree <= 3, "sh: the degree must be 0 to 3");
   const float* p = position.data();
   return {means.data(), constant.data(), rest.data(), means.shape(0), {p[0], p[1], p[2]}, degree};
 }
@@ -28,7 +26,7 @@ Harmonics as_table(const Points& means, const Points& constant, const Rest& rest
 void colors(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
             const PointsOut& out) {
   const Harmonics table = as_table(means, constant, rest, position, degree);
-  if (out.shape(0) != table.count) throw std::invalid_argument("sh_colors: colors must have one row per Gaussian");
+  require(out.shape(0) == table.count, "sh_colors: colors must have one row per Gaussian");
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN(sh_colors)(table, out.data());
 }
@@ -37,9 +35,9 @@ void gradient(const Points& means, const Points& constant, const Rest& rest, con
               const Points& upstream, const PointsOut& by_means, const PointsOut& by_constant,
               const RestOut& by_rest) {
   const Harmonics table = as_table(means, constant, rest, position, degree);
-  if (upstream.shape(0) != table.count || by_means.shape(0) != table.count || by_constant.shape(0) != table.count ||
-      by_rest.shape(0) != table.count)
-    throw std::invalid_argument("sh_gradient: all gradients must have one row per Gaussian");
+  require(upstream.shape(0) == table.count && by_means.shape(0) == table.count &&
+              by_constant.shape(0) == table.count && by_rest.shape(0) == table.count,
+          "sh_gradient: all gradients must have one row per Gaussian");
   const HarmonicsGradient out{by_means.data(), by_constant.data(), by_rest.data()};
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN(sh_gradient)(table, upstream.data(), out);
@@ -48,13 +46,13 @@ void gradient(const Points& means, const Points& constant, const Rest& rest, con
 }  // namespace
 
 void bind_sh(nb::module_& module) {
-  module.def("sh_colors", &colors, nb::arg("means").noconvert(), nb::arg("constant").noconvert(),
-             nb::arg("rest").noconvert(), nb::arg("position").noconvert(), nb::arg("degree"),
-             nb::arg("colors").noconvert(), "Fill colors [N 3], clamped at black, towards a camera at position [3].");
-  module.def("sh_gradient", &gradient, nb::arg("means").noconvert(), nb::arg("constant").noconvert(),
-             nb::arg("rest").noconvert(), nb::arg("position").noconvert(), nb::arg("degree"),
-             nb::arg("upstream").noconvert(), nb::arg("by_means").noconvert(), nb::arg("by_constant").noconvert(),
-             nb::arg("by_rest").noconvert(), "Overwrite by_* with the gradients of sh_colors, every row.");
+  module.def("sh_colors", &colors, nb::arg("means"), nb::arg("constant"),
+             nb::arg("rest"), nb::arg("position"), nb::arg("degree"),
+             nb::arg("colors"), "Fill colors [N 3], clamped at black, towards a camera at position [3].");
+  module.def("sh_gradient", &gradient, nb::arg("means"), nb::arg("constant"),
+             nb::arg("rest"), nb::arg("position"), nb::arg("degree"),
+             nb::arg("upstream"), nb::arg("by_means"), nb::arg("by_constant"),
+             nb::arg("by_rest"), "Overwrite by_* with the gradients of sh_colors, every row.");
 }
 
 }  // namespace ringlight

@@ -17,10 +17,10 @@ using Rows = Tensor<std::int32_t, -1>;
 
 std::size_t drawable(Input means, Input log_scales, Input opacity_logits, const std::vector<float>& view, Rows rows) {
   const std::size_t count = rows.size();
-  check(count <= std::numeric_limits<std::int32_t>::max(), "drawable_rows: too many rows");
-  check(means.size() == 3 * count && log_scales.size() == 3 * count && opacity_logits.size() == count,
+  require(count <= std::numeric_limits<std::int32_t>::max(), "drawable_rows: too many rows");
+  require(means.size() == 3 * count && log_scales.size() == 3 * count && opacity_logits.size() == count,
         "drawable_rows: means and log_scales must be [N 3], opacity_logits [N]");
-  check(view.size() == 22, "drawable_rows: a view is a matrix, focal, center, size and four margins");
+  require(view.size() == 22, "drawable_rows: a view is a matrix, focal, center, size and four margins");
   DrawableView at;
   for (int i = 0; i < 12; i++) at.world_to_camera[i] = view[i];
   for (int i = 0; i < 2; i++) {
@@ -35,13 +35,13 @@ std::size_t drawable(Input means, Input log_scales, Input opacity_logits, const 
 }
 
 void mask(Input logits, float threshold, Array factor) {
-  check(factor.size() == logits.size(), "straight_through: one factor per logit");
+  require(factor.size() == logits.size(), "straight_through: one factor per logit");
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN(straight_through)(logits.data(), logits.size(), threshold, factor.data());
 }
 
 void mask_gradient(Input logits, Input upstream, Array gradient) {
-  check(upstream.size() == logits.size() && gradient.size() == logits.size(),
+  require(upstream.size() == logits.size() && gradient.size() == logits.size(),
         "straight_through_gradient: one gradient per logit");
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN(straight_through_gradient)(logits.data(), upstream.data(), logits.size(), gradient.data());
@@ -50,13 +50,13 @@ void mask_gradient(Input logits, Input upstream, Array gradient) {
 }  // namespace
 
 void bind_visibility(nb::module_& module) {
-  module.def("drawable_rows", &drawable, nb::arg("means").noconvert(), nb::arg("log_scales").noconvert(),
-             nb::arg("opacity_logits").noconvert(), nb::arg("view"), nb::arg("rows").noconvert(),
+  module.def("drawable_rows", &drawable, nb::arg("means"), nb::arg("log_scales"),
+             nb::arg("opacity_logits"), nb::arg("view"), nb::arg("rows"),
              "Lists the rows that may be drawn; returns how many.");
-  module.def("straight_through", &mask, nb::arg("logits").noconvert(), nb::arg("threshold"),
-             nb::arg("factor").noconvert(), "One where sigmoid(logit) > threshold, else zero.");
-  module.def("straight_through_gradient", &mask_gradient, nb::arg("logits").noconvert(),
-             nb::arg("upstream").noconvert(), nb::arg("gradient").noconvert(), "The sigmoid's gradient.");
+  module.def("straight_through", &mask, nb::arg("logits"), nb::arg("threshold"),
+             nb::arg("factor"), "One where sigmoid(logit) > threshold, else zero.");
+  module.def("straight_through_gradient", &mask_gradient, nb::arg("logits"),
+             nb::arg("upstream"), nb::arg("gradient"), "The sigmoid's gradient.");
 }
 
 }  // namespace ringlight
