@@ -23,7 +23,7 @@ IMAGE_TOLERANCE = 2e-5
 GRADIENT_TOLERANCE = 1e-4
 
 
-@pytest.fixture(params=["reference", "cpu"])
+@pytest.fixture(params=[pytest.param("reference", marks=pytest.mark.no_kernel), "cpu"])
 def rasterizer(request: pytest.FixtureRequest) -> Rasterizer:
     if request.param == "cpu":
         pytest.importorskip("ringlight._kernels", reason="needs the compiled module")

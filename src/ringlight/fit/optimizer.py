@@ -32,7 +32,7 @@ class Optimizer:
         self._mean = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
-        # Names are cut once. Modules and parameters are looked up each time: the verbs below and the model replace them.
+        # Names are cut once; what they name is looked up each time, for the verbs below and the model replace it.
         self._attributes: dict[str, list[tuple[str, str]]] = {}
         for name in self.groups:
             owner, _, attribute = name.rpartition(".")
