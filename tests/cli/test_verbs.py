@@ -88,6 +88,8 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(
     assert resume in stopped.err
     assert not (run / "report.json").exists()
     assert resume in ringlight("info", run).out
+    measured = ringlight("eval", run, "--lpips", "--quiet")
+    assert "stopped at step 15 of 40" in measured.out
     finished = ringlight("train", "--resume", run, "--quiet", "--lpips")
     assert finished.code == 0, finished.err
     assert (run / "model.safetensors").read_bytes() == (trained["ringlight"] / "model.safetensors").read_bytes()
@@ -299,6 +301,7 @@ def test_a_healthy_machine(ringlight: Command) -> None:
     assert "import ringlight before torch" in done.out
     told = json.loads(ringlight("doctor", "--json").out)
     assert told["healthy"]
+    assert not {"viser", "gsplat", "pycolmap"} & {finding["name"] for finding in told["findings"]}, "nothing uses them"
     assert all(finding["remedy"] for finding in told["findings"] if finding["state"] != "ok")
 
 

@@ -8,6 +8,7 @@ from samples import picture, sample_report
 
 from ringlight.errors import RunError
 from ringlight.measure.compare import compare
+from ringlight.measure.lpips import weights_missing, weights_path
 from ringlight.measure.picture_names import RENDERS, TRUTHS, picture_name
 from ringlight.measure.report import ImageScore
 
@@ -45,6 +46,21 @@ def test_runs_give_a_table_and_a_sheet(make_run):
     assert "+3.77" in comparison.table.markdown()
     assert comparison.sheet is not None
     assert comparison.notes == ()
+
+
+def test_missing_lpips_is_told_as_it_is_now(make_run, tmp_path, monkeypatch):
+    monkeypatch.setenv("RINGLIGHT_CACHE", str(tmp_path))
+    small = "LPIPS with vgg is unavailable: it needs images of 16 pixels a side, these have 8."
+    runs = [
+        make_run("a", lpips_note=weights_missing("alex")),
+        make_run("b", preset="ringlight", lpips_note=f"{weights_missing('alex')} {small}"),
+    ]
+    remedy = "LPIPS with alex was not measured in these runs; measure it with 'ringlight eval RUN'"
+    assert compare(runs).table.notes()[1:] == (f"{remedy} after 'ringlight fetch-lpips'.", small)
+    weights_path("alex").write_bytes(b"fetched since")
+    assert compare(runs).table.notes()[1:] == (f"{remedy}.", small)
+    runs.append(make_run("c", preset="paper", lpips_alex=0.1, lpips_note=""))
+    assert "in some of these runs" in compare(runs).table.notes()[1]
 
 
 def test_scenes_are_grouped_and_their_sheets_stacked(make_run):

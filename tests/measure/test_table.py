@@ -51,10 +51,11 @@ def test_extreme_numbers_stay_whole(values, width):
 
 def test_eighty_columns_keep_what_matters_and_a_wide_terminal_shows_all():
     narrow = printed(ResultsTable(RUNS[:2], "3dgs"), 80)
-    for title in ("PSNR", "dPSNR", "SSIM", "LPIPS", "raw MB", "train"):
+    for title in ("PSNR", "dPSNR", "SSIM", "LPIPS", "raw MB", "x raw", "file MB"):
         assert title in narrow
+    assert "x raw" in printed(ResultsTable(RUNS, "3dgs"), 80), "beside the names of scenes too"
     wide = printed(ResultsTable(RUNS[:2], "3dgs"), 160)
-    for title in ("dSSIM", "Gaussians", "x raw", "file MB", "it/s", "FPS"):
+    for title in ("dSSIM", "Gaussians", "train", "it/s", "FPS"):
         assert title in wide
 
 
@@ -89,6 +90,19 @@ def test_differences_are_from_the_baseline_of_the_same_scene():
 def test_without_a_baseline_there_are_no_differences():
     assert "dPSNR" not in ResultsTable(RUNS).markdown()
     assert "Differences" not in printed(ResultsTable(RUNS), 120)
+
+
+def test_differences_are_only_spoken_of_where_there_are_some():
+    apart = [("3dgs", sample_report()), ("ringlight", sample_report(scene="carpaint_200"))]
+    assert "Differences" not in printed(ResultsTable(apart, "3dgs"), 120)
+    assert "Differences and ratios are from 3dgs." in printed(ResultsTable(RUNS, "3dgs"), 120)
+
+
+def test_a_run_that_was_stopped_is_named():
+    stopped = sample_report(iterations=177, planned=600, lpips_note="")
+    assert ResultsTable([("a", stopped), ("b", sample_report(planned=3000, lpips_note=""))]).notes() == (
+        "a stopped at step 177 of 600.",
+    )
 
 
 def test_the_lpips_net_is_the_one_most_runs_have():

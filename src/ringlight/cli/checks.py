@@ -18,13 +18,8 @@ from ringlight.errors import RinglightError
 OLDEST_PYTHON = (3, 10)
 OLDEST_TORCH = (2, 5)
 
-EXTRAS = {
-    "av": ("video", "films as mp4"),
-    "viser": ("view", "the interactive viewer"),
-    "gsplat": ("cuda", "training on an NVIDIA GPU"),
-    "pycolmap": ("sfm", "camera poses from plain photographs"),
-}
-"""Optional libraries: the extra that installs each, and what it is for."""
+EXTRAS = {"av": ("video", "films as mp4")}
+"""Optional libraries that some command uses: the extra that installs each, and what it is for."""
 
 LITTLE_SPACE = 2e9
 """Bytes; a run of a real scene with its checkpoint and pictures takes up to about one gigabyte."""

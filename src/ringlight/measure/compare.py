@@ -9,6 +9,7 @@ from PIL import Image
 
 from ringlight.errors import RunError
 from ringlight.measure.contact_sheet import SheetColumn, contact_sheet
+from ringlight.measure.lpips_notes import stored_lpips_notes
 from ringlight.measure.picture_names import RENDERS, TRUTHS
 from ringlight.measure.pictures import PictureFolder, same_picture
 from ringlight.measure.report import Report, read_report
@@ -58,7 +59,11 @@ def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
         for other in together[1:]:
             _refuse_other_views(together[0], other)
     labels = {run.folder: label for together in scenes.values() for run, label in _labelled(together)}
-    table = ResultsTable([(labels[run.folder], run.report) for run in loaded], baseline=labels[loaded[0].folder])
+    table = ResultsTable(
+        [(labels[run.folder], run.report) for run in loaded],
+        baseline=labels[loaded[0].folder],
+        lpips_notes=stored_lpips_notes([run.report for run in loaded]),
+    )
     sheets = [_sheet(scene, together, labels, views) for scene, together in scenes.items()]
     bare = [run.folder for run in loaded if not (run.pictures(RENDERS) and run.pictures(TRUTHS))]
     notes = tuple(f"{folder} has no pictures; make them with 'ringlight eval {folder}'." for folder in bare)

@@ -84,8 +84,11 @@ def weights_path(net: Net) -> Path:
 
 def weights_status(net: Net) -> str:
     """Empty if the weights are there, otherwise a sentence that says how to get them."""
-    if weights_path(net).is_file():
-        return ""
+    return "" if weights_path(net).is_file() else weights_missing(net)
+
+
+def weights_missing(net: Net) -> str:
+    """The sentence that says so, whether they are missing or not; reports keep it."""
     return (
         f"LPIPS with {net} is unavailable: its weights are not on this machine; get them with 'ringlight fetch-lpips'."
     )

@@ -49,6 +49,9 @@ class Report:
     notes: tuple[str, ...]
     """What the loader decided: downscaling and its filter, sub-model, ..."""
     iterations: int | None
+    """Steps of training that were done."""
+    planned: int | None = None
+    """Steps of the whole run; more than ``iterations`` for a run that was stopped."""
 
     psnr: float
     """dB, mean over images, float."""

@@ -26,11 +26,13 @@ class ResultsTable:
     """Runs, each with its label, grouped by scene; prints itself with rich, as wide as the terminal allows.
 
     ``baseline`` is the label that the other runs of the same scene are compared with. The best value of each scene
-    is marked, where runs differ.
+    is marked, where runs differ. ``lpips_notes`` stand in place of what the reports say of a missing LPIPS, which may
+    be true no longer.
     """
 
     runs: Sequence[tuple[str, Report]]
     baseline: str | None = None
+    lpips_notes: Sequence[str] | None = None
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
         """Rich's protocol: leaves out the least important columns that do not fit."""
@@ -57,13 +59,22 @@ class ResultsTable:
 
     def notes(self) -> tuple[str, ...]:
         """What a reader must know beside the numbers, one sentence each."""
-        remedies = {report.lpips_note for _, report in self.runs if report.lpips_note}
-        compared = any(label == self.baseline for label, _ in self.runs) and len(self.runs) > 1
-        difference = f"dPSNR and other differences are from {self.baseline}." if compared else ""
-        return tuple(note for note in (difference, *sorted(remedies)) if note)
+        baselines = self._baselines()
+        compared = any(baselines.get(report.scene, report) is not report for _, report in self.runs)
+        notes = [f"Differences and ratios are from {self.baseline}."] if compared else []
+        for label, report in self.runs:
+            if report.planned is not None and report.iterations is not None and report.iterations < report.planned:
+                notes.append(f"{label} stopped at step {report.iterations} of {report.planned}.")
+        if self.lpips_notes is not None:
+            return (*notes, *self.lpips_notes)
+        return (*notes, *sorted({report.lpips_note for _, report in self.runs if report.lpips_note}))
+
+    def _baselines(self) -> dict[str, Report]:
+        """By scene, the run that others are compared with."""
+        return {report.scene: report for label, report in reversed(self.runs) if label == self.baseline}
 
     def _grid(self) -> "_Grid":
-        baselines = {report.scene: report for label, report in reversed(self.runs) if label == self.baseline}
+        baselines = self._baselines()
         shown = columns(_common_lpips([report for _, report in self.runs]))
         scenes: dict[str, list[Row]] = {}
         for label, report in self.runs:

@@ -42,6 +42,8 @@ class TrainingFacts:
     method: str
     seed: int | None = None
     steps: int | None = None
+    planned: int | None = None
+    """Steps of the whole run, of which ``steps`` are done."""
     wall_seconds: float | None = None
     cpu_seconds: float | None = None
     bytes_file: int | None = None
@@ -81,6 +83,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         method=method_of(session.record.recipe),
         seed=session.record.seed,
         steps=session.training.step,
+        planned=session.training.steps,
         wall_seconds=session.clock.wall,
         cpu_seconds=session.clock.cpu,
     )
@@ -99,7 +102,10 @@ def write_report(path: Path, report: Report) -> None:
 def known_facts(opened: Opened) -> TrainingFacts:
     """What a model's file and its run folder still know of its training; a damaged report or checkpoint is skipped."""
     header, run = opened.stored.header, opened.run
-    facts = TrainingFacts(header.preset, header.method, steps=header.step, bytes_file=opened.file.stat().st_size)
+    planned, size = header.recipe.get("steps"), opened.file.stat().st_size
+    facts = TrainingFacts(header.preset, header.method, steps=header.step, bytes_file=size)
+    if isinstance(planned, int):
+        facts = replace(facts, planned=planned)
     if run is None:
         return facts
     wall, cpu = _training_seconds(run)
@@ -152,6 +158,7 @@ def _report(
         background=scene.background,
         notes=scene.notes,
         iterations=facts.steps,
+        planned=facts.planned,
         n_gaussians=len(tensors["columns.means"]),
         bytes_raw=sum(parts.values()),
         bytes_by_part=parts,

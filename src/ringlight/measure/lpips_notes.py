@@ -1,0 +1,25 @@
+"""Why stored reports lack a LPIPS, told as it is now: the weights may have come since the runs were measured."""
+
+from collections.abc import Sequence
+from typing import get_args
+
+from ringlight.measure.lpips import Net, weights_missing, weights_status
+from ringlight.measure.report import Report
+
+
+def stored_lpips_notes(reports: Sequence[Report]) -> tuple[str, ...]:
+    """One sentence for each net whose weights were missing when runs were measured, then the reports' other reasons."""
+    notes, rests = [], [report.lpips_note for report in reports]
+    for net in get_args(Net):
+        lacking = sum(weights_missing(net) in rest for rest in rests)
+        if lacking:
+            notes.append(_remedy(net, "these runs" if lacking == len(reports) else "some of these runs"))
+            rests = [rest.replace(weights_missing(net), "").strip() for rest in rests]
+    return (*notes, *sorted(set(filter(None, rests))))
+
+
+def _remedy(net: Net, runs: str) -> str:
+    # eval measures alex unless it is told otherwise.
+    command = "ringlight eval RUN" if net == "alex" else f"ringlight eval RUN --lpips {net}"
+    first = " after 'ringlight fetch-lpips'" if weights_status(net) else ""
+    return f"LPIPS with {net} was not measured in {runs}; measure it with '{command}'{first}."
