@@ -33,6 +33,16 @@ def test_a_peer_that_draws_the_same_differs_by_nothing():
     assert row.cpu_ratio >= 0
 
 
+def test_kernels_are_set_up_only_for_the_rasterizer_that_is_made_of_them(monkeypatch):
+    def refuse(*arguments):
+        raise AssertionError("set up for nothing")
+
+    monkeypatch.setattr("ringlight.bench.raster.RasterKernel", refuse)
+    (row,) = bench_raster([Size(20, 8)], rasterizer_for("reference"), ONE_ROUND)
+    assert row.kernels is None
+    assert row.pairs is None
+
+
 def test_gradients_are_those_of_all_inputs():
     work = workload(TINY)
     ours = OurRaster(work, image_gradient(TINY), rasterizer_for("cpu"))

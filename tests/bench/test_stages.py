@@ -5,7 +5,7 @@ from ringlight.bench.workload import Size
 def test_every_stage_is_timed_in_order():
     stages = fastest_stages(Size(500, 48), rounds=2)
     assert list(stages) == ["project", "sort", "bin", "blend", "blend_gradient", "project_gradient"]
-    assert all(0 < milliseconds < 1e3 for milliseconds in stages.values())
+    assert all(milliseconds > 0 for milliseconds in stages.values())
 
 
 def test_a_row_ends_with_the_sum():

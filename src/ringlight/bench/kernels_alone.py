@@ -31,8 +31,8 @@ class RasterKernel:
         factor = None if opacity_factor is None else opacity_factor.detach().contiguous()
         channels = channels.detach().contiguous()
         size = (camera.height, camera.width)
-        self.image, self._alpha = torch.empty(channels.shape[1], *size), torch.empty(size)
-        self._footprint = (torch.empty(len(table), 2), torch.empty(len(table), 2))
+        self.image, self._alpha = channels.new_empty(channels.shape[1], *size), channels.new_empty(size)
+        self._footprint = (channels.new_empty(len(table), 2), channels.new_empty(len(table), 2))
         means, log_scales, quats, opacity_logits = columns
         self._table = _kernels.SplatTable(means, log_scales, quats, opacity_logits, factor, channels, background)
         self._camera = _kernels.Pinhole(
@@ -42,10 +42,10 @@ class RasterKernel:
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
         by_factor = None if factor is None else torch.empty_like(factor)
-        absolute = torch.empty(len(table), 2) if options.absgrad else None
+        absolute = channels.new_empty(len(table), 2) if options.absgrad else None
         self.gradients = {name: torch.empty_like(column) for name, column in zip(GEOMETRY, columns, strict=True)}
         by_means, by_scales, by_quats, by_opacities = self.gradients.values()
-        by_channels, by_center = torch.empty_like(channels), torch.empty(len(table), 2)
+        by_channels, by_center = torch.empty_like(channels), channels.new_empty(len(table), 2)
         self._gradients = _kernels.SplatGradients(
             by_means, by_scales, by_quats, by_opacities, by_factor, by_channels, by_center, absolute
         )
@@ -56,6 +56,11 @@ class RasterKernel:
 
     def backward(self, by_image: Float[Tensor, "C H W"]) -> None:
         self._workspace.backward(self._table, self.image, by_image, None, self._gradients)
+
+    @property
+    def stage_seconds(self) -> dict[str, float]:
+        """How long each stage took the last time, in order."""
+        return self._workspace.stage_seconds
 
     def count_pairs(self) -> tuple[int, int]:
         """Pairs of Gaussian and pixel that a forward pass evaluates and blends; slow."""
@@ -69,7 +74,7 @@ class LossKernel:
     def __init__(self, image: Float[Tensor, "3 H W"], target: Target, settings: PhotometricLoss):
         _, height, width = image.shape
         self.gradient = torch.empty_like(image)
-        workspace = torch.empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
+        workspace = image.new_empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
         weights = (settings.scale * (1 - settings.ssim_weight), settings.scale * settings.ssim_weight)
         blurs = (target.blur, target.square_blur)
         self._arguments = (image, target.image, *blurs, self.gradient, workspace, *weights, settings.pixel == "l2")

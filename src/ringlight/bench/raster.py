@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import torch
@@ -119,16 +120,17 @@ def image_gradient(size: Size, seed: int = 0) -> Float[Tensor, "C H W"]:
 def _row(size: Size, rasterize: Rasterizer, budget: Budget, peer: PeerMaker | None, seed: int) -> RasterRow:
     work, upstream = workload(size, seed), image_gradient(size, seed)
     ours = OurRaster(work, upstream, rasterize)
-    kernels = RasterKernel(work.gaussians, work.channels, work.camera, ours.background)
-    theirs = peer(work, upstream) if peer else None
     contestants = {"ours": Contestant({FORWARD: ours.forward, BACKWARD: ours.backward})}
+    kernels = None
     if rasterize.name == NATIVE:
-        contestants["kernels"] = Contestant({FORWARD: kernels.forward, BACKWARD: lambda: kernels.backward(upstream)})
+        kernels = RasterKernel(work.gaussians, work.channels, work.camera, ours.background)
+        contestants["kernels"] = Contestant({FORWARD: kernels.forward, BACKWARD: partial(kernels.backward, upstream)})
+    theirs = peer(work, upstream) if peer else None
     if theirs:
         contestants["peer"] = Contestant({FORWARD: theirs.forward, BACKWARD: theirs.backward})
     timings = {name: _passes(stages) for name, stages in interleaved(contestants, budget).items()}
     row = RasterRow(size, int(ours.raster.footprint.visible.sum()), timings["ours"])
-    if "kernels" in timings:
+    if kernels:
         row = _counted(row, timings["kernels"], Pairs(*kernels.count_pairs()))
     return _beside(row, timings["peer"], ours.image, theirs.image) if theirs else row
 

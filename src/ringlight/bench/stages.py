@@ -10,32 +10,22 @@ from collections.abc import Mapping
 import torch
 
 from ringlight import _kernels
+from ringlight.bench.kernels_alone import RasterKernel
 from ringlight.bench.workload import Size, workload
 
 ROUNDS = 300
 
 
 def fastest_stages(size: Size, rounds: int = ROUNDS) -> dict[str, float]:
-    """Milliseconds of each stage of forward and backward on the standard workload; RGB, 3DGS's options."""
+    """Milliseconds of each stage of forward and backward on the standard workload, default options."""
     work = workload(size)
-    table = work.gaussians
-    background, shape = torch.zeros(size.channels), (work.camera.height, work.camera.width)
-    columns = (table.means, table.log_scales, table.quats, table.opacity_logits)
-    splats = _kernels.SplatTable(*columns, None, work.channels, background)
-    view = work.camera
-    camera = _kernels.Pinhole(view.world_to_camera, view.focal, view.center, view.width, view.height)
-    settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
-    image, alpha = torch.empty(size.channels, *shape), torch.empty(shape)
-    means2d, radii = torch.empty(size.gaussians, 2), torch.empty(size.gaussians, 2)
-    means, log_scales, quats, logits = (torch.empty_like(column) for column in columns)
-    by_channels, by_means2d = torch.empty_like(work.channels), torch.empty_like(means2d)
-    gradients = _kernels.SplatGradients(means, log_scales, quats, logits, None, by_channels, by_means2d, None)
-    upstream, workspace = torch.ones_like(image), _kernels.Workspace()
+    kernel = RasterKernel(work.gaussians, work.channels, work.camera, torch.zeros(size.channels))
+    upstream = torch.ones_like(kernel.image)
     best: dict[str, float] = {}
     for _ in range(rounds):
-        workspace.forward(splats, camera, settings, image, alpha, means2d, radii)
-        workspace.backward(splats, image, upstream, None, gradients)
-        for name, seconds in workspace.stage_seconds.items():
+        kernel.forward()
+        kernel.backward(upstream)
+        for name, seconds in kernel.stage_seconds.items():
             best[name] = min(best.get(name, seconds * 1e3), seconds * 1e3)
     return best
 
