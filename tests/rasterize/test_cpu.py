@@ -192,6 +192,12 @@ def test_a_column_changed_in_place_before_backward_is_noticed(rasterizer):
         raster.image.sum().backward()
 
 
+def test_columns_whose_memory_holds_the_negatives_are_drawn_as_they_are_meant(rasterizer):
+    case = random_case(6)
+    draw = lambda channels: rasterizer(case.gaussians, channels, case.camera, case.background).image  # noqa: E731
+    assert torch.equal(draw(torch._neg_view(-case.channels)), draw(case.channels))
+
+
 OTHER_MEMORY = """
 import torch
 from ringlight.bench.workload import Size, workload

@@ -61,12 +61,12 @@ class Workspace:
     """Memory for the backward pass that outlives a step: tens of megabytes that the system would clear every time."""
 
     def __init__(self) -> None:
-        self._floats = torch.empty(0)
+        self._floats = torch.empty(0, dtype=torch.float32, device="cpu")
 
     def floats(self, count: int) -> Float[Tensor, "K"]:
         """At least ``count`` floats of any content; valid until the next call."""
         if len(self._floats) < count:
-            self._floats = torch.empty(count)
+            self._floats = self._floats.new_empty(count)
         return self._floats
 
 

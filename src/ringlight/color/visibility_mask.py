@@ -28,7 +28,7 @@ def straight_through_twin(logits: Float[Tensor, "N"], threshold: float) -> Float
 class _StraightThrough(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, logits: Tensor, threshold: float) -> Tensor:
-        factor = torch.empty(len(logits), 1)
+        factor = logits.new_empty(len(logits), 1)
         _kernels.straight_through(logits, threshold, factor)
         ctx.save_for_backward(logits)
         return factor

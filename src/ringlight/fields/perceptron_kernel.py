@@ -28,7 +28,7 @@ def stack_at(stack: PerceptronStack, rows: Float[Tensor, "H K inputs"]) -> Float
 class _StackAt(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, rows: Tensor, *parameters: Tensor) -> Tensor:
-        results = torch.empty(*rows.shape[:2], parameters[-1].shape[-1])
+        results = rows.new_empty(*rows.shape[:2], parameters[-1].shape[-1])
         _kernels.perceptron_forward(parameters, rows, results)
         ctx.save_for_backward(rows, *parameters)
         return results

@@ -56,7 +56,7 @@ def photometric_gradient(
 
 def _native_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -> tuple[Tensor, Tensor]:
     image = color.permute(2, 0, 1).contiguous()
-    value, gradient = torch.empty(()), torch.empty_like(image)
+    value, gradient = image.new_empty(()), torch.empty_like(image)
     _kernels.photometric(
         image,
         target.image,
@@ -74,7 +74,7 @@ def _native_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -
 
 def _workspace(image: Tensor) -> Tensor:
     _, height, width = image.shape
-    return torch.empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
+    return image.new_empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
 
 
 def photometric_reference(

@@ -89,6 +89,6 @@ def _ssim_map(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> F
 def _blur(planes: Float[Tensor, "C H W"]) -> Float[Tensor, "C H W"]:
     blurred, unused = torch.empty_like(planes), torch.empty_like(planes)
     _, height, width = planes.shape
-    workspace = torch.empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
+    workspace = planes.new_empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
     _kernels.blur_target(planes, blurred, unused, workspace)
     return blurred

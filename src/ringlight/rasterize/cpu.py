@@ -54,7 +54,7 @@ class CpuRasterizer:
         """Blend front to back by camera depth; see :class:`ringlight.rasterize.contract.Rasterizer`."""
         columns = [getattr(gaussians, name) for name in GEOMETRY] + [opacity_factor, channels]
         _check(columns, camera)
-        columns = [None if column is None else column.contiguous() for column in columns]
+        columns = [None if column is None else column.contiguous().resolve_neg() for column in columns]
         try:
             job = _Job(camera, background, options, len(gaussians))
             if torch.is_grad_enabled() and any(column is not None and column.requires_grad for column in columns):
@@ -132,7 +132,7 @@ class _Job:
         self.absgrad = options.absgrad
         self.size = (camera.height, camera.width)
         self.background = background.detach().float().contiguous()
-        self.footprint = Footprint(torch.empty(count, 2), torch.empty(count, 2))
+        self.footprint = Footprint(self.background.new_empty(count, 2), self.background.new_empty(count, 2))
 
     def table(self, columns: Sequence[Any]) -> "_kernels.SplatTable":
         """The columns as the kernels take them: means, log_scales, quats, opacity_logits, opacity_factor, channels."""
@@ -141,7 +141,8 @@ class _Job:
 
     def draw(self, workspace: "_kernels.Workspace", table: "_kernels.SplatTable") -> tuple[Tensor, Tensor]:
         """The planar image [C H W] and alpha [H W]; fills in the footprint."""
-        image, alpha = torch.empty(len(self.background), *self.size), torch.empty(self.size)
+        # Type and device are the background's: torch's defaults may be others.
+        image, alpha = self.background.new_empty(len(self.background), *self.size), self.background.new_empty(self.size)
         footprint = self.footprint
         try:
             workspace.forward(table, self.camera, self.settings, image, alpha, footprint.means2d, footprint.radii)
