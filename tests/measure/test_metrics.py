@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import correlate1d
 from scipy.signal import convolve2d
@@ -56,12 +56,13 @@ def test_valid_means_the_windows_inside_the_image():
 
 
 @given(seed=st.integers(0, 2**31))
+@example(seed=10518)  # has a value that float32 and float64 round to different bytes
 @settings(max_examples=20, deadline=None)
 def test_psnr_is_that_of_numpy(seed):
     image, truth = pair(13, 17, seed)
     x, y = image.double().numpy(), truth.double().numpy()
     assert psnr(image, truth) == pytest.approx(-10 * np.log10(np.mean((x - y) ** 2)))
-    x8, y8 = np.rint(x * 255), np.rint(y * 255)
+    x8, y8 = (np.rint(picture.numpy() * np.float32(255)).astype(np.float64) for picture in (image, truth))
     assert psnr_u8(image, truth) == pytest.approx(20 * np.log10(255) - 10 * np.log10(np.mean((x8 - y8) ** 2)))
 
 
