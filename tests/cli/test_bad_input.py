@@ -6,6 +6,7 @@ Damaged scenes are in test_bad_scenes.py; damage at every byte of PLY and model 
 import errno
 import json
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -45,11 +46,52 @@ def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
         ("--sh-degree", "4"),
         ("--densify.every", "0"),
         ("--rates.means", "-1"),
+        ("--rates.scales", "nan"),
+        ("--sh-rate", "inf"),
+        ("--loss.ssim-weight", "3"),
+        ("--loss.scale", "0"),
+        ("--densify.stop", "7"),
+        ("--densify.stop", "nan"),
+        ("--densify.threshold", "-1"),
+        ("--eval-at", "30001"),
+        ("--save-every", "nan"),
     ],
 )
 def test_settings_beyond_their_range(flag: tuple[str, str], tiny: Path, tmp_path: Path, ringlight: Command) -> None:
-    refused(ringlight("train", tiny, "3dgs", "--out", tmp_path / "out", *flag, "--quiet"), 1)
+    words = ("train", tiny, "3dgs", "--out", tmp_path / "out", *flag, "--quiet")
+    sentence = refused(ringlight(*words), 1)
+    assert re.split("[-.]", flag[0])[-1] in sentence, "the setting is named"
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("flag", [("--warmup", "2"), ("--base-rate", "nan"), ("--light.ring.rank", "0")])
+def test_settings_of_the_light_beyond_their_range(
+    flag: tuple[str, str], tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    words = ("train", tiny, "ringlight", "--out", tmp_path / "out", *flag, "--quiet")
+    refused(ringlight(*words), 1, flag[0].strip("-").replace("-", "_"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_resumed_run_keeps_its_recipe(trained: dict[str, Path], ringlight: Command) -> None:
+    before = snapshot(trained["3dgs"])
+    refused(ringlight("train", "--resume", trained["3dgs"], "--steps", "700"), 2, "keeps its recipe", "--steps")
+    refused(ringlight("train", "--resume", trained["3dgs"], "--densify.every=3"), 2, "--densify.every")
+    assert snapshot(trained["3dgs"]) == before
+
+
+def test_folders_above_and_below_a_scene(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    root = tmp_path / "data"
+    shutil.copytree(tiny, root / "balls")
+    out = ("--out", tmp_path / "out", *QUIET)
+    refused(ringlight("train", root, "3dgs", *out), 1, root / "balls")
+    below = next(path for path in (root / "balls").iterdir() if path.is_dir())
+    assert refused(ringlight("train", below, "3dgs", *out), 1).endswith(str(root / "balls"))
+
+
+def test_a_folder_of_runs_names_them(trained: dict[str, Path], ringlight: Command) -> None:
+    for verb in ("eval", "render", "info", "compare"):
+        refused(ringlight(verb, trained["3dgs"].parent), 1, trained["3dgs"], trained["ringlight"])
 
 
 def test_a_forgotten_method_is_not_mistaken_for_a_flags_value(tiny: Path, ringlight: Command) -> None:
@@ -150,6 +192,8 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
     refused(ringlight("train", tiny, "3dsg", *out), 2, "3dsg", "3dgs")
     refused(ringlight("train", tiny, "nonsense", *out), 2, "nonsense", "ringlight-paper")
     refused(ringlight("train", tiny, "3dgs", "--stesp", "3", *out), 2, "--stesp", "perhaps you meant --steps")
+    refused(ringlight("train", "--step", "3", tiny, "3dgs", *out), 2, "--step;", "perhaps you meant --steps")
+    refused(ringlight("train", tiny, "ringlight", "--rank", "3", *out), 2, "perhaps you meant --light.ring.rank")
     refused(ringlight("train", tiny, "3dgs", "--steps", "many", *out), 2, "--steps", "whole number")
     refused(ringlight("train", tiny, "3dgs", "--warmup", "0.1", *out), 2, "--warmup", "ringlight")
     refused(ringlight("train", tiny, "--seed", "3", "nonsense", *out), 2, "nonsense", "3dgs")

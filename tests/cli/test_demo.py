@@ -45,6 +45,7 @@ def test_stopping_and_going_on_gives_the_same_numbers(finished, tmp_path, monkey
     words = ["carpaint", "--steps", "4", "--out", str(folder), "--quiet"]
     assert run(["demo", *words]) == 130
     assert f"ringlight demo --resume {folder}" in capsys.readouterr().err
+    assert run(["eval", str(folder / METHODS_SHOWN[0]), "--quiet", "--lpips"]) == 0, "measured before it has ended"
     monkeypatch.setattr(progress, "show_steps", show_steps)
     assert run(["demo", "--resume", str(folder), "--quiet"]) == 0
     for method in METHODS_SHOWN:

@@ -55,8 +55,28 @@ def test_help_explains_every_option(verb: str, capsys: pytest.CaptureFixture[str
     assert run([verb, "--help"]) == 0
     captured = capsys.readouterr()
     assert captured.out.startswith(f"usage: ringlight {verb}")
-    assert "{None}" not in captured.out.split("--format")[0], "the words of a person, not of Python"
+    assert "{None}" not in captured.out, "the words of a person, not of Python"
+    assert "``" not in captured.out
     assert not captured.err
+
+
+def test_paragraphs_do_not_break_where_the_source_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["train", "scene", "ringlight", "--help"]) == 0
+    shown = " ".join(line.strip("│ ") for line in capsys.readouterr().out.splitlines())
+    assert "for images up to 200 pixels a side. (default" in " ".join(shown.split())
+    lines = [line.strip("│ ") for line in _help_of("train", capsys).splitlines()]
+    assert not [line for line in lines if line.startswith("a side")]
+
+
+def test_flags_that_decide_nothing_are_not_offered(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "--points-seed" in _help_of("train", capsys)
+    assert "--resume RUN" in _help_of("train", capsys)
+    assert "--points-seed" not in _help_of("eval", capsys)
+
+
+def _help_of(verb: str, capsys: pytest.CaptureFixture[str]) -> str:
+    assert run([verb, "--help"]) == 0
+    return capsys.readouterr().out
 
 
 def _module_of(verb: str) -> str:

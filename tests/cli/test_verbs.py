@@ -18,7 +18,7 @@ from ringlight.cli.progress import announce
 from ringlight.files.ply import read_gaussian_ply
 from ringlight.fit.train import Progress
 from ringlight.measure.picture_names import picture_name
-from ringlight.methods.store import load_model
+from ringlight.methods.store import load_model, rendering_size
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.session import Session
 
@@ -113,7 +113,31 @@ def test_a_run_stopped_while_it_is_measured_says_how_to_go_on(
 def test_a_resumed_run_says_where_it_goes_on(trained: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     session = Session.resume(trained["3dgs"])
     announce(session, quiet=False)
-    assert "Gaussians going on after step 40" in capsys.readouterr().err
+    assert "Gaussians and no step left to do" in capsys.readouterr().err
+    session.training.step = 30
+    announce(session, quiet=False)
+    assert "Gaussians going on after step 30" in capsys.readouterr().err
+
+
+def test_a_complete_run_is_measured_again_only_where_its_report_is_gone(run_folder: Path, ringlight: Command) -> None:
+    before = {path: path.stat().st_mtime_ns for path in run_folder.rglob("*")}
+    done = ringlight("train", "--resume", run_folder)
+    assert done.code == 0
+    assert "complete after step 40" in done.err
+    assert f"ringlight eval {run_folder}" in done.err
+    assert "PSNR" in done.out
+    assert {path: path.stat().st_mtime_ns for path in run_folder.rglob("*")} == before
+    report = (run_folder / "report.json").read_text()
+    assert ringlight("train", "--resume", run_folder, "--json").out == report
+    (run_folder / "report.json").unlink()
+    assert ringlight("train", "--resume", run_folder, "--lpips").code == 0
+    assert numbers(run_folder / "report.json") == {k: v for k, v in json.loads(report).items() if k not in TIMED}
+
+
+def test_progress_counts_as_the_report_does(trained: dict[str, Path]) -> None:
+    for run in trained.values():
+        report = json.loads((run / "report.json").read_text())
+        assert rendering_size(Session.resume(run).training.model) == (report["n_gaussians"], report["bytes_raw"])
 
 
 def test_runs_without_a_name_stand_beside_each_other(

@@ -18,7 +18,7 @@ def test_json_and_back(preset: str):
 @pytest.mark.parametrize(
     ("light", "said"),
     [
-        ({"ring": {"rank": 10**6}}, "run.light.ring: ring.rank is 1000000"),
+        ({"ring": {"rank": 10**6}}, "run.light.ring: light.ring.rank is 1000000"),
         ({"ring": {"position_nodes": 10**9}}, "ring.position_nodes is 1000000000"),
         ({"ring": {"rank": "16"}}, "run.light.ring: rank cannot be '16'"),
         ({"glow": 1}, "run.light: unknown setting 'glow'"),

@@ -24,7 +24,7 @@ STEPS = 3000
 class DemoArguments:
     """Train 3dgs and ringlight on a bundled scene, and compare them on views that neither has seen.
 
-    Ctrl-C finishes the step and saves; ``ringlight demo --resume FOLDER`` goes on from there.
+    Ctrl-C finishes the step and saves; 'ringlight demo --resume FOLDER' goes on from there.
     """
 
     scene: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[toaster|carpaint]")] = "toaster"

@@ -8,7 +8,7 @@ import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, ModelPath, Net, SceneFolder
 from ringlight.cli.parse import parse
-from ringlight.data.options import SceneOptions
+from ringlight.data.options import ReadingOptions, SceneOptions
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
@@ -27,7 +27,7 @@ class EvalArguments:
     """Run folder or model file."""
     scene: SceneFolder = None
     """Folder of photographs; by default the run's own."""
-    options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
+    options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
     out: MaybeFolder = None
     """New folder for report.json and images/, which 'ringlight compare' reads like a run."""
     images: MaybeFolder = None
@@ -69,7 +69,7 @@ def _measured(asked: EvalArguments, opened: "Opened") -> "Report":
     from ringlight.runs.folder import RunFolder, empty_folder
     from ringlight.runs.opened import scene_of
 
-    scene = scene_of(opened, asked.scene, asked.options)
+    scene = scene_of(opened, asked.scene, SceneOptions(**vars(asked.options)))
     kept = opened.run if asked.scene is None else None
     if asked.out is not None:
         kept = RunFolder(empty_folder(asked.out))

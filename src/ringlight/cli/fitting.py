@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ringlight.cli.arguments import Net
+from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
@@ -30,6 +31,15 @@ class ReaderOptions:
     """Print the report as JSON on standard output instead of the table."""
     quiet: bool = False
     """No progress line."""
+
+
+def check_steps(options: ReaderOptions, steps: int) -> None:
+    """Raises RecipeError where --eval-at or --save-every names what never comes in a run of ``steps``."""
+    for step in options.eval_at:
+        if not 1 <= step <= steps:
+            raise RecipeError(f"--eval-at is {step}; this run has steps 1 to {steps}")
+    if not options.save_every > 0:
+        raise RecipeError(f"--save-every is {options.save_every:g}; give a number of seconds above zero")
 
 
 def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":

@@ -8,6 +8,7 @@ from typing import Any, NoReturn, TypeVar
 
 import tyro
 
+from ringlight.cli.help_text import REGISTRY, joined_lines
 from ringlight.cli.main import WRONG_USAGE
 
 Arguments = TypeVar("Arguments")
@@ -17,12 +18,13 @@ def parse(kind: "type[Arguments]", verb: str, arguments: list[str]) -> Arguments
     """The record ``kind`` filled from the command line. Exits 0 after ``--help``, 2 after one sentence."""
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), joined_lines():
             parsed: Any = tyro.cli(
                 kind,
                 prog=f"ringlight {verb}",
                 args=arguments,
                 config=(tyro.conf.CascadeSubcommandArgs, tyro.conf.FlagCreatePairsOff),
+                registry=REGISTRY,
             )
             return parsed
     except SystemExit as stop:

@@ -11,6 +11,7 @@ from rich.progress import Progress as Bar
 
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
+from ringlight.methods.store import rendering_size
 from ringlight.runs.session import Session
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ def announce(session: Session, quiet: bool) -> None:
     scene, training = session.scene, session.training
     camera = scene.train[0].camera
     place = "to start with" if training.step == 0 else f"going on after step {training.step}"
+    if training.step == training.steps:
+        place = "and no step left to do"
     lines = [
         f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
         f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
@@ -79,7 +82,7 @@ def test_psnr(session: Session) -> float:
 
 
 class _Meter:
-    """Turns a step into the facts shown: speed, PSNR on training views, number of Gaussians, bytes."""
+    """Turns a step into the facts shown: speed, PSNR on training views; Gaussians and bytes as in the report."""
 
     def __init__(self, session: Session):
         self.session = session
@@ -93,9 +96,8 @@ class _Meter:
         kept = SMOOTHING if math.isfinite(self.decibels) else 0.0
         self.decibels = (kept * self.decibels if kept else 0.0) + (1 - kept) * now
         self._time(progress.step, self.session.clock.wall)
-        model = self.session.training.model
-        size = sum(tensor.numel() * tensor.element_size() for tensor in model.state_dict().values())
-        return f"{self.rate:6.1f} it/s  {self.decibels:5.2f} dB  {len(model):,} Gaussians  {size / 1e6:.1f} MB"
+        count, size = rendering_size(self.session.training.model)
+        return f"{self.rate:6.1f} it/s  {self.decibels:5.2f} dB  {count:,} Gaussians  {size / 1e6:.2f} MB"
 
     def _time(self, step: int, second: float) -> None:
         """Steps a second since the mark, which moves on every few seconds."""

@@ -3,12 +3,13 @@
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder
-from ringlight.cli.fitting import ReaderOptions, fit
+from ringlight.cli.fitting import ReaderOptions, check_steps, fit
+from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
@@ -17,6 +18,7 @@ from ringlight.errors import RecipeError
 from ringlight.methods.table import METHODS, method_named
 
 if TYPE_CHECKING:
+    from ringlight.measure.report import Report
     from ringlight.runs.session import Session
 
 
@@ -25,7 +27,7 @@ class TrainArguments:
     """Learn a scene from posed photographs.
 
     Writes a run folder: model.safetensors, report.json, recipe.json, a checkpoint and images/. Ctrl-C finishes the
-    step and saves; ``ringlight train --resume RUN`` goes on from there.
+    step and saves; 'ringlight train --resume RUN' goes on from there.
     """
 
     scene: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SCENE")]
@@ -39,6 +41,8 @@ class TrainArguments:
     """Same seed, same machine kind: the same bits."""
     device: Device = "auto"
     """Rasterizer: auto is the fastest that this machine has; reference is slow, plain torch."""
+    resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
+    """Go on with this run, in place of SCENE and METHOD; it keeps its recipe, scene and seed."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +54,20 @@ class ResumeArguments:
     reader: Annotated[ReaderOptions, tyro.conf.arg(name="")] = field(default_factory=ReaderOptions)
 
 
+RESUMED = {"--resume"} | flags_of(ReaderOptions)
+KNOWN = (flags_of(TrainArguments) | flags_of(ReaderOptions) | flags_of(SceneOptions) | {"--help"}).union(
+    *(flags_of(recipe) for recipe in METHODS.values())
+)
+"""Flags of any method: which of them goes with which is for the parser to say."""
+
+
 def main(arguments: list[str]) -> int:
     """Train, then measure; returns the exit code."""
-    if any(word == "--resume" or word.startswith("--resume=") for word in arguments):
-        wish = parse(ResumeArguments, "train", arguments)
-        from ringlight.cli.threads import use_threads
-        from ringlight.runs.session import Session
+    _refuse_unknown_flags(arguments)
+    return _resume(arguments) if "--resume" in flags_in(arguments) else _start(arguments)
 
-        use_threads(wish.reader.threads)
-        return _train(Session.resume(wish.resume), wish.reader)
+
+def _start(arguments: list[str]) -> int:
     # The parser would tell which words it knows, but not which of them is near.
     if len(arguments) > 1 and not any(w.startswith("-") for w in arguments[:2]) and not METHODS.keys() & set(arguments):
         try:
@@ -67,6 +76,8 @@ def main(arguments: list[str]) -> int:
             refuse("train", str(error))
     asked = parse(TrainArguments, "train", arguments)
     preset = preset_of(arguments, asked.method)
+    recipe: Any = asked.method
+    check_steps(asked.reader, recipe.steps)
     from ringlight.cli.threads import use_threads
     from ringlight.runs.folder import free_folder
     from ringlight.runs.session import Session
@@ -77,17 +88,55 @@ def main(arguments: list[str]) -> int:
     return _train(session, asked.reader)
 
 
+def _resume(arguments: list[str]) -> int:
+    for flag in flags_in(arguments):
+        if flag not in RESUMED and flag != "--help":
+            remedy = "leave it out, or start a new run"
+            refuse("train", f"a resumed run keeps its recipe, scene and seed, so {flag} cannot change it; {remedy}")
+    wish = parse(ResumeArguments, "train", arguments)
+    from ringlight.cli.threads import use_threads
+    from ringlight.runs.finish import complete_report
+    from ringlight.runs.session import Session
+
+    use_threads(wish.reader.threads)
+    session = Session.resume(wish.resume)
+    check_steps(wish.reader, session.training.steps)
+    report = complete_report(session)
+    if report is None:
+        return _train(session, wish.reader)
+    if not wish.reader.quiet:
+        sys.stderr.write(
+            f"{wish.resume}: is complete after step {session.training.step} and was measured; measure it again with: "
+            f"ringlight eval {wish.resume}\n"
+        )
+    _print(report, wish.reader)
+    return 0
+
+
+def _refuse_unknown_flags(arguments: list[str]) -> None:
+    """The parser would take the value of an unknown flag for the scene, and complain of that."""
+    for flag in flags_in(arguments):
+        if flag not in KNOWN:
+            meant = near(flag, KNOWN)
+            refuse("train", f"not understood: {flag}" + (f"; perhaps you meant {meant}" if meant else ""))
+
+
 def _train(session: "Session", options: ReaderOptions) -> int:
+    report = fit(session, options, f"ringlight train --resume {session.folder.path}")
+    if report is None:
+        return INTERRUPTED
+    _print(report, options)
+    if not options.json:
+        sys.stderr.write(f"written to {session.folder.path}; see it with: ringlight render {session.folder.path}\n")
+    return 0
+
+
+def _print(report: "Report", options: ReaderOptions) -> None:
     from rich.console import Console
 
     from ringlight.measure.table import ResultsTable
 
-    report = fit(session, options, f"ringlight train --resume {session.folder.path}")
-    if report is None:
-        return INTERRUPTED
     if options.json:
         sys.stdout.write(report.to_json())
     else:
         Console().print(ResultsTable([(report.preset, report)]))
-        sys.stderr.write(f"written to {session.folder.path}; see it with: ringlight render {session.folder.path}\n")
-    return 0

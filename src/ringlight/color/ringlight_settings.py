@@ -21,7 +21,7 @@ class RingLightSettings:
     modulation_hidden: int = 128
     """Width of the hidden layer that makes the light modulation of direction and features."""
     light_modulation: bool = True
-    """Feed the light modulation to the residual's network; False is the paper's ablation (appendix B)."""
+    """Whether the light modulation is fed to the residual's network; without is the paper's ablation (appendix B)."""
     latents: int = 0
     """Values per Gaussian that the residual's network sees besides feature, modulation and base colour; 0 as in the
     paper (eq. 8). By them neighbours can differ that are too close for the ring to give them different features."""
@@ -29,15 +29,15 @@ class RingLightSettings:
     """Heads read from tables (fast), or run at every Gaussian (the slow twin). A model belongs to the one it was
     trained with."""
     mask: bool = True
-    """Learn a visibility mask per Gaussian (eq. 10)."""
+    """Whether a visibility mask is learned per Gaussian (eq. 10)."""
     mask_threshold: float = 0.01
     """Gaussians whose mask's sigmoid is at or below this are not drawn."""
 
     def __post_init__(self) -> None:
         for name in ("render_hidden", "modulation_hidden"):
             if getattr(self, name) < 1:
-                raise RecipeError(f"light.{name} is {getattr(self, name)}; give at least 1.")
+                raise RecipeError(f"light.{name} is {getattr(self, name)}; give at least 1")
         if not 0 <= self.latents <= MAX_LATENTS:
-            raise RecipeError(f"light.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian.")
+            raise RecipeError(f"light.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian")
         if not 0 <= self.mask_threshold < 1:
-            raise RecipeError(f"light.mask_threshold is {self.mask_threshold}; a sigmoid lies between 0 and 1.")
+            raise RecipeError(f"light.mask_threshold is {self.mask_threshold}; a sigmoid lies between 0 and 1")

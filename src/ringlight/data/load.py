@@ -12,6 +12,9 @@ FORMATS: dict[str, ModuleType] = {"colmap": colmap, "blender": blender, "nerfstu
 """Format modules in the order in which they are asked: each has LOOKS_FOR, recognises(folder), load(folder, options).
 """
 
+MOST_NAMED = 5
+"""Scenes that a sentence names."""
+
 
 def load_scene(path: str | Path, options: SceneOptions | None = None) -> Scene:
     """The scene in a folder: cameras, lazy photographs, a split, points to start from.
@@ -46,5 +49,18 @@ def _format_of(folder: Path, options: SceneOptions) -> ModuleType:
             return module
     looked_for = ", ".join(module.LOOKS_FOR for module in asked.values())
     other = next((name for name, module in FORMATS.items() if module.recognises(folder)), None)
-    remedy = f"it looks like --format {other}" if other else "give the folder that holds one of them"
+    remedy = f"it looks like --format {other}" if other else _scenes_near(folder, list(asked.values()))
     raise SceneError(f"{folder}: no cameras found; looked for {looked_for}; {remedy}")
+
+
+def _scenes_near(folder: Path, modules: list[ModuleType]) -> str:
+    """The remedy: the folder above where that is a scene, else the scenes inside."""
+    above = folder.resolve().parent
+    if any(module.recognises(above) for module in modules):
+        return f"give the folder above, which has cameras: {above}"
+    inside = [path for path in sorted(folder.iterdir()) if any(module.recognises(path) for module in modules)]
+    if not inside:
+        return "give the folder that holds one of them"
+    return f"give a scene inside it: {', '.join(map(str, inside[:MOST_NAMED]))}" + (
+        ", ..." * (len(inside) > MOST_NAMED)
+    )

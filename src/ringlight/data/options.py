@@ -7,8 +7,8 @@ from ringlight.errors import RecipeError
 
 
 @dataclass(frozen=True)
-class SceneOptions:
-    """What to make of a folder of photographs.
+class ReadingOptions:
+    """How photographs and cameras are read: all that matters to measure a model on them.
 
     Raises:
         RecipeError: a field is outside its range.
@@ -29,16 +29,25 @@ class SceneOptions:
     holdout_every: int = 8
     """Every n-th image by name, from the first, is a test image, where the scene brings no split of its own."""
 
+    def __post_init__(self) -> None:
+        lowest = {"downscale": 1, "max_width": 1, "holdout_every": 2, "initial_points": 1, "points_seed": 0}
+        for name, least in lowest.items():
+            value = getattr(self, name, None)
+            if value is not None and value < least:
+                raise RecipeError(f"--{name.replace('_', '-')} is {value}: give a whole number of at least {least}")
+
+
+@dataclass(frozen=True)
+class SceneOptions(ReadingOptions):
+    """What to make of a folder of photographs to train on.
+
+    Raises:
+        RecipeError: a field is outside its range.
+    """
+
     initial_points: int | None = None
     """Random points to start from where the scene brings none: by default 100000, 20000 for images up to 200 pixels
     a side."""
 
     points_seed: int = 0
     """Seed of those random points."""
-
-    def __post_init__(self) -> None:
-        lowest = {"downscale": 1, "max_width": 1, "holdout_every": 2, "initial_points": 1, "points_seed": 0}
-        for name, least in lowest.items():
-            value = getattr(self, name)
-            if value is not None and value < least:
-                raise RecipeError(f"--{name.replace('_', '-')} is {value}: give a whole number of at least {least}")

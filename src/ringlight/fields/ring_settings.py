@@ -41,13 +41,13 @@ class RingSettings:
     def __post_init__(self) -> None:
         for name, most in LARGEST.items():
             if getattr(self, name) > most:
-                raise RecipeError(f"ring.{name} is {getattr(self, name)}; give at most {most}")
+                raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; give at most {most}")
         for name in ("rank", "features", "head_hidden"):
             if getattr(self, name) < 1:
-                raise RecipeError(f"ring.{name} is {getattr(self, name)}; give at least 1.")
+                raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; give at least 1")
         for name in ("bands", "view_bands"):
             if getattr(self, name) < 0:
-                raise RecipeError(f"ring.{name} is {getattr(self, name)}; give 0 (no Fourier features) or more.")
+                raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; give 0 (no Fourier features) or more")
         for name in ("position_nodes", "view_nodes"):
             if getattr(self, name) < 2:
-                raise RecipeError(f"ring.{name} is {getattr(self, name)}; interpolation needs at least 2 nodes.")
+                raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; interpolation needs at least 2 nodes")

@@ -30,6 +30,13 @@ class Rate:
         return float(self.start ** (1 - share) * self.end**share)
 
 
+def check_rates(**rates: float) -> None:
+    """Raises RecipeError for a learning rate that is negative, infinite or not a number, by the setting's name."""
+    for name, rate in rates.items():
+        if not 0 <= rate < math.inf:
+            raise RecipeError(f"{name} is {rate:g}; give 0 (frozen) or more")
+
+
 @dataclass(frozen=True)
 class Adam:
     """How a group of parameters is stepped; the paper uses one such group for the Gaussians, one for the field."""
@@ -55,6 +62,9 @@ class GaussianRates:
     """Of the log scales."""
     rotations: float = 1e-3
     """Of the quaternions."""
+
+    def __post_init__(self) -> None:
+        check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items()})
 
     def groups(self, extent: float) -> dict[str, Adam]:
         """Adam groups by parameter name."""

@@ -12,6 +12,9 @@ REPORT_NAME = "report.json"
 # Two thousand test views take about 1 MB; more than this is not a report, and is not read into memory.
 MAX_REPORT_BYTES = 64_000_000
 
+MOST_NAMED = 5
+"""Folders that a sentence names."""
+
 
 @dataclass(frozen=True)
 class ImageScore:
@@ -107,6 +110,8 @@ def read_report(run: Path) -> Report:
     path = run / REPORT_NAME
     if not run.is_dir():
         raise RunError(f"{run}: no such run folder; give the folder that 'ringlight train' wrote (its --out)")
+    if not path.is_file() and (inside := folders_with(REPORT_NAME, run)):
+        raise RunError(f"{run}: is no run itself; name the runs inside it: {inside}")
     if not path.is_file():
         raise RunError(f"{run}: holds no {REPORT_NAME}; make one with 'ringlight eval {run}'")
     try:
@@ -116,3 +121,10 @@ def read_report(run: Path) -> Report:
     except (OSError, UnicodeDecodeError) as error:
         raise RunError(f"{path}: cannot be read ({error}); make a new one with 'ringlight eval {run}'") from None
     return Report.from_json(text, str(path))
+
+
+def folders_with(file: str, folder: Path) -> str:
+    """The folders right inside ``folder`` that hold ``file``, for a sentence; empty if there are none."""
+    found = sorted(path.parent for path in folder.glob(f"*/{file}"))
+    shown = ", ".join(map(str, found[:MOST_NAMED]))
+    return shown + (", ..." if len(found) > MOST_NAMED else "")

@@ -6,13 +6,15 @@ fields' docstrings).
 """
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, GaussianRates, Rate
+from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
 
 if TYPE_CHECKING:
@@ -80,6 +82,15 @@ class RingLightRecipe:
     raw bytes under a third of 3DGS's at the same PSNR."""
     loss: PhotometricLoss = field(default_factory=lambda: PhotometricLoss(pixel="l2"))
     """What is compared with the photographs (equation 9)."""
+
+    def __post_init__(self) -> None:
+        check_rates(**{name: value for name, value in vars(self).items() if name.endswith(("_rate", "_rate_end"))})
+        if not 0 <= self.warmup <= 1:
+            raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
+        if not 0 <= self.mask_penalty < math.inf:
+            raise RecipeError(f"mask_penalty is {self.mask_penalty:g}; give 0 (none) or more")
+        if not 0 < self.field_epsilon < math.inf:
+            raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
     def model(
         self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
 import ringlight
 from ringlight.core.camera import Camera
@@ -14,6 +16,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import Scene
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
+from ringlight.measure.size import bytes_by_part
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import METHODS, method_of
 from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
@@ -69,7 +72,16 @@ def model_header(
 
 def for_rendering(model: SplatModel) -> dict[str, torch.Tensor]:
     """The tensors that rendering needs: no unwanted rows, no columns that only training looks at."""
-    keep = model.color.wanted(model.gaussians)
+    return _needed(model, model.color.wanted(model.gaussians))
+
+
+def rendering_size(model: SplatModel) -> tuple[int, int]:
+    """Gaussians and bytes of :func:`for_rendering`, as reports count them, without its copies."""
+    count = int(model.color.wanted(model.gaussians).sum())
+    return count, sum(bytes_by_part(_needed(model, slice(count))).values())
+
+
+def _needed(model: SplatModel, keep: "Bool[Tensor, 'N'] | slice") -> dict[str, torch.Tensor]:
     tensors = {}
     for name, tensor in model.state_dict().items():
         column = name.removeprefix(COLUMNS_PREFIX) if name.startswith(COLUMNS_PREFIX) else None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, GaussianRates, Rate
+from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
 
 if TYPE_CHECKING:
@@ -49,6 +49,9 @@ class ThreeDGSRecipe:
     """Adaptive density control."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
     """What is compared with the photographs."""
+
+    def __post_init__(self) -> None:
+        check_rates(sh_rate=self.sh_rate, sh_rest_rate=self.sh_rest_rate)
 
     def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
         from ringlight.color.harmonics import SphericalHarmonics

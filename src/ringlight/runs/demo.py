@@ -8,7 +8,7 @@ from ringlight.data.bundled import bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RunError
 from ringlight.files.atomic import write_text
-from ringlight.measure.report import REPORT_NAME
+from ringlight.measure.report import REPORT_NAME, read_report
 from ringlight.methods.table import method_named
 from ringlight.runs.folder import empty_folder
 from ringlight.runs.record import RECORD_NAME
@@ -71,7 +71,7 @@ class Demo:
     def session(self, method: str) -> Session | None:
         """The training of ``method``, from its start or from where it stopped; None if it has been measured."""
         folder = self.folder / method
-        if (folder / REPORT_NAME).exists():
+        if _is_measured(folder, self.plan.steps):
             return None
         if (folder / RECORD_NAME).exists():
             return Session.resume(folder)
@@ -81,3 +81,8 @@ class Demo:
         # From here on there is something to resume from, whatever happens.
         session.save()
         return session
+
+
+def _is_measured(run: Path, steps: int) -> bool:
+    """Whether there is a report, and of the last step: eval measures runs that were stopped too."""
+    return (run / REPORT_NAME).exists() and read_report(run).iterations == steps

@@ -94,6 +94,17 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
     return report
 
 
+def complete_report(session: Session) -> Report | None:
+    """The report of a run that has done all its steps and was measured after the last; None for any other run."""
+    if session.training.step < session.training.steps:
+        return None
+    try:
+        report = read_report(session.folder.path)
+    except RunError:
+        return None
+    return report if report.iterations == session.training.step else None
+
+
 def write_report(path: Path, report: Report) -> None:
     """Write report.json, all or nothing. Raises OutputError."""
     write_text(path, report.to_json())

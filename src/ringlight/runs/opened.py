@@ -7,6 +7,7 @@ from ringlight.core.scene import Scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
+from ringlight.measure.report import folders_with
 from ringlight.methods.store import StoredModel, load_model
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import MODEL_NAME, RunFolder
@@ -31,6 +32,8 @@ def find_model(path: Path) -> tuple[Path, RunFolder | None]:
         return folder.model, folder
     if (path / RECORD_NAME).is_file():
         raise RunError(f"{path}: holds no model yet; go on with 'ringlight train --resume {path}'")
+    if inside := folders_with(MODEL_NAME, path):
+        raise RunError(f"{path}: is no run itself; name a run inside it: {inside}")
     raise RunError(f"{path}: holds no {MODEL_NAME}; give a folder or a model file that 'ringlight train' wrote")
 
 

@@ -34,9 +34,14 @@ class DensifySettings:
     since no view could tell more apart."""
 
     def __post_init__(self) -> None:
-        for name, least in {"every": 1, "reset_every": 0, "max_gaussians": 0}.items():
+        for name, least in {"begin": 0, "latest": 0, "every": 1, "reset_every": 0, "max_gaussians": 0}.items():
             if getattr(self, name) < least:
                 raise RecipeError(f"densify.{name} is {getattr(self, name)}; give at least {least}")
+        for name in ("threshold", "clone_below", "prune_scale"):
+            if not getattr(self, name) >= 0:
+                raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 or more")
+        if not 0 <= self.stop <= 1:
+            raise RecipeError(f"densify.stop is {self.stop:g}; give a share of all steps, from 0 to 1")
         if not 0 < self.reset_opacity < 1:
             raise RecipeError(f"densify.reset_opacity is {self.reset_opacity}; an opacity lies between 0 and 1")
         if not 0 <= self.prune_opacity < 1:

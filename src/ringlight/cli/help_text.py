@@ -1,0 +1,50 @@
+"""How the help shows what docstrings and types say: paragraphs without the source's line breaks, no Python words."""
+
+import inspect
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, get_args
+
+import docstring_parser
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+
+REGISTRY = ConstructorRegistry()
+"""Types that the parser of the command line would show otherwise."""
+
+
+@REGISTRY.primitive_rule
+def _optional(info: PrimitiveTypeInfo) -> "PrimitiveConstructorSpec[Any] | None":
+    """``int | None`` is shown and read as a whole number: who wants None leaves the flag out."""
+    inner = [kind for kind in get_args(info.type) if kind is not type(None)]
+    if len(inner) != 1 or type(None) not in get_args(info.type):
+        return None
+    spec = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(inner[0], set(info.markers)))
+    if not isinstance(spec, PrimitiveConstructorSpec):
+        return None
+    return PrimitiveConstructorSpec(
+        nargs=spec.nargs,
+        metavar=spec.metavar,
+        instance_from_str=spec.instance_from_str,
+        is_instance=lambda value: value is None or spec.is_instance(value),
+        str_from_instance=lambda value: ["None"] if value is None else spec.str_from_instance(value),
+        choices=spec.choices,
+    )
+
+
+@contextmanager
+def joined_lines() -> Iterator[None]:
+    """Inside the block a field's docstring loses its indentation, which the parser takes for the end of a paragraph."""
+    read = docstring_parser.parse_from_object
+
+    def parse_from_object(*arguments: Any, **options: Any) -> docstring_parser.Docstring:
+        parsed = read(*arguments, **options)
+        for parameter in parsed.params:
+            if parameter.description is not None:
+                parameter.description = " ".join(inspect.cleandoc(parameter.description).splitlines())
+        return parsed
+
+    docstring_parser.parse_from_object = parse_from_object
+    try:
+        yield
+    finally:
+        docstring_parser.parse_from_object = read
