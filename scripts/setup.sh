@@ -29,13 +29,17 @@ pip() { "$VENV/bin/python" -m pip --disable-pip-version-check --quiet "$@"; }
 
 torch_version=$(sed -n 's/^torch==//p' constraints.txt)
 if ! "$VENV/bin/python" -c "import torch" 2>/dev/null; then
-  say "ringlight: installing torch $torch_version (about 200 MB to download on a machine without a GPU)"
   # The registry's default build brings gigabytes of CUDA: without an NVIDIA GPU take the CPU build where it can be had.
   if command -v nvidia-smi >/dev/null 2>&1 && nvidia-smi -L >/dev/null 2>&1; then
+    say "ringlight: installing torch $torch_version for the GPU: gigabytes to download, which takes many minutes"
     pip install "torch==$torch_version"
   else
-    PIP_RETRIES=0 pip install --extra-index-url https://download.pytorch.org/whl/cpu \
-      "torch==$torch_version+cpu" 2>/dev/null || pip install "torch==$torch_version"
+    say "ringlight: installing torch $torch_version for the CPU: 200 MB to download, which takes minutes"
+    cpu_reason=$(PIP_RETRIES=0 pip install --extra-index-url https://download.pytorch.org/whl/cpu \
+      "torch==$torch_version+cpu" 2>&1) || {
+      say "ringlight: the CPU build is not to be had here; taking the registry's default build, which may be gigabytes"
+      pip install "torch==$torch_version" || { say "$cpu_reason"; stop "torch cannot be installed; pip's reasons are above"; }
+    }
   fi
 fi
 say "ringlight: installing dependencies"

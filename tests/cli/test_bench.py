@@ -66,7 +66,9 @@ def test_save_writes_what_json_prints(tmp_path, monkeypatch, capsys):
 )
 def test_mistakes_are_one_sentence(words, sentence, capsys):
     assert run(["bench", *words]) == 1
-    complaint = capsys.readouterr().err.strip().splitlines()[-1]
+    told = capsys.readouterr().err
+    assert "compiling" not in told, "what can be seen at once is refused at once"
+    complaint = told.strip().splitlines()[-1]
     assert complaint.startswith("ringlight: ")
     assert sentence in complaint
 

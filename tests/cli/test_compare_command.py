@@ -1,4 +1,4 @@
-"""``ringlight compare``: one table, one sheet that overwrites nothing, JSON and markdown for others to read."""
+"""``ringlight compare``: one table, a sheet where it is asked for, JSON and markdown for others to read."""
 
 import json
 import re
@@ -30,11 +30,13 @@ def test_table_fits_and_names_every_run(runs, width, capsys, monkeypatch):
     assert all(any(line.startswith(name) for line in lines) for name in ("3dgs", "ringlight"))
 
 
-def test_sheet_is_named_after_the_runs_and_numbered(runs, here):
+def test_a_sheet_is_written_only_where_it_is_asked_for(runs, here, capsys):
     assert run(["compare", *runs]) == 0
-    assert run(["compare", *runs, "--views", "1"]) == 0
-    assert {path.name for path in here.iterdir()} == {"3dgs-vs-ringlight.png", "3dgs-vs-ringlight-2.png"}
-    with Image.open("3dgs-vs-ringlight.png") as three, Image.open("3dgs-vs-ringlight-2.png") as one:
+    assert "--sheet FILE.png" in capsys.readouterr().err
+    assert not list(here.iterdir())
+    assert run(["compare", *runs, "--sheet", "three.png"]) == 0
+    assert run(["compare", *runs, "--sheet", "one.png", "--views", "1"]) == 0
+    with Image.open("three.png") as three, Image.open("one.png") as one:
         assert three.width == one.width
         assert three.height > one.height
 
@@ -50,7 +52,7 @@ def test_a_named_sheet_is_replaced_only_when_asked(runs, here, capsys):
 
 
 def test_json_holds_whole_reports(runs, capsys):
-    assert run(["compare", *runs, "--json", "--baseline", runs[1]]) == 0
+    assert run(["compare", *runs, "--json", "--baseline", runs[1], "--sheet", "a.png"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["baseline"] == "ringlight"
     assert [each["label"] for each in record["runs"]] == ["ringlight", "3dgs"]

@@ -278,6 +278,8 @@ def test_info_counts_every_byte(method: str, trained: dict[str, Path], ringlight
     text = ringlight("info", trained[method]).out
     assert all(tensor["name"] in text for tensor in facts["tensors"])
     assert f"{report['psnr']:.2f} dB" in text
+    assert "0.000 MB" not in text
+    assert f"{method}, step 40 of 40\n" in text
 
 
 def test_info_of_a_model_file(trained: dict[str, Path], ringlight: Command) -> None:
@@ -312,6 +314,9 @@ def test_a_neural_colour_is_baked_and_the_error_printed(
     assert told["cameras"] == 6
     assert 0 < told["rmse"] < 0.05
     assert told["psnr"] > 25
+    assert told["pictures"] == 5
+    assert f"{told['picture_psnr']:.1f} dB PSNR" in done.out
+    assert told["picture_psnr"] > 30
     assert len(read_gaussian_ply(tmp_path / "a.ply").gaussians) == told["n_gaussians"]
 
 

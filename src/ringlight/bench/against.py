@@ -83,11 +83,16 @@ class _Prototype:
         self._state.backward(*self._backward)  # type: ignore[attr-defined]
 
 
-def _compiled(folder: Path, build: Path) -> Path:
-    """The shared object, made in ``build``."""
+def check_sources(folder: Path) -> None:
+    """Raises BackendError where the folder holds no such rasterizer."""
     missing = [name for name in SOURCES if not (folder / name).is_file()]
     if missing:
         raise BackendError(f"{folder}: has no {missing[0]}; give the folder that holds {', '.join(SOURCES)}")
+
+
+def _compiled(folder: Path, build: Path) -> Path:
+    """The shared object, made in ``build``."""
+    check_sources(folder)
     compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
     if compiler is None:
         raise BackendError("no C++ compiler on this machine; install g++ 11 or newer to compare with another kernel")

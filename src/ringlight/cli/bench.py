@@ -145,8 +145,9 @@ def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterato
     sizes = [Size.parse(text, asked.channels) for text in asked.sizes]
     rasterize, peer = _rasterizer(asked.device), None
     if asked.against is not None:
-        from ringlight.bench.against import against
+        from ringlight.bench.against import against, check_sources
 
+        check_sources(asked.against)
         sys.stderr.write(f"compiling {asked.against}, about half a minute\n")
         peer = against(asked.against, now.machine.threads, now.machine.isa, asked.channels)
     rows = bench_raster(sizes, rasterize, _budget(asked.common), peer, asked.common.seed)

@@ -14,13 +14,10 @@ if TYPE_CHECKING:
     from ringlight.measure.compare import Comparison
     from ringlight.measure.report import Report
 
-LONGEST_NAME = 100
-"""Characters of a sheet's name made from the names of runs; file systems allow 255."""
-
 
 @dataclass(frozen=True)
 class CompareArguments:
-    """Runs side by side: one table, and one picture with the views on which they differ most.
+    """Runs side by side: one table, and with --sheet one picture with the views on which they differ most.
 
     Reads what the run folders hold (report.json, images/), so neither models nor photographs are needed.
     """
@@ -34,7 +31,7 @@ class CompareArguments:
     views: int = 3
     """Test views on the sheet."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png", help_behavior_hint="")] = None
-    """File of the contact sheet; by default named after the runs, in the current folder."""
+    """Write the contact sheet, the picture with the views, to this file."""
     overwrite: bool = False
     """Replace --sheet if it exists."""
     markdown: bool = False
@@ -72,10 +69,9 @@ def main(arguments: list[str]) -> int:
     from ringlight.measure.compare import compare
     from ringlight.runs.sheet import write_sheet
 
-    comparison = compare(_ordered(asked), asked.views)
-    path = None
-    if comparison.sheet is not None:
-        path = asked.sheet or _free_name(asked.runs)
+    comparison = compare(_ordered(asked), asked.views if asked.sheet else 0)
+    path = asked.sheet if comparison.sheet is not None else None
+    if comparison.sheet is not None and path is not None:
         write_sheet(comparison.sheet, path)
     _print(asked, comparison, path)
     return 0
@@ -114,13 +110,5 @@ def _print(asked: CompareArguments, comparison: "Comparison", sheet: Path | None
     sys.stderr.write("".join(f"{note}\n" for note in comparison.notes))
     if sheet is not None:
         sys.stderr.write(f"side by side: {sheet}\n")
-
-
-def _free_name(runs: tuple[Path, ...]) -> Path:
-    """Named after the runs, in the current folder, with the first number behind it that is free."""
-    names = dict.fromkeys(run.resolve().name for run in runs)
-    stem = "-vs-".join(names)[:LONGEST_NAME]
-    path, number = Path(f"{stem}.png"), 2
-    while path.exists():
-        path, number = Path(f"{stem}-{number}.png"), number + 1
-    return path
+    elif asked.sheet is None:
+        sys.stderr.write("the pictures side by side: add --sheet FILE.png\n")

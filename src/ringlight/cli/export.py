@@ -53,8 +53,11 @@ def _sentences(exported: "Exported") -> str:
     lines = [f"{exported.file}: {exported.n_gaussians:,} Gaussians, {exported.bytes_file / 1e6:.2f} MB"]
     if exported.baked:
         lines += [
-            f"colour baked to spherical harmonics of degree 3 from {exported.cameras} training cameras: "
-            f"rmse {exported.rmse:.4f} ({exported.psnr:.1f} dB), worst Gaussian {exported.worst:.3f}",
+            f"colour baked to spherical harmonics of degree 3 from {exported.cameras} training cameras",
+            f"  pictures of the PLY against the model's, from {exported.pictures} of them: "
+            f"{exported.picture_psnr:.1f} dB PSNR",
+            f"  colour of single Gaussians, 0 to 1, over the directions of those cameras: "
+            f"rmse {exported.rmse:.4f} ({exported.psnr:.1f} dB), {exported.worst:.3f} for the worst",
         ]
     else:
         lines += ["colour is spherical harmonics already: exact"]

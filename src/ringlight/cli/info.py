@@ -50,7 +50,9 @@ def _lines(facts: "ModelFacts") -> Iterator[str]:
     width, height = scene.resolution
     versions = ", ".join(f"{name} {number}" for name, number in header.versions.items())
     yield _line("model", facts.file)
-    yield _line("method", f"{header.preset} ({header.method}), step {header.step}")
+    kind = "" if header.preset == header.method else f" ({header.method})"
+    planned = header.recipe.get("steps")
+    yield _line("method", f"{header.preset}{kind}, step {header.step} of {planned}")
     yield _line("scene", f"{scene.name}, {width}x{height}, background {scene.background}, extent {scene.extent:.3g}")
     yield _line("from", scene.source)
     for note in scene.notes:
@@ -100,9 +102,14 @@ def _tensor_lines(facts: "ModelFacts") -> Iterator[str]:
         yield f"{name:{widths[0]}}  {shape:>{widths[1]}}  {dtype:<{widths[2]}}  {size:>{widths[3]}}"
     yield ""
     for part, count in facts.bytes_by_part.items():
-        yield f"{part:{widths[0]}}  {count / MEGABYTE:9.3f} MB"
-    yield f"{'rendering needs':{widths[0]}}  {facts.bytes_raw / MEGABYTE:9.3f} MB, {facts.n_gaussians:,} Gaussians"
-    yield f"{'file':{widths[0]}}  {facts.bytes_file / MEGABYTE:9.3f} MB, with {facts.n_cameras} training cameras"
+        yield f"{part:{widths[0]}}  {_size(count)}"
+    yield f"{'rendering needs':{widths[0]}}  {_size(facts.bytes_raw)}, {facts.n_gaussians:,} Gaussians"
+    yield f"{'file':{widths[0]}}  {_size(facts.bytes_file)}, with {facts.n_cameras} training cameras"
+
+
+def _size(count: int) -> str:
+    """Megabytes, or bytes where those would read as nothing."""
+    return f"{count / MEGABYTE:9.3f} MB" if count >= MEGABYTE / 1000 else f"{count:9} bytes"
 
 
 def _line(label: str, text: str) -> str:

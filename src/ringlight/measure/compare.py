@@ -42,7 +42,7 @@ def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
     """Read run folders (``report.json``, ``images/``) and hold them against each other, scene by scene.
 
     The first run is the one that others are compared with. A folder that is named twice counts once. ``views`` is the
-    number of test views of each scene on the sheet.
+    number of test views of each scene on the sheet; with 0 there is none.
 
     Raises:
         RunError: no runs, a report is missing or damaged, or two runs of a scene have different test views.
@@ -64,7 +64,7 @@ def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
         baseline=labels[loaded[0].folder],
         lpips_notes=stored_lpips_notes([run.report for run in loaded]),
     )
-    sheets = [_sheet(scene, together, labels, views) for scene, together in scenes.items()]
+    sheets = [_sheet(scene, together, labels, views) for scene, together in scenes.items()] if views else []
     bare = [run.folder for run in loaded if not (run.pictures(RENDERS) and run.pictures(TRUTHS))]
     notes = tuple(f"{folder} has no pictures; make them with 'ringlight eval {folder}'." for folder in bare)
     return Comparison(table, _stacked([sheet for sheet in sheets if sheet]), notes)

@@ -2,26 +2,33 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import fmean
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 import ringlight
+from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import OPACITY_FACTOR
 from ringlight.errors import ModelFileError, OutputError
 from ringlight.files.bake import bake_to_sh
 from ringlight.files.ply import write_gaussian_ply
+from ringlight.measure import metrics
 from ringlight.methods.store import StoredModel
 from ringlight.models.splats import SplatModel
+from ringlight.shade.passthrough import PassThrough
 
 SUFFIXES = (".ply",)
 """What can be written."""
 
 HARMONICS = ("sh_dc", "sh_rest")
 """Columns that are spherical harmonics already, as viewers use them."""
+
+MOST_PICTURES = 5
+"""Training cameras from which baked colours are checked in pictures: well under a second each."""
 
 FAINTEST_FACTOR = 1e-6
 """Rows whose opacity is multiplied by less are left out: their logit would be infinite."""
@@ -32,7 +39,8 @@ class Exported:
     """What was written. The errors are those of baking a neural colour, None where the colour was exact.
 
     ``rmse`` is over all Gaussians and the training cameras that see them, display-referred colour in [0, 1];
-    ``psnr`` is the same in dB, ``worst`` the rmse of the worst Gaussian.
+    ``psnr`` is the same in dB, ``worst`` the rmse of the worst Gaussian. ``picture_psnr`` compares pictures of what was
+    written with pictures of the model, dB, mean over ``pictures`` of the training cameras.
     """
 
     file: str
@@ -43,6 +51,8 @@ class Exported:
     rmse: float | None
     psnr: float | None
     worst: float | None
+    pictures: int
+    picture_psnr: float | None
 
 
 def check_target(path: Path, overwrite: bool) -> None:
@@ -65,17 +75,42 @@ def export_ply(stored: StoredModel, path: Path) -> Exported:
     exact = all(name in gaussians.appearance for name in HARMONICS)
     if exact:
         sh_dc, sh_rest = (gaussians.appearance[name] for name in HARMONICS)
-        rmse = psnr = worst = None
+        rmse = psnr = worst = picture_psnr = None
     elif not cameras:
         raise ModelFileError(f"{path}: cannot be made: the model holds no training cameras; train it again")
     else:
         baked = bake_to_sh(gaussians, cameras, lambda rows, camera: model.color.channels(rows, camera)["rgb"])
         sh_dc, sh_rest, rmse, psnr, worst = baked.sh_dc, baked.sh_rest, baked.rmse, baked.psnr, baked.worst
+        harmonics = replace(gaussians, appearance={"sh_dc": sh_dc, "sh_rest": sh_rest})
+        picture_psnr = _picture_psnr(model, harmonics, _spread(cameras))
     note = f"ringlight {ringlight.__version__}, {stored.header.preset}, {stored.header.scene.name}"
     write_gaussian_ply(path, gaussians, sh_dc, sh_rest, model.options.antialiased, [note])
     return Exported(
-        str(path), len(gaussians), path.stat().st_size, not exact, 0 if exact else len(cameras), rmse, psnr, worst
+        file=str(path),
+        n_gaussians=len(gaussians),
+        bytes_file=path.stat().st_size,
+        baked=not exact,
+        cameras=0 if exact else len(cameras),
+        rmse=rmse,
+        psnr=psnr,
+        worst=worst,
+        pictures=0 if exact else len(_spread(cameras)),
+        picture_psnr=picture_psnr,
     )
+
+
+def _spread(cameras: tuple[Camera, ...]) -> tuple[Camera, ...]:
+    """A few of the cameras, evenly spread over their order."""
+    count = min(len(cameras), MOST_PICTURES)
+    return tuple(cameras[index * len(cameras) // count] for index in range(count))
+
+
+def _picture_psnr(model: SplatModel, harmonics: Gaussians, cameras: tuple[Camera, ...]) -> float:
+    """Mean PSNR of pictures of the harmonics against pictures of the model, dB, over white."""
+    white = torch.ones(3)
+    baked = SplatModel(harmonics, SphericalHarmonics(), PassThrough(), model.rasterize, model.options)
+    pairs = ((baked.render(camera, white).color, model.render(camera, white).color) for camera in cameras)
+    return fmean(metrics.psnr(ours.clamp(0, 1), truth.clamp(0, 1)) for ours, truth in pairs)
 
 
 def _folded(model: SplatModel, cameras: tuple[Camera, ...]) -> Gaussians:
