@@ -214,6 +214,7 @@ def test_values_out_of_range(tiny: Path, trained: dict[str, Path], tmp_path: Pat
     run = trained["3dgs"]
     refused(ringlight("render", run, "--frames", "0"), 1, "--frames")
     refused(ringlight("render", run, "--scale", "-1"), 1, "--scale")
+    refused(ringlight("render", run, "--zoom", "0"), 1, "--zoom")
     refused(ringlight("render", run, "--path", "orbit", "--width", "100000000"), 1, "--width")
     refused(ringlight("render", run, "--width", "10", "--scale", "2"), 1, "--width", "--scale")
     refused(ringlight("train", tiny, "3dgs", "--downscale", "0", "--out", tmp_path / "out"), 1, "--downscale")

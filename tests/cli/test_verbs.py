@@ -242,6 +242,15 @@ def test_a_second_rendering_goes_beside_the_first(run_folder: Path, ringlight: C
     assert picture(run_folder / "wide" / "color" / "0001.png").shape == (30, 30, 3)
 
 
+def test_zooming_out_shows_the_subject_smaller(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    covered = []
+    for zoom in (1.0, 0.5):
+        words = ("--path", "orbit", "--frames", "1", "--layers", "alpha", "--zoom", zoom, "--out", tmp_path / str(zoom))
+        assert ringlight("render", trained["3dgs"], *words).code == 0
+        covered.append(picture(tmp_path / str(zoom) / "alpha" / "0000.png").astype(float).mean())
+    assert 0 < covered[1] < 0.5 * covered[0], "a quarter of the area, where nothing was cut"
+
+
 def test_a_model_file_is_enough_for_an_orbit(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
     model = Path(shutil.copy(trained["ringlight"] / "model.safetensors", tmp_path / "m.safetensors"))
     done = ringlight("render", model, "--path", "orbit", "--frames", "1")

@@ -49,6 +49,8 @@ class RenderArguments:
     """Width of the pictures, pixels; by default as trained."""
     scale: MaybeReal = None
     """Or a factor on width and height."""
+    zoom: float = 1.0
+    """Factor on the focal length; 0.7 brings back a subject that an orbit cuts at the frame's edge."""
     background: Literal["auto", "white", "black"] = "auto"
     """What lies behind the Gaussians; auto is as trained."""
     device: Device = "auto"
@@ -59,7 +61,7 @@ class RenderArguments:
     """No progress line."""
 
     def __post_init__(self) -> None:
-        for name in ("frames", "width", "scale", "fps"):
+        for name in ("frames", "width", "scale", "zoom", "fps"):
             value = getattr(self, name)
             if value is not None and not 0 < value < float("inf"):
                 raise RecipeError(f"--{name} is {value}: give a number above zero")
@@ -110,7 +112,7 @@ def _film(asked: RenderArguments, opened: "Opened") -> "Film":
         film = film_of_views(scene_of(opened, asked.scene))
     else:
         film = film_from_training(opened, asked.path, asked.frames or FRAMES)
-    return film.thinned(asked.frames or len(film.cameras)).resized(asked.width, asked.scale)
+    return film.thinned(asked.frames or len(film.cameras)).zoomed(asked.zoom).resized(asked.width, asked.scale)
 
 
 def _background(asked: RenderArguments, opened: "Opened") -> "Tensor":

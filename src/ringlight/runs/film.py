@@ -47,6 +47,15 @@ class Film:
         chosen = np.linspace(0, len(self.cameras) - 1, frames).round().astype(int).tolist()
         return Film(tuple(self.cameras[i] for i in chosen), tuple(self.names[i] for i in chosen))
 
+    def zoomed(self, factor: float) -> "Film":
+        """Focal lengths ``factor`` times as long: below 1 shows more of what is around, above 1 less."""
+        if factor == 1:
+            return self
+        cameras = [
+            replace(camera, focal=(camera.focal[0] * factor, camera.focal[1] * factor)) for camera in self.cameras
+        ]
+        return replace(self, cameras=tuple(cameras))
+
     def resized(self, width: int | None, scale: float | None) -> "Film":
         """All pictures ``width`` pixels wide, or ``scale`` times as large; their shape stays.
 
