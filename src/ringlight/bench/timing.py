@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from statistics import median
+from statistics import fmean, median
 
 WARMUP_ROUNDS = 2
 """The first rounds allocate memory and fill caches."""
@@ -19,7 +19,8 @@ TOTAL = "total"
 
 @dataclass(frozen=True)
 class Timing:
-    """Milliseconds, medians over rounds. ``cpu_ms`` is summed over threads; ``best_ms`` is the fastest wall time."""
+    """Milliseconds. ``wall_ms`` is the median over rounds, ``best_ms`` the fastest; ``cpu_ms``, summed over threads, is
+    the mean: the system books another core's time only when its clock ticks, so that no single round has its own."""
 
     wall_ms: float
     cpu_ms: float
@@ -57,6 +58,7 @@ def interleaved(contestants: Mapping[str, Contestant], budget: Budget) -> dict[s
             if index and time.perf_counter() - begun > budget.seconds:
                 break
             for name, contestant in contestants.items():
+                _round(contestant)  # wakes its threads, sends another's to sleep, and fills the caches: as in training
                 records[name].append(_round(contestant))
     finally:
         if collecting:
@@ -82,4 +84,4 @@ def _timings(names: Sequence[str], rounds: Sequence[Sequence[tuple[float, float]
 
 def _timing(seconds: Sequence[tuple[float, float]]) -> Timing:
     walls, cpus = zip(*seconds, strict=True)
-    return Timing(1e3 * median(walls), 1e3 * median(cpus), 1e3 * min(walls))
+    return Timing(1e3 * median(walls), 1e3 * fmean(cpus), 1e3 * min(walls))
