@@ -324,6 +324,7 @@ def test_kernels_that_cannot_run(
 
 FULL_DISK = """
 import resource, signal, sys
+sys.dont_write_bytecode = True  # Python would leave compiled modules cut off at the limit, for every later process
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
 sys.path.insert(0, {source!r})

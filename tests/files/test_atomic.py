@@ -3,6 +3,7 @@
 import errno
 import os
 import resource
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
@@ -60,10 +61,11 @@ def test_a_failing_disk_leaves_the_old_file_and_is_one_sentence(tmp_path: Path, 
     assert names_in(tmp_path) == ["a.bin"]
 
 
-def test_a_real_limit_on_the_file_size_is_such_a_failure(tmp_path: Path) -> None:
+def test_a_real_limit_on_the_file_size_is_such_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.bin"
     path.write_bytes(b"old")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # compiled modules would be cut off at the limit
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     try:
         with pytest.raises(OutputError, match="largest size allowed"):
