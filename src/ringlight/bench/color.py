@@ -1,7 +1,7 @@
 """Speed of the colour models: what each Gaussian of the standard workload emits towards its camera."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import nn
@@ -12,11 +12,11 @@ from ringlight.bench.workload import Size, Workload, workload
 from ringlight.color.contract import ColorModel
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.ringlight import RingLight
-from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.randomness import generator
 from ringlight.core.scene import PointCloud
 from ringlight.errors import RecipeError
+from ringlight.methods.ringlight import OURS, PAPER
 
 PIXELS = 400
 """The camera's image; it decides nothing but which Gaussians are in view, and all are."""
@@ -45,12 +45,13 @@ class ColorBench:
 
 
 def color_models() -> dict[str, ColorModel]:
-    """The colour models by name, as their methods' presets set them; the ring is switched on."""
+    """The colour models by name, as the presets of their methods set them; the light fields are switched on."""
     box = torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     return {
         "harmonics": SphericalHarmonics(),
-        "ring": RingLight(RingLightSettings(), box),
-        "ring-exact": RingLight(RingLightSettings(evaluation="exact"), box),
+        "ring": RingLight(OURS, box),
+        "ring-paper": RingLight(PAPER.light, box),
+        "ring-exact": RingLight(replace(PAPER.light, evaluation="exact"), box),
     }
 
 

@@ -77,8 +77,8 @@ class ColorArguments:
 
     gaussians: tuple[int, ...] = (10_000, 100_000)
     """Numbers of Gaussians."""
-    models: tuple[str, ...] = ("harmonics", "ring")
-    """harmonics, ring, ring-exact (the slow twin without tables)."""
+    models: tuple[str, ...] = ("harmonics", "ring", "ring-paper")
+    """harmonics, ring (our preset), ring-paper (the paper's sizes), ring-exact (the same without tables, the twin)."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
 
 
