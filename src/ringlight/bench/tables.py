@@ -77,13 +77,13 @@ def loss_tables(record: LossBench) -> Iterator[Block]:
     """Milliseconds an image."""
     yield Text("photometric loss, value and gradient, milliseconds an image, medians", style="bold")
     yield from _circumstances(record.circumstances)
-    table = _table("pixels", "kernel", "CPU", "step", "CPU", "torch", "CPU", "torch : step", "CPU", "max diff")
+    table = _table("pixels", "kernel", "CPU", "step", "CPU", "twin", "CPU", "twin : step", "CPU", "max diff")
     for row in record.rows:
-        times = (time for timing in (row.kernel, row.step, row.torch) for time in (timing.wall_ms, timing.cpu_ms))
+        times = (time for timing in (row.kernel, row.step, row.twin) for time in (timing.wall_ms, timing.cpu_ms))
         ratios = (f"{row.wall_ratio:.1f}", f"{row.cpu_ratio:.1f}", f"{row.largest_difference:.0e}")
         table.add_row(f"{row.pixels}x{row.pixels}", *(_ms(time) for time in times), *ratios)
     yield table
-    yield Text("kernel: called alone; step: as training calls it; torch: by convolutions", style="dim")
+    yield Text("kernel: called alone; step: as training calls it; twin: in torch, to be read, not fast", style="dim")
 
 
 def adam_tables(record: AdamBench) -> Iterator[Block]:

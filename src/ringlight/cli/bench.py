@@ -55,7 +55,7 @@ class RasterArguments:
 
 @dataclass(frozen=True)
 class LossArguments:
-    """The photometric loss, value and gradient, beside torch's."""
+    """The photometric loss, value and gradient, beside its slow twin in torch."""
 
     sizes: tuple[int, ...] = (200, 400, 800)
     """Pixels on a side."""
