@@ -57,9 +57,8 @@ class SplatModel(nn.Module):
         channels = dict(self.color.channels(gaussians, camera))
         factor = channels.pop(OPACITY_FACTOR, None)
         rendering = self._blend(gaussians, channels, factor, camera, background)
-        return Rendering(
-            self.shader.shade(rendering.buffers, camera), rendering.alpha, rendering.buffers, rendering.raster
-        )
+        color = self.shader.shade(rendering.buffers, camera, background)
+        return Rendering(color, rendering.alpha, rendering.buffers, rendering.raster)
 
     @torch.no_grad()
     def layers(self, camera: Camera) -> Channels:
@@ -78,7 +77,7 @@ class SplatModel(nn.Module):
         surface = rendering.alpha > FAINTEST_SURFACE
         buffers["depth"] = torch.where(surface, buffers["depth"] / rendering.alpha.clamp_min(FAINTEST_SURFACE), 0)
         buffers["normal"] = normalize(buffers["normal"])
-        return buffers | {"alpha": rendering.alpha}
+        return buffers
 
     def _blend(
         self,
@@ -88,14 +87,14 @@ class SplatModel(nn.Module):
         camera: Camera,
         background: Float[Tensor, "3"],
     ) -> Rendering:
-        """Blend all channels in one pass; the background applies to "rgb" only."""
+        """Blend all channels, and "alpha", in one pass; the background applies to "rgb" only."""
         opacity_factor = None if factor is None else factor[:, 0]
         if list(channels) == ["rgb"]:
             raster = self.rasterize(gaussians, channels["rgb"], camera, background, self.options, opacity_factor)
-            return Rendering(raster.image, raster.alpha, {"rgb": raster.image}, raster)
+            return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
         widths = [values.shape[-1] for values in channels.values()]
         behind = [background if name == "rgb" else torch.zeros(w) for name, w in zip(channels, widths, strict=True)]
         values = torch.cat(list(channels.values()), -1)
         raster = self.rasterize(gaussians, values, camera, torch.cat(behind), self.options, opacity_factor)
-        buffers = dict(zip(channels, raster.image.split(widths, -1), strict=True))
+        buffers = dict(zip(channels, raster.image.split(widths, -1), strict=True)) | {"alpha": raster.alpha}
         return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)

@@ -13,6 +13,10 @@ from ringlight.core.rendering import Channels
 class Shader(Protocol):
     """May be an ``nn.Module`` with shared parameters."""
 
-    def shade(self, buffers: Channels, camera: Camera) -> Float[Tensor, "H W 3"]:
-        """Colour of each pixel from the blended channels, [H W c] by name."""
+    def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
+        """Colour of each pixel from the blended channels, [H W c] by name; memory may be planar.
+
+        "rgb" lies over ``background``. All others are sums over the Gaussians in front, so that a pixel's mean is the
+        sum over "alpha" [H W 1], which is always there.
+        """
         ...

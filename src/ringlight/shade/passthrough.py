@@ -10,5 +10,5 @@ from ringlight.core.rendering import Channels
 class PassThrough(nn.Module):
     """The blended "rgb" channel is the colour."""
 
-    def shade(self, buffers: Channels, camera: Camera) -> Float[Tensor, "H W 3"]:
+    def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
         return buffers["rgb"]

@@ -1,0 +1,87 @@
+"""Deferred shading: what a surface reflects, computed once per pixel from blended normals, latents and depth.
+
+Shading blended normals instead of blending shaded colours is what makes splatted reflections sharp (3DGS-DR, Ye et al.
+2024). The residual colour is a small network's of the surface and of octahedral features in the reflected direction,
+which a learned sphere corrects for parallax.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.core.camera import Camera
+from ringlight.core.directions import octahedral_from_directions, reflect
+from ringlight.core.randomness import generator
+from ringlight.core.rendering import Channels
+from ringlight.fields.networks import perceptron
+from ringlight.fields.octahedral import OctahedralMaps
+from ringlight.fields.parallax import sphere_exits
+from ringlight.shade.covered import CoveredPixels, covered_pixels
+from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
+
+# The last layer starts smaller than PyTorch's: the first shaded picture shall be near that of the base colours.
+FIRST_LAST_LAYER = 0.3
+
+
+class ReflectionShader(nn.Module):
+    """color = rgb + alpha * mlp(cosine, latents, base, features, direction), at pixels that are opaque enough.
+
+    ``shade`` takes "rgb" 3, "normal" 3 (world, outwards, blended unit vectors), "latents" L and "depth" 1 (camera z).
+    Parameters: ``mlp``; ``maps.s``, the octahedral maps of shell s; ``sphere`` [shells 4] if there is parallax, see
+    ``fields/parallax.py``, in a frame where the longest side of the scene's box is [-1, 1].
+    Buffers: ``box`` [low, high], world units; ``lit``, False during the warm-up, when "rgb" is the colour.
+    """
+
+    box: Tensor
+    lit: Tensor
+
+    def __init__(self, settings: ReflectionSettings, box: Float[Tensor, "2 3"], seed: int = 0):
+        super().__init__()
+        self.settings = settings
+        drawn = generator(seed, 0, "reflection")
+        shells = range(settings.shells)
+        self.maps = nn.ModuleList(OctahedralMaps(settings.levels, settings.features, drawn) for _ in shells)
+        if settings.parallax:
+            self.sphere = nn.Parameter(torch.tensor([[0.0, 0.0, 0.0, FIRST_LOG_INVERSE_RADII[s]] for s in shells]))
+        inputs = 1 + settings.latents + 3 + settings.shells * len(settings.levels) * settings.features
+        inputs += 3 * settings.raw_direction
+        self.mlp = perceptron((inputs, settings.hidden, settings.hidden, 3), drawn)
+        last = self.mlp[-1]
+        assert isinstance(last, nn.Linear)
+        with torch.no_grad():
+            last.weight.mul_(FIRST_LAST_LAYER)
+            last.bias.zero_()
+        self.register_buffer("box", box.clone().float())
+        self.register_buffer("lit", torch.tensor(True))
+
+    def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
+        """Planar memory, as the rasterizer's; differentiable in "rgb", "normal", "latents", "alpha", parameters, and
+        in "depth" where the settings say so."""
+        if not self.lit:
+            return buffers["rgb"]
+        return self.twin(buffers, camera, background)
+
+    def twin(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
+        """What the kernel computes, in torch and in any precision."""
+        pixels = covered_pixels(buffers, camera, background, self.settings.depth_gradient)
+        added = pixels.alpha * self.mlp(self._inputs(pixels))
+        rgb = buffers["rgb"]
+        residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)
+        return rgb + residual.unflatten(1, rgb.shape[:2]).permute(1, 2, 0)
+
+    def _inputs(self, pixels: CoveredPixels) -> Float[Tensor, "P I"]:
+        """What the network sees of each pixel."""
+        directions, normals = pixels.directions, pixels.normals
+        cosine = -(directions * normals).sum(-1, keepdim=True)
+        inputs = [cosine, pixels.latents, pixels.base]
+        reflected = reflect(directions, normals)
+        points = self._unit_points(pixels.points)
+        for shell, maps in enumerate(self.maps):
+            seen = sphere_exits(points, reflected, self.sphere[shell]) if self.settings.parallax else reflected
+            inputs.append(maps(octahedral_from_directions(seen)))
+        return torch.cat([*inputs, directions] if self.settings.raw_direction else inputs, -1)
+
+    def _unit_points(self, points: Float[Tensor, "P 3"]) -> Float[Tensor, "P 3"]:
+        """World positions relative to the box's middle, in halves of its longest side: a sphere stays a sphere."""
+        low, high = self.box.to(points)
+        return (points - 0.5 * (low + high)) * (2 / (high - low).max())

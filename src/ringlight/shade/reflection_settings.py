@@ -1,0 +1,48 @@
+"""Settings of the reflection shader; free of torch, so that the command line can print them at once."""
+
+from dataclasses import dataclass
+
+from ringlight.errors import RecipeError
+
+LARGEST = {"hidden": 1024, "features": 64, "latents": 64, "side": 1024}
+"""Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
+
+FIRST_LOG_INVERSE_RADII = (-1.5, 0.0)
+"""Where the shells' learned sizes begin, in half sides of the scene's box: far around it, and close."""
+
+
+@dataclass(frozen=True)
+class ReflectionSettings:
+    """A network that shades each pixel once, from its blended surface and maps of the reflected direction."""
+
+    hidden: int = 64
+    """Width of the network's two hidden layers."""
+    levels: tuple[int, ...] = (8, 16, 32, 64)
+    """Nodes on each side of the octahedral maps."""
+    features: int = 4
+    """Features at each node of each map."""
+    latents: int = 4
+    """Values per Gaussian, blended, that the network sees besides the base colour: what a material is."""
+    shells: int = 1
+    """Spheres, each with maps of its own, on which reflections lie."""
+    parallax: bool = True
+    """Whether reflections lie on spheres of learned centre and size, or infinitely far away."""
+    raw_direction: bool = True
+    """Whether the network sees the viewing direction too, not only the reflected one."""
+    depth_gradient: bool = False
+    """Whether the gradient of the reflecting point reaches the blended depth, and with it the Gaussians' places."""
+
+    def __post_init__(self) -> None:
+        if not self.levels:
+            raise RecipeError("shader.levels is empty; give at least one side, such as 32")
+        for name, value in (("hidden", self.hidden), ("features", self.features), ("latents", self.latents)):
+            least = 0 if name == "latents" else 1
+            if not least <= value <= LARGEST[name]:
+                raise RecipeError(f"shader.{name} is {value}; give {least} to {LARGEST[name]}")
+        for side in self.levels:
+            if not 2 <= side <= LARGEST["side"]:
+                raise RecipeError(f"shader.levels has a side of {side} nodes; give 2 to {LARGEST['side']}")
+        most = len(FIRST_LOG_INVERSE_RADII) if self.parallax else 1
+        if not 1 <= self.shells <= most:
+            without = "" if self.parallax else " without parallax, where all shells would be one"
+            raise RecipeError(f"shader.shells is {self.shells}; give 1 to {most}{without}")
