@@ -87,7 +87,7 @@ def _rows(tensors: dict[str, Any], name: str) -> int:
 
 def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
     problems: list[str] = []
-    record, report, has_checkpoint = None, None, run.checkpoint.is_file()
+    record, report, has_checkpoint = None, None, False
     try:
         record = RunRecord.read(run.path)
     except RunError as error:
@@ -98,12 +98,12 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
             report = read_report(run.path)
     except RunError as error:
         problems.append(str(error))
-    try:
-        if has_checkpoint:
-            read_metadata(run.checkpoint)
-    except ModelFileError as error:
-        problems.append(str(error))
-        has_checkpoint = False
+    for checkpoint in run.checkpoints:
+        try:
+            read_metadata(checkpoint)
+            has_checkpoint = True
+        except ModelFileError as error:
+            problems.append(str(error))
     return RunFacts(
         folder=str(run.path),
         scene=str(record.scene) if record else None,
