@@ -6,6 +6,7 @@ from typing import Any
 
 from ringlight.errors import ModelFileError, RunError
 from ringlight.files.model_file import ModelHeader, read_model_file
+from ringlight.files.packed import bytes_stored
 from ringlight.files.tensor_file import NAMES, read_metadata
 from ringlight.measure.report import Report, read_report
 from ringlight.measure.size import bytes_by_part
@@ -17,12 +18,14 @@ from ringlight.runs.record import RunRecord
 
 @dataclass(frozen=True)
 class TensorFacts:
-    """One tensor of the file; ``bytes`` as stored."""
+    """One tensor of the file: as it is used, and as it is stored; ``packing`` is empty where these are the same."""
 
     name: str
     dtype: str
     shape: tuple[int, ...]
     bytes: int
+    packing: str
+    bytes_stored: int
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,14 @@ def facts_of(path: Path) -> ModelFacts:
     rendering = {name: t for name, t in stored.tensors.items() if not name.startswith(CAMERAS_PREFIX)}
     parts = bytes_by_part(rendering)
     tensors = tuple(
-        TensorFacts(name, NAMES[t.dtype], tuple(t.shape), t.numel() * t.element_size())
+        TensorFacts(
+            name,
+            NAMES[t.dtype],
+            tuple(t.shape),
+            t.numel() * t.element_size(),
+            stored.stored.packing.get(name, ""),
+            bytes_stored(stored.stored, name),
+        )
         for name, t in sorted(stored.tensors.items())
     )
     return ModelFacts(
