@@ -72,6 +72,23 @@ def test_without_a_test_file_every_eighth_is_held_out(tmp_path: Path):
     assert len(load_scene(tmp_path, SceneOptions(holdout_every=2)).test) == 5
 
 
+def test_validation_measures_on_training_views_that_it_holds_out(tmp_path: Path):
+    write_blender(tmp_path, train=12)
+    everything = load_scene(tmp_path)
+    scene = load_scene(tmp_path, SceneOptions(validate=True))
+    assert [view.name for view in scene.test] == ["train/r_0.png", "train/r_10.png"]
+    assert {view.name for view in scene.train + scene.test} == {view.name for view in everything.train}
+    assert len(scene.train) == 10
+    assert any(note.startswith("validation: ") for note in scene.notes)
+    assert not any(note.startswith("validation: ") for note in everything.notes)
+
+
+def test_a_single_training_view_cannot_be_held_out(tmp_path: Path):
+    write_blender(tmp_path, train=1)
+    with pytest.raises(SceneError, match="--validate"):
+        load_scene(tmp_path, SceneOptions(validate=True))
+
+
 @pytest.mark.parametrize(
     ("mode", "asked", "background"),
     [

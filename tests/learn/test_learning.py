@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from ringlight.core.scene import Scene
+from ringlight.data import hull
 from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import train
 from ringlight.methods.ringlight import RingLightRecipe
@@ -30,7 +31,8 @@ def held_out_psnr(model: SplatModel, scene: Scene) -> float:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_method_learns(method: str):
+def test_a_method_learns(method: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hull, "FINE_CELLS", 48)
     scene = tiny_scene(views=16, size=32)
     recipe = dataclasses.replace(METHODS[method], steps=STEPS)
     if isinstance(recipe, RingLightRecipe):

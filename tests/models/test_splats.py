@@ -6,6 +6,7 @@ import torch
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Channels
 from ringlight.core.sh_basis import sh_from_rgb
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.reference import ReferenceRasterizer
@@ -43,6 +44,27 @@ def test_base_and_residual_lie_over_black(disc: SplatModel):
     alpha = layers["alpha"][MIDDLE]
     torch.testing.assert_close(layers["base"][MIDDLE], RED[0] * alpha)
     assert layers["residual"].abs().max() < 1e-6
+
+
+class Brighter:
+    """A deferred shader that adds a constant where there is a surface."""
+
+    def shade(self, buffers: Channels, camera: Camera, background: torch.Tensor) -> torch.Tensor:
+        return buffers["rgb"] + 0.1 * buffers["alpha"]
+
+
+class Plain(SphericalHarmonics):
+    """A colour model that leaves the residual to the shader, and knows its normals."""
+
+    def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
+        return {"normal": torch.tensor([[0.6, 0.0, -0.8]]).expand(len(gaussians), 3)}
+
+
+def test_what_the_shader_adds_is_the_residual_and_normals_are_the_color_models(disc: SplatModel):
+    model = SplatModel(disc.gaussians, Plain(), Brighter(), ReferenceRasterizer())
+    layers = model.layers(CAMERA)
+    torch.testing.assert_close(layers["residual"], 0.1 * layers["alpha"].expand(-1, -1, 3))
+    torch.testing.assert_close(layers["normal"][MIDDLE], torch.tensor([0.6, 0.0, -0.8]))
 
 
 def test_the_background_shows_where_nothing_is(disc: SplatModel):

@@ -32,10 +32,14 @@ class View:
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Points to start from, world units; ``colors`` are display-referred sRGB in [0, 1]."""
+    """Points to start from, world units; ``colors`` are display-referred sRGB in [0, 1].
+
+    ``normals``, where known, are unit and point out of the surface.
+    """
 
     positions: Float[Tensor, "P 3"]
     colors: Float[Tensor, "P 3"]
+    normals: Float[Tensor, "P 3"] | None = None
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """What a format finds in a folder, and how it becomes a Scene: the part that all formats share."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +11,9 @@ from ringlight.data.images import FILTER_NOTE, Photograph, target_size
 from ringlight.data.options import SceneOptions
 from ringlight.data.points import scene_extent, starting_points
 from ringlight.errors import SceneError
+
+VALIDATION_EVERY = 10
+"""Training views of which one is held out by --validate."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
     for frames, kind in ((capture.train, "training"), (capture.test, "test")):
         if not frames:
             raise SceneError(f"{folder}: no {kind} image; add photographs, or correct the split")
+    capture = _for_validation(capture, folder) if options.validate else capture
     train = tuple(_view(frame, options) for frame in capture.train)
     test = tuple(_view(frame, options) for frame in capture.test)
     background = _background(train + test, options)
@@ -70,6 +74,18 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
     name = folder.resolve().name or "scene"  # the root of a file system has no name
     extent, source = scene_extent(cameras, box), str(folder.resolve())
     return Scene(name, train, test, points, extent, box, background, capture.format, source, notes)
+
+
+def _for_validation(capture: Capture, folder: Path) -> Capture:
+    """Every 10th training view, from the first, in place of the test views."""
+    held, kept = (
+        capture.train[::VALIDATION_EVERY],
+        [frame for index, frame in enumerate(capture.train) if index % VALIDATION_EVERY],
+    )
+    if not kept:
+        raise SceneError(f"{folder}: 1 training image is too few for --validate; add photographs")
+    note = f"validation: each training image with index % {VALIDATION_EVERY} == 0 is measured, in place of test images"
+    return replace(capture, train=kept, test=held, notes=(*capture.notes, note))
 
 
 def _view(frame: Frame, options: SceneOptions) -> View:

@@ -51,3 +51,7 @@ class SceneOptions(ReadingOptions):
 
     points_seed: int = 0
     """Seed of those random points."""
+
+    validate: bool = False
+    """Hold every 10th training view out of training and measure on those in place of the test views, so that settings
+    can be chosen without looking at the test views."""

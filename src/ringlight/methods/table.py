@@ -5,10 +5,12 @@ from typing import Any
 
 from ringlight.errors import RecipeError
 from ringlight.methods.ringlight import PAPER, RingLightRecipe
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 METHODS: dict[str, Any] = {
     "ringlight": RingLightRecipe(),
+    "ringlight-mirror": RingLightMirrorRecipe(),
     "ringlight-paper": PAPER,
     "3dgs": ThreeDGSRecipe(),
 }

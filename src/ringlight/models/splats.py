@@ -65,18 +65,22 @@ class SplatModel(nn.Module):
         """What the picture is made of, over black, [H W c] by name.
 
         Always "alpha" 1, "depth" 1 (camera z of the surface, 0 where there is none) and "normal" 3 (unit, world,
-        towards the camera; 0 where there is none); the colour model adds its own ("base", "residual", ...).
+        towards the camera; 0 where there is none) and "residual" 3 (what the colour model or else the shader adds to
+        the base colour); the colour model adds its own ("base", ...), or better ones.
         """
         gaussians = self.gaussians
         factor = self.color.channels(gaussians, camera).get(OPACITY_FACTOR)
         channels = dict(self.color.layers(gaussians, camera))
         channels["depth"] = camera.depths(gaussians.means)[:, None]
-        channels["normal"] = shortest_axes(gaussians, camera.position)
+        channels.setdefault("normal", shortest_axes(gaussians, camera.position))
         rendering = self._blend(gaussians, channels, factor, camera, torch.zeros(3))
         buffers = dict(rendering.buffers)
         surface = rendering.alpha > FAINTEST_SURFACE
         buffers["depth"] = torch.where(surface, buffers["depth"] / rendering.alpha.clamp_min(FAINTEST_SURFACE), 0)
         buffers["normal"] = normalize(buffers["normal"])
+        if "residual" not in buffers:
+            shown = self.render(camera, torch.zeros(3))
+            buffers["residual"] = shown.color - shown.buffers["rgb"]
         return buffers
 
     def _blend(

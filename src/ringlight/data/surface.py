@@ -1,0 +1,62 @@
+"""Points on the surface that the photographs show, with outward normals: where deferred models start.
+
+On the visual hull where the photographs have masks; else the scene's own points, with normals from the planes through
+their neighbours, turned towards the cameras in front of them.
+"""
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.directions import normalize
+from ringlight.core.randomness import generator
+from ringlight.core.scene import PointCloud, Scene
+from ringlight.data.hull import masks_of, visual_hull
+from ringlight.data.photographed_colors import photographed_colors
+
+PLANE_NEIGHBOURS = 12
+"""Points through which a plane is laid: fewer follow their noise, more cut corners."""
+
+
+def surface_points(scene: Scene, count: int, seed: int) -> PointCloud:
+    """``count`` points drawn from the visual hull; without masks the scene's own, however many, with normals."""
+    hull = visual_hull(masks_of(scene.train), scene.box)
+    if hull is None:
+        positions = scene.points.positions
+        normals = plane_normals(positions, [view.camera for view in scene.train])
+        return PointCloud(positions, scene.points.colors, normals)
+    colors = photographed_colors(hull.positions, hull.normals, hull.pitch, scene)
+    draw = generator(seed, 0, "surface points")
+    rounds = [torch.randperm(len(hull.positions), generator=draw) for _ in range(-(-count // len(hull.positions)))]
+    rows = torch.cat(rounds)[:count]
+    normals = hull.normals[rows]
+    jitter = hull.pitch * (torch.rand(count, 3, generator=draw) - 0.5)
+    within = jitter - (jitter * normals).sum(-1, keepdim=True) * normals  # moved within the voxel, not off the surface
+    return PointCloud(hull.positions[rows] + within, colors[rows], normals)
+
+
+def plane_normals(positions: Float[Tensor, "P 3"], cameras: Sequence[Camera]) -> Float[Tensor, "P 3"]:
+    """Unit normals of the planes through each point's neighbours, turned to the side from which most cameras
+    have it in view."""
+    neighbours = min(PLANE_NEIGHBOURS, len(positions))
+    _, rows = cKDTree(positions.numpy()).query(positions.numpy(), k=neighbours)
+    near = positions[torch.from_numpy(rows).view(len(positions), neighbours)]
+    centered = near - near.mean(1, keepdim=True)
+    normals = torch.linalg.eigh(centered.transpose(1, 2) @ centered)[1][..., 0]
+    votes = torch.zeros(len(positions))
+    for camera in cameras:
+        towards = normalize(camera.position - positions)
+        votes += (towards * normals).sum(-1) * _in_view(positions, camera)
+    return normals * torch.where(votes >= 0, 1.0, -1.0)[:, None]
+
+
+def _in_view(positions: Float[Tensor, "P 3"], camera: Camera) -> Float[Tensor, "P"]:
+    """1 where the point is in front of the camera and inside its picture, else 0."""
+    matrix = camera.world_to_camera
+    x, y, z = (positions @ matrix[:3, :3].T + matrix[:3, 3]).unbind(-1)
+    column, row = camera.focal[0] * x / z + camera.center[0], camera.focal[1] * y / z + camera.center[1]
+    return ((z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)).float()

@@ -1,0 +1,151 @@
+"""ringlight-mirror: reflections shaded once per pixel, on an opaque surface that is there from the first step.
+
+Ours, after 3DGS-DR (Ye et al. 2024), which showed that blended normals shaded once per pixel make splatted reflections
+sharp. Unlike it: the surface comes from the masks' visual hull (``data/surface.py``), normals are free columns, and the
+reflection is a small network's of octahedral features in the reflected direction, corrected for parallax
+(``shade/reflection.py``).
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ringlight.errors import RecipeError
+from ringlight.fit.photometric import PhotometricLoss
+from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.shade.reflection_settings import ReflectionSettings
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.core.gaussians import Gaussians
+    from ringlight.core.scene import Scene
+    from ringlight.fit.strategies.contract import Strategy
+    from ringlight.fit.train import Training
+    from ringlight.models.splats import SplatModel
+    from ringlight.rasterize.contract import Rasterizer
+
+DECAY = 0.1
+"""Rates of normals, latents and shader end at this share of their start."""
+
+PIXELS_PER_GAUSSIAN = 7
+"""What a mirror shows is in the shader, so that a Gaussian serves several pixels."""
+
+ALWAYS_ENOUGH = 10_000
+"""Gaussians for small photographs, where those have as many pixels: shapes need them however few pixels show it."""
+
+
+def most_gaussians(pixels: int) -> int:
+    """Bound on the number of Gaussians for photographs of that many pixels."""
+    return min(pixels, max(ALWAYS_ENOUGH, math.ceil(pixels / PIXELS_PER_GAUSSIAN)))
+
+
+@dataclass(frozen=True)
+class RingLightMirrorRecipe:
+    """Deferred reflection shading on an opaque surface: for mirrors, chrome and clear coats."""
+
+    steps: int = 30_000
+    """Training steps, one photograph each."""
+    warmup: float = 0.1
+    """Share of the steps with base colours only, before the shader is switched on."""
+    opacity: float = 0.7
+    """Of Gaussians at the start, if their points lie on a surface. From 0.3 the surface dissolves: 2.5 dB less."""
+    start_share: float = 0.8
+    """Gaussians at the start, as a share of the most that density control allows."""
+    base_rate: float = 1e-2
+    """Learning rate of the base colours' logits."""
+    normals_rate: float = 3e-3
+    """Learning rate of the normals at the start; this one and the next four end at a tenth."""
+    latents_rate: float = 1e-2
+    """Learning rate of the latents at the start."""
+    maps_rate: float = 2e-2
+    """Learning rate of the octahedral maps at the start."""
+    network_rate: float = 2e-3
+    """Learning rate of the shader's network at the start."""
+    sphere_rate: float = 5e-3
+    """Learning rate of the parallax spheres at the start."""
+    antialiased: bool = False
+    """Rasterize with the opacity compensation of Mip-Splatting."""
+    visible_only: bool = False
+    """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    shader: ReflectionSettings = field(default_factory=ReflectionSettings)
+    """What each pixel is shaded with."""
+    rates: GaussianRates = field(default_factory=GaussianRates)
+    """Learning rates of the geometry."""
+    densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0))
+    """Adaptive density control, without opacity resets, which would tear the surface open. ``max_gaussians`` 0: one for
+    every seven pixels of a photograph, or 10,000 if that is more and there are as many pixels."""
+    loss: PhotometricLoss = field(default_factory=PhotometricLoss)
+    """What is compared with the photographs."""
+
+    def __post_init__(self) -> None:
+        check_rates(**{name: value for name, value in vars(self).items() if name.endswith("_rate")})
+        if not 0 <= self.warmup <= 1:
+            raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
+        if not 0 < self.opacity < 1:
+            raise RecipeError(f"opacity is {self.opacity:g}; an opacity lies between 0 and 1")
+        if not 0 < self.start_share <= 1:
+            raise RecipeError(f"start_share is {self.start_share:g}; give a share above 0, at most 1")
+
+    def model(
+        self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
+    ) -> "SplatModel":
+        from ringlight.color.mirror import Mirror
+        from ringlight.models.splats import SplatModel
+        from ringlight.rasterize.contract import RasterOptions
+        from ringlight.shade.reflection import ReflectionShader
+
+        options = RasterOptions(antialiased=self.antialiased)
+        shader = ReflectionShader(self.shader, box, seed)
+        return SplatModel(gaussians, Mirror(self.shader.latents, seed), shader, rasterize, options)
+
+    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        from ringlight.color.mirror import Mirror
+        from ringlight.data.batches import ImageBatches
+        from ringlight.data.surface import surface_points
+        from ringlight.fit.optimizer import Optimizer
+        from ringlight.fit.train import Training
+        from ringlight.models.initial import gaussians_from_points
+
+        densify = self.densify.within(most_gaussians(scene.pixels))
+        points = surface_points(scene, math.ceil(self.start_share * densify.max_gaussians), seed)
+        gaussians = gaussians_from_points(points, Mirror(self.shader.latents, seed), self.opacity)
+        model = self.model(gaussians, scene.box, rasterize, seed)
+        for part in ("color", "shader"):
+            model.get_buffer(f"{part}.lit").fill_(False)
+        return Training(
+            model=model,
+            batches=ImageBatches(scene, seed),
+            loss=self.loss,
+            optimizer=Optimizer(model, self._groups(scene.extent), self.steps, self.visible_only),
+            strategies=self._strategies(scene, densify, seed),
+            steps=self.steps,
+        )
+
+    @property
+    def _first_lit_step(self) -> int:
+        return max(int(self.warmup * self.steps), 1)
+
+    def _groups(self, extent: float) -> dict[str, Adam]:
+        def lit(rate: float) -> Adam:
+            return Adam(Rate(rate, DECAY * rate), begins=self._first_lit_step)
+
+        return self.rates.groups(extent) | {
+            "columns.base": Adam(Rate.constant(self.base_rate)),
+            "columns.normals": lit(self.normals_rate),
+            "columns.latents": lit(self.latents_rate),
+            "shader.maps.*": lit(self.maps_rate),
+            "shader.mlp.*": lit(self.network_rate),
+            "shader.sphere": lit(self.sphere_rate),
+        }
+
+    def _strategies(self, scene: "Scene", densify: DensifySettings, seed: int) -> "tuple[Strategy, ...]":
+        from ringlight.fit.strategies.densify import Densify
+        from ringlight.fit.strategies.unlock import Unlock
+
+        return (
+            *(Unlock(f"{part}.lit", {self._first_lit_step: 1}) for part in ("color", "shader")),
+            Densify(densify, scene.extent, self.steps, seed, scene.background == "white"),
+        )

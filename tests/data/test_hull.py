@@ -1,0 +1,76 @@
+"""The hull of a ball is nearly that ball, its normals point outwards, and masks that say nothing give none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from ringlight.core.scene import Scene, View
+from ringlight.data import hull
+from ringlight.data.hull import carve, masks_of, visual_hull
+from ringlight.data.synthetic import tiny_scene
+
+RADIUS = 0.8
+
+
+def ball_alpha(view: View) -> np.ndarray:
+    """The mask of a ball around the origin, and a mid grey picture."""
+    directions = view.camera.ray_directions().double()
+    origin = view.camera.position.double()
+    closest = origin - (directions @ origin)[..., None] * directions
+    inside = (closest.norm(dim=-1) < RADIUS).numpy()
+    return np.concatenate([np.full((*inside.shape, 3), 128), 255 * inside[..., None]], -1).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def ball() -> Scene:
+    scene = tiny_scene(views=24, size=96)
+    train = tuple(dataclasses.replace(view, load=lambda view=view: ball_alpha(view)) for view in scene.train)
+    return dataclasses.replace(scene, train=train)
+
+
+def test_the_hull_of_a_ball_is_the_ball(ball: Scene, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hull, "FINE_CELLS", 64)
+    found = visual_hull(masks_of(ball.train), ball.box)
+    assert found is not None
+    assert found.pitch == pytest.approx(2 * RADIUS / 60, rel=0.15)
+    radii = found.positions.norm(dim=-1)
+    # Cameras stand in two rings, so that the hull bulges above and below, where none looks along the surface.
+    sides = found.positions[:, 2].abs() < 0.5 * RADIUS
+    assert (radii[sides] - RADIUS).abs().mean() < 0.75 * found.pitch
+    assert radii.max() < 1.35 * RADIUS
+    outwards = torch.nn.functional.normalize(found.positions, dim=-1)
+    assert ((found.normals * outwards).sum(-1)[sides]).mean() > 0.97
+    torch.testing.assert_close(found.normals.norm(dim=-1), torch.ones(len(radii)))
+
+
+def test_what_no_view_covers_is_kept_only_where_most_views_look(ball: Scene):
+    points = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 50.0], [1.1, 0.0, 0.0]])
+    assert carve(points, masks_of(ball.train)).tolist() == [True, False, False]
+
+
+def test_a_margin_keeps_what_lies_a_little_outside(ball: Scene):
+    points = torch.tensor([[RADIUS + 0.05, 0.0, 0.0]])
+    masks = masks_of(ball.train)
+    assert not carve(points, masks).any()
+    assert carve(points, masks, margin=0.1).all()
+
+
+def test_photographs_without_alpha_or_all_opaque_have_no_masks(ball: Scene):
+    opaque = np.full((96, 96, 4), 255, np.uint8)
+    assert masks_of([dataclasses.replace(view, has_alpha=False) for view in ball.train]) == []
+    assert masks_of([dataclasses.replace(view, load=lambda: opaque) for view in ball.train]) == []
+    assert visual_hull([], ball.box) is None
+
+
+def test_masks_that_contradict_each_other_leave_nothing(ball: Scene):
+    masks = masks_of(ball.train)
+    empty = dataclasses.replace(masks[0], subject=torch.zeros_like(masks[0].subject))
+    assert visual_hull([empty, *masks], ball.box) is None
+
+
+def test_few_of_many_views_carve(ball: Scene, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hull, "MOST_VIEWS", 5)
+    cameras = [mask.camera for mask in masks_of(ball.train)]
+    assert cameras == [ball.train[index].camera for index in (0, 5, 11, 17, 23)]

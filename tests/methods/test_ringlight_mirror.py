@@ -1,0 +1,86 @@
+"""The recipe's parts: an opaque surface at once, the shader later, and a bound on the number of Gaussians."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+import torch
+
+from ringlight.data import hull
+from ringlight.data.synthetic import tiny_scene
+from ringlight.errors import RecipeError
+from ringlight.fit.train import train
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts
+from ringlight.rasterize.choose import rasterizer_for
+
+RECIPE = RingLightMirrorRecipe(steps=20, warmup=0.5)
+
+
+@pytest.fixture(autouse=True)
+def small_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hull, "FINE_CELLS", 48)
+
+
+def test_training_begins_opaque_and_unlit_and_within_the_bound():
+    scene = tiny_scene(views=4, size=48)
+    training = RECIPE.build(scene, rasterizer_for("auto"), seed=0)
+    table = training.model.gaussians
+    torch.testing.assert_close(table.opacities, torch.full((len(table),), RECIPE.opacity))
+    assert len(table) == math.ceil(RECIPE.start_share * most_gaussians(48 * 48))
+    view = scene.train[0]
+    rendering = training.model.render(view.camera, scene.background_color)
+    assert torch.equal(rendering.color, rendering.buffers["rgb"])
+    mask = torch.from_numpy(view.load()[..., 3:] > 250)
+    assert rendering.alpha[mask].mean() > 0.9
+
+
+def test_the_shader_is_switched_on_after_the_warm_up_and_learns():
+    training = RECIPE.build(tiny_scene(views=4, size=24), rasterizer_for("auto"), seed=0)
+    before = {name: value.detach().clone() for name, value in training.model.shader.named_parameters()}
+    for progress in train(training):
+        lit = [bool(training.model.get_buffer(f"{part}.lit")) for part in ("color", "shader")]
+        assert lit == [progress.step >= 10] * 2
+    assert all(not torch.equal(value, before[name]) for name, value in training.model.shader.named_parameters())
+
+
+def test_same_seed_same_bits():
+    scene = tiny_scene(views=4, size=24)
+    runs = []
+    for _ in range(2):
+        training = RECIPE.build(scene, rasterizer_for("auto"), seed=7)
+        for _ in train(training):
+            pass
+        runs.append(training.model.state_dict())
+    assert all(torch.equal(runs[0][name], runs[1][name]) for name in runs[0])
+
+
+def test_a_model_file_renders_the_same(tmp_path: Path):
+    scene = tiny_scene(views=4, size=24)
+    training = RECIPE.build(scene, rasterizer_for("auto"), seed=0)
+    for _ in train(training):
+        pass
+    cameras = [view.camera for view in scene.train]
+    header = model_header("ringlight-mirror", RECIPE, 20, scene_facts(scene))
+    save_model(tmp_path / "model.safetensors", training.model, header, cameras)
+    stored = load_model(tmp_path / "model.safetensors", rasterizer_for("auto"))
+    for camera in cameras:
+        with torch.no_grad():
+            expected = training.model.render(camera, scene.background_color).color
+            assert torch.equal(stored.model.render(camera, scene.background_color).color, expected)
+    layers = stored.model.layers(cameras[0])
+    assert {"base", "residual", "normal", "depth", "alpha"} <= set(layers)
+    assert layers["residual"].abs().max() > 0
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"), [("warmup", 1.5), ("opacity", 1.0), ("start_share", 0.0), ("normals_rate", -1.0)]
+)
+def test_settings_out_of_range_are_named(setting: str, value: float):
+    with pytest.raises(RecipeError, match=setting):
+        dataclasses.replace(RECIPE, **{setting: value})
+
+
+def test_large_photographs_get_fewer_gaussians_than_pixels():
+    assert [most_gaussians(pixels) for pixels in (500, 40_000, 140_000)] == [500, 10_000, 20_000]
