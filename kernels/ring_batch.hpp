@@ -1,24 +1,13 @@
 // One group of Gaussians on its way through the light field: the forward pass with everything that the backward pass
 // needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
+#include "arena.hpp"
 #include "lane_layers.hpp"
 #include "lane_matrices.hpp"
 #include "lane_tables.hpp"
 #include "ring.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
-
-// Hands out consecutive parts of one block of memory; with a null block it only counts.
-struct Arena {
-  float* block;
-  std::size_t used = 0;
-
-  float* take(std::size_t count) {
-    float* part = block ? block + used : nullptr;
-    used += (count + LANES - 1) / LANES * LANES;
-    return part;
-  }
-};
 
 // Rank at which a row of a matrix is one Vec, so that the ring is evaluated by rows: ring_rows.hpp.
 constexpr int ROW_RANK = LANES;

@@ -1,9 +1,13 @@
 """What is written is read back to the bit; what is damaged is refused in one sentence, before memory is asked for."""
 
+import errno
+import io
 import json
+import os
 import struct
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import safetensors.torch
@@ -12,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ringlight.errors import ModelFileError
+from ringlight.files import tensor_file
 from ringlight.files.tensor_file import DTYPES, read_metadata, read_tensors, write_tensors
 
 SHAPES = st.lists(st.integers(0, 4), max_size=4).map(tuple)
@@ -150,3 +155,59 @@ def test_missing_files_and_folders_are_named(tmp_path: Path) -> None:
         read_tensors(tmp_path / "nothing")
     with pytest.raises(ModelFileError, match="is a folder"):
         read_tensors(tmp_path)
+
+
+def test_every_changed_byte_is_noticed(tmp_path: Path) -> None:
+    whole = small_file(tmp_path / "whole")
+    changed = tmp_path / "changed"
+    for position in range(len(whole)):
+        for flip in (0x01, 0x80):
+            damaged = bytearray(whole)
+            damaged[position] ^= flip
+            changed.write_bytes(damaged)
+            with pytest.raises(ModelFileError):
+                read_tensors(changed, checksum_required=True)
+
+
+def test_files_of_other_programs_have_no_checksum(tmp_path: Path) -> None:
+    safetensors.torch.save_file({"a": torch.ones(2)}, tmp_path / "theirs")
+    assert torch.equal(read_tensors(tmp_path / "theirs").tensors["a"], torch.ones(2))
+    with pytest.raises(ModelFileError, match="checksum"):
+        read_tensors(tmp_path / "theirs", checksum_required=True)
+
+
+class Dribbling(io.RawIOBase):
+    """A file whose reads give three bytes at most, and from ``until`` on an error."""
+
+    name, mode = "dribbling", "rb"
+
+    def __init__(self, content: bytes, until: int) -> None:
+        self.inner, self.until = io.BytesIO(content), until
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, *place: int) -> int:
+        return self.inner.seek(*place)
+
+    def readinto(self, buffer: bytearray) -> int:
+        if self.inner.tell() > self.until:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return self.inner.readinto(memoryview(buffer)[:3])
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 2.0])
+def test_short_reads_are_read_on_and_failing_ones_are_one_sentence(
+    tmp_path: Path, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = small_file(tmp_path / "whole")
+    reader = io.BufferedReader(Dribbling(content, int(share * len(content))), buffer_size=16)
+    monkeypatch.setattr(tensor_file, "Path", lambda path: SimpleNamespace(open=lambda mode: reader))
+    if share > 1:
+        assert torch.equal(read_tensors(tmp_path / "whole").tensors["b"], torch.tensor([1, 2]))
+        return
+    with pytest.raises(ModelFileError, match=r"cannot be read: Input/output error; "):
+        read_tensors(tmp_path / "whole")

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ringlight.cli.arguments import Net
+from ringlight.cli.arguments import MaybeReal, Net
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ class ReaderOptions:
 
     threads: int = 0
     """Threads of the kernels; 0 takes every core. Results do not depend on it."""
-    save_every: float = 120.0
-    """Seconds between two checkpoints."""
+    save_every: MaybeReal = None
+    """Seconds between two checkpoints; by default 60, or more where saving would take over 1 % of the time."""
     eval_at: tuple[int, ...] = ()
     """Steps after which the test views are measured on the way."""
     lpips: tuple[Net, ...] = ("alex",)
@@ -38,7 +38,7 @@ def check_steps(options: ReaderOptions, steps: int) -> None:
     for step in options.eval_at:
         if not 1 <= step <= steps:
             raise RecipeError(f"--eval-at is {step}; this run has steps 1 to {steps}")
-    if not options.save_every > 0:
+    if options.save_every is not None and not options.save_every > 0:
         raise RecipeError(f"--save-every is {options.save_every:g}; give a number of seconds above zero")
 
 
@@ -50,7 +50,7 @@ def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report
     try:
         return _trained_and_measured(session, options, resume_with)
     except KeyboardInterrupt:
-        if not session.folder.checkpoint.exists():
+        if not session.folder.checkpoints:
             raise
         sys.stderr.write(f"stopped at once; go on from the last checkpoint with: {resume_with}\n")
         return None
@@ -64,7 +64,7 @@ def _trained_and_measured(session: "Session", options: ReaderOptions, resume_wit
     announce(session, options.quiet)
     with _deferred_interrupt() as interrupted:
         show_steps(session, options, interrupted)
-    session.save()
+        session.save()
     if session.training.step < session.training.steps:
         sys.stderr.write(f"stopped after step {session.training.step} and saved; go on with: {resume_with}\n")
         return None

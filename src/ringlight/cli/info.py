@@ -60,6 +60,8 @@ def _lines(facts: "ModelFacts") -> Iterator[str]:
     measured = [f"{name} {_number(value)}" for name, value in header.metrics.items() if value is not None]
     if measured:
         yield _line("measured", ", ".join(measured))
+    if header.storage:
+        yield _line("packed", _storage(header.storage))
     yield _line("written by", versions)
     if facts.run is not None:
         yield from _run_lines(facts.run)
@@ -95,11 +97,14 @@ def _recipe_lines(recipe: dict[str, Any]) -> Iterator[str]:
 
 
 def _tensor_lines(facts: "ModelFacts") -> Iterator[str]:
+    packed = any(tensor.packing for tensor in facts.tensors)
     rows = [(t.name, "x".join(map(str, t.shape)) or "scalar", t.dtype, f"{t.bytes:,}") for t in facts.tensors]
     titled = [("tensor", "shape", "type", "bytes"), *rows]
+    stored = [("packed", "stored"), *((t.packing or "as it is", f"{t.bytes_stored:,}") for t in facts.tensors)]
     widths = [max(len(row[i]) for row in titled) for i in range(4)]
-    for name, shape, dtype, size in titled:
-        yield f"{name:{widths[0]}}  {shape:>{widths[1]}}  {dtype:<{widths[2]}}  {size:>{widths[3]}}"
+    for (name, shape, dtype, size), (packing, after) in zip(titled, stored, strict=True):
+        line = f"{name:{widths[0]}}  {shape:>{widths[1]}}  {dtype:<{widths[2]}}  {size:>{widths[3]}}"
+        yield f"{line}  {packing:<13}  {after:>{widths[3]}}" if packed else line
     yield ""
     for part, count in facts.bytes_by_part.items():
         yield f"{part:{widths[0]}}  {_size(count)}"
@@ -117,6 +122,21 @@ def _line(label: str, text: str) -> str:
     width = max(min(shutil.get_terminal_size().columns, WIDEST), NARROWEST)
     lines = textwrap.wrap(text, width - MARGIN, break_long_words=False, break_on_hyphens=False) or [""]
     return "\n".join(f"{label if i == 0 else '':{MARGIN}}{line}" for i, line in enumerate(lines))
+
+
+def _storage(storage: dict[str, Any]) -> str:
+    """What packing saved and cost; a field that is missing or no number is left out."""
+    facts = {name: value for name, value in storage.items() if isinstance(value, (int, float))}
+    texts = []
+    if {"bytes_before", "bytes_after"} <= facts.keys():
+        texts.append(f"{facts['bytes_after']:,} of {facts['bytes_before']:,} bytes")
+    if {"psnr_before", "psnr_after"} <= facts.keys():
+        change = facts["psnr_after"] - facts["psnr_before"]
+        views = f"on {facts.get('views', 'the')} test views ({facts['psnr_before']:.3f} dB before)"
+        texts.append(f"{change:+.3f} dB {views}")
+    if "picture_psnr" in facts:
+        texts.append(f"pictures within {facts['picture_psnr']:.1f} dB PSNR of the model's")
+    return "; ".join(texts)
 
 
 def _number(value: object) -> str:

@@ -36,6 +36,7 @@ VERBS = {
     "render": Verb("render", "pictures or video: test views, an orbit, a path; base colour, residual, depth, ..."),
     "compare": Verb("compare", "several runs in one table and one contact sheet"),
     "info": Verb("info", "what a model file or run folder holds"),
+    "compress": Verb("compress", "write a model in about a third of the bytes, and say what that costs"),
     "export": Verb("export", "write a PLY that other viewers open"),
     "bench": Verb("bench", "speed of the rasterizer, the colour field, a training step"),
     "doctor": Verb("doctor", "check this machine and this installation"),

@@ -12,7 +12,7 @@ from rich.progress import Progress as Bar
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
 from ringlight.methods.store import rendering_size
-from ringlight.runs.session import Session
+from ringlight.runs.session import Saver, Session
 
 if TYPE_CHECKING:
     from ringlight.cli.fitting import ReaderOptions
@@ -26,7 +26,9 @@ RATE_SECONDS = 3.0
 
 
 def announce(session: Session, quiet: bool) -> None:
-    """Say what is about to be trained on what, and where it goes."""
+    """Say what is about to be trained on what, and where it goes; what is wrong with the run is said in any case."""
+    for warning in session.warnings:
+        sys.stderr.write(f"warning: {warning}\n")
     if quiet:
         return
     from ringlight import _kernels
@@ -55,7 +57,8 @@ def show_steps(session: Session, options: "ReaderOptions", interrupted: list[boo
     meter = _Meter(session)
     with _bar(console, live) as bar:
         task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="", clock="ETA")
-        shown = saved = time.monotonic()
+        shown = time.monotonic()
+        saver = Saver(session.save, options.save_every)
         for progress in session.steps():
             now = time.monotonic()
             bar.update(task, completed=progress.step)
@@ -64,9 +67,7 @@ def show_steps(session: Session, options: "ReaderOptions", interrupted: list[boo
                 shown = time.monotonic()
             if progress.step in options.eval_at and not options.quiet:
                 console.print(f"step {progress.step}: {test_psnr(session):.2f} dB on the test views")
-            if now - saved >= options.save_every:
-                session.save()
-                saved = time.monotonic()
+            saver.save_if_due()
             if interrupted:
                 return
         bar.update(task, clock="took")

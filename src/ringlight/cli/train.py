@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from ringlight.cli.arguments import Device, MaybeFolder
+from ringlight.cli.arguments import Device, MaybeFolder, MaybeWhole
 from ringlight.cli.fitting import ReaderOptions, check_steps, fit
 from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.verifying import check_verify, verify_run
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.methods.table import METHODS, method_named
@@ -43,6 +44,8 @@ class TrainArguments:
     """Rasterizer: auto is the fastest that this machine has; reference is slow, plain torch."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """Go on with this run, in place of SCENE and METHOD; it keeps its recipe, scene and seed."""
+    verify: MaybeWhole = None
+    """Write nothing: do this many steps four times, in other circumstances each time, and compare all bits."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,9 @@ def _start(arguments: list[str]) -> int:
     from ringlight.runs.session import Session
 
     use_threads(asked.reader.threads)
+    if asked.verify is not None:
+        check_verify(asked.verify, recipe.steps)
+        return verify_run(asked.scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
     out = asked.out or free_folder(Path("runs") / f"{asked.scene.resolve().name}-{preset}")
     session = Session.start(out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device)
     return _train(session, asked.reader)

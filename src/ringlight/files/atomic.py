@@ -4,7 +4,7 @@ import errno
 import os
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,6 +23,9 @@ REMEDIES = {
 }
 """What the user can do about the usual failures, by error number."""
 
+BEGUN, HALF_DONE = ".ringlight-", ".part"
+"""How temporary names begin and end."""
+
 
 @contextmanager
 def written_atomically(path: Path) -> Iterator[BinaryIO]:
@@ -34,7 +37,7 @@ def written_atomically(path: Path) -> Iterator[BinaryIO]:
     """
     target = Path(os.path.realpath(path))
     _refuse_what_is_no_file(path, target)
-    temporary = target.with_name(f".ringlight-{secrets.token_hex(6)}.part")
+    temporary = target.with_name(f"{BEGUN}{secrets.token_hex(6)}{HALF_DONE}")
     try:
         try:
             with temporary.open("xb") as file:
@@ -42,7 +45,7 @@ def written_atomically(path: Path) -> Iterator[BinaryIO]:
                 file.flush()
                 os.fsync(file.fileno())
             temporary.replace(target)
-            _flush_folder(target.parent)
+            flush_folder(target.parent)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
@@ -64,8 +67,15 @@ def _refuse_what_is_no_file(path: Path, target: Path) -> None:
         raise OutputError(f"{path}: cannot be written: it is not a regular file; name a file")
 
 
-def _flush_folder(folder: Path) -> None:
-    """Make the rename itself survive a power cut; Windows cannot open folders and needs no such call."""
+def sweep(folder: Path) -> None:
+    """Remove what killed writers left half done; nobody may be writing into the folder meanwhile."""
+    for path in folder.glob(f"{BEGUN}*{HALF_DONE}"):
+        with suppress(OSError):  # somebody else's, on a disk that may only be read: no obstacle
+            path.unlink()
+
+
+def flush_folder(folder: Path) -> None:
+    """Make renames survive a power cut; Windows cannot open folders and needs no such call."""
     if os.name == "nt":
         return
     handle = os.open(folder, os.O_RDONLY)

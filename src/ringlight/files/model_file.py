@@ -1,7 +1,8 @@
 """A trained model in one file: tensors by name and a header of plain facts; knows no method.
 
 Metadata of the safetensors file, all strings: ``program`` "ringlight", ``format`` a number, ``method``, ``preset``,
-``step``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``.
+``step``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``. A packed file (format 2) has
+besides, as JSON, ``packing``: how each packed tensor is stored, by name; and ``storage``: what packing cost.
 """
 
 import json
@@ -13,10 +14,13 @@ from pathlib import Path
 from torch import Tensor
 
 from ringlight.errors import ModelFileError
+from ringlight.files.packed import Packed, unpack_tensors
 from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
 
-FORMAT = 1
-"""Raised when an older program would misread the file; newer files are refused with the version to install."""
+PLAIN, PACKED = 1, 2
+FORMAT = PACKED
+"""The newest that is read; raised when an older program would misread the file. Newer files are refused with the
+version to install. Files whose tensors are not packed are written as format 1, which every version reads."""
 
 PROGRAM = "ringlight"
 
@@ -56,30 +60,46 @@ class ModelHeader:
     metrics: dict[str, object] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     created: str = ""
+    storage: dict[str, object] = field(default_factory=dict)
+    """What packing cost, a JSON object; empty for files that are not packed."""
 
 
 @dataclass(frozen=True)
 class ModelFile:
-    """What :func:`read_model_file` returns; the tensors are on the CPU."""
+    """What :func:`read_model_file` returns: tensors on the CPU, unpacked, and as they are ``stored``."""
 
     tensors: dict[str, Tensor]
     header: ModelHeader
+    stored: Packed
 
 
-def write_model_file(path: Path, tensors: Mapping[str, Tensor], header: ModelHeader) -> None:
+def write_model_file(path: Path, tensors: Mapping[str, Tensor] | Packed, header: ModelHeader) -> None:
     """Write all or nothing; equal content gives equal bytes. Raises OutputError."""
-    write_tensors(path, tensors, _metadata_from(header))
+    packed = tensors if isinstance(tensors, Packed) else Packed(dict(tensors), {})
+    write_tensors(path, packed.tensors, _metadata_from(header, packed.packing))
 
 
 def read_model_file(path: Path) -> ModelFile:
     """Tensors and header. Raises ModelFileError for a file that is cut, damaged, newer, or no model of ours."""
     # The header first: a newer format may place its tensors in a way that this program would call damage.
-    header = read_model_header(path)
-    return ModelFile(read_tensors(path).tensors, header)
+    metadata = _metadata_of(path)
+    header = _header_from(path, metadata)
+    packing = {name: str(kind) for name, kind in _object(path, metadata, "packing", "{}").items()}
+    stored = Packed(read_tensors(path).tensors, packing)
+    try:
+        tensors = unpack_tensors(stored)
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: the file is damaged: {error}; {REMEDY}") from None
+    return ModelFile(tensors, header, stored)
 
 
 def read_model_header(path: Path) -> ModelHeader:
     """The header alone, without reading the tensors. Raises as :func:`read_model_file`."""
+    return _header_from(path, _metadata_of(path))
+
+
+def _metadata_of(path: Path) -> dict[str, str]:
+    """The metadata of a model file that this version reads."""
     metadata = read_metadata(path)
     if metadata.get("program") != PROGRAM:
         raise ModelFileError(
@@ -87,12 +107,15 @@ def read_model_header(path: Path) -> ModelHeader:
             "written by 'ringlight train'"
         )
     _refuse_newer(path, metadata)
-    return _header_from(path, metadata)
+    return metadata
 
 
-def _metadata_from(header: ModelHeader) -> dict[str, str]:
+def _metadata_from(header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
     facts = {name: value if isinstance(value, str) else _json(value) for name, value in asdict(header).items()}
-    return {"program": PROGRAM, "format": str(FORMAT)} | facts
+    if packing:
+        return {"program": PROGRAM, "format": str(PACKED), "packing": _json(dict(packing))} | facts
+    del facts["storage"]
+    return {"program": PROGRAM, "format": str(PLAIN)} | facts
 
 
 def _json(value: object) -> str:
@@ -129,6 +152,7 @@ def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
         metrics=objects["metrics"],
         versions=versions,
         created=texts["created"],
+        storage=_object(path, metadata, "storage", "{}"),
     )
 
 
@@ -161,9 +185,9 @@ def _text(path: Path, metadata: dict[str, str], name: str) -> str:
     return metadata[name]
 
 
-def _object(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
+def _object(path: Path, metadata: dict[str, str], name: str, default: str | None = None) -> dict[str, object]:
     try:
-        value = json.loads(_text(path, metadata, name))
+        value = json.loads(_text(path, metadata, name) if default is None else metadata.get(name, default))
     except (ValueError, RecursionError) as error:
         raise _damaged(path, name) from error
     if not isinstance(value, dict):

@@ -105,26 +105,29 @@ def load_model(path: str | Path, rasterize: Rasterizer) -> StoredModel:
     if path.is_dir():
         path = path / "model.safetensors"
     stored = read_model_file(path)
+    return model_of_tensors(stored.tensors, stored.header, rasterize, path)
+
+
+def model_of_tensors(
+    tensors: Mapping[str, torch.Tensor], header: ModelHeader, rasterize: Rasterizer, path: Path
+) -> StoredModel:
+    """The model that a file's tensors and header describe; ``path`` is named where they do not fit each other."""
     kinds = {method_of(recipe): type(recipe) for recipe in METHODS.values()}
-    if stored.header.method not in kinds:
-        raise ModelFileError(
-            f"{path}: method {stored.header.method!r} is unknown to this version of ringlight; update it"
-        )
-    recipe = recipe_from_dict(kinds[stored.header.method], stored.header.recipe, str(path))
+    if header.method not in kinds:
+        raise ModelFileError(f"{path}: method {header.method!r} is unknown to this version of ringlight; update it")
+    recipe = recipe_from_dict(kinds[header.method], header.recipe, str(path))
     columns = {
-        name.removeprefix(COLUMNS_PREFIX): tensor
-        for name, tensor in stored.tensors.items()
-        if name.startswith(COLUMNS_PREFIX)
+        name.removeprefix(COLUMNS_PREFIX): tensor for name, tensor in tensors.items() if name.startswith(COLUMNS_PREFIX)
     }
     try:
         gaussians = Gaussians.from_columns(columns)
-        model = recipe.model(gaussians, torch.tensor(stored.header.scene.box), rasterize)
-        cameras = cameras_from_tensors(stored.tensors)
-        model.load_state_dict({name: t for name, t in stored.tensors.items() if not name.startswith(CAMERAS_PREFIX)})
+        model = recipe.model(gaussians, torch.tensor(header.scene.box), rasterize)
+        cameras = cameras_from_tensors(tensors)
+        model.load_state_dict({name: t for name, t in tensors.items() if not name.startswith(CAMERAS_PREFIX)})
     except (KeyError, RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[-1].strip()
         raise ModelFileError(f"{path}: its tensors do not fit its recipe ({reason}); copy the file again") from None
-    return StoredModel(model.eval(), stored.header, cameras)
+    return StoredModel(model.eval(), header, cameras)
 
 
 def tensors_from_cameras(cameras: Sequence[Camera]) -> dict[str, torch.Tensor]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from ringlight.errors import ModelFileError, RunError
 from ringlight.files.model_file import ModelHeader, read_model_file
+from ringlight.files.packed import bytes_stored
 from ringlight.files.tensor_file import NAMES, read_metadata
 from ringlight.measure.report import Report, read_report
 from ringlight.measure.size import bytes_by_part
@@ -17,12 +18,14 @@ from ringlight.runs.record import RunRecord
 
 @dataclass(frozen=True)
 class TensorFacts:
-    """One tensor of the file; ``bytes`` as stored."""
+    """One tensor of the file: as it is used, and as it is stored; ``packing`` is empty where these are the same."""
 
     name: str
     dtype: str
     shape: tuple[int, ...]
     bytes: int
+    packing: str
+    bytes_stored: int
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,14 @@ def facts_of(path: Path) -> ModelFacts:
     rendering = {name: t for name, t in stored.tensors.items() if not name.startswith(CAMERAS_PREFIX)}
     parts = bytes_by_part(rendering)
     tensors = tuple(
-        TensorFacts(name, NAMES[t.dtype], tuple(t.shape), t.numel() * t.element_size())
+        TensorFacts(
+            name,
+            NAMES[t.dtype],
+            tuple(t.shape),
+            t.numel() * t.element_size(),
+            stored.stored.packing.get(name, ""),
+            bytes_stored(stored.stored, name),
+        )
         for name, t in sorted(stored.tensors.items())
     )
     return ModelFacts(
@@ -87,7 +97,7 @@ def _rows(tensors: dict[str, Any], name: str) -> int:
 
 def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
     problems: list[str] = []
-    record, report, has_checkpoint = None, None, run.checkpoint.is_file()
+    record, report, has_checkpoint = None, None, False
     try:
         record = RunRecord.read(run.path)
     except RunError as error:
@@ -98,12 +108,12 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
             report = read_report(run.path)
     except RunError as error:
         problems.append(str(error))
-    try:
-        if has_checkpoint:
-            read_metadata(run.checkpoint)
-    except ModelFileError as error:
-        problems.append(str(error))
-        has_checkpoint = False
+    for checkpoint in run.checkpoints:
+        try:
+            read_metadata(checkpoint)
+            has_checkpoint = True
+        except ModelFileError as error:
+            problems.append(str(error))
     return RunFacts(
         folder=str(run.path),
         scene=str(record.scene) if record else None,

@@ -131,7 +131,7 @@ def _training_seconds(run: RunFolder) -> tuple[float | None, float | None]:
     except RunError:
         pass
     try:
-        stored = read_metadata(run.checkpoint)
+        stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
         return float(stored["wall_seconds"]), float(stored["cpu_seconds"])
     except (ModelFileError, KeyError, ValueError):
         return None, None

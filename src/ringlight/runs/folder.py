@@ -10,6 +10,8 @@ from ringlight.runs.record import RECORD_NAME
 
 MODEL_NAME = "model.safetensors"
 CHECKPOINT_NAME = "checkpoint.safetensors"
+EARLIER_NAME = "checkpoint-earlier.safetensors"
+FRESH_NAME = "checkpoint-fresh.safetensors"
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,12 @@ class RunFolder:
     def checkpoint(self) -> Path:
         """Where the run can go on from."""
         return self.path / CHECKPOINT_NAME
+
+    @property
+    def checkpoints(self) -> list[Path]:
+        """All that are there, the newest first; the fresh one has that name only where its writer was killed."""
+        paths = [self.path / name for name in (FRESH_NAME, CHECKPOINT_NAME, EARLIER_NAME)]
+        return [path for path in paths if path.is_file()]
 
     @property
     def report(self) -> Path:

@@ -1,7 +1,7 @@
 """One training run on disk: starts or resumes, saves, and ends with a model and a report."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,16 +10,23 @@ import ringlight
 from ringlight.core.scene import Scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
-from ringlight.errors import RecipeError, RunError
-from ringlight.files.tensor_file import read_tensors, write_tensors
+from ringlight.errors import OutputError, RecipeError, RunError
+from ringlight.files.atomic import sweep
 from ringlight.fit.train import Progress, Training, train
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.checkpoints import read_checkpoint, write_checkpoint
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
 LARGEST_SEED = 2**63 - 1
 """torch's generators take no more."""
+
+SAVE_SECONDS = 60.0
+"""Between two checkpoints: what a run may lose."""
+
+LARGEST_SAVE_SHARE = 0.01
+"""Of the time may go into saving: where a checkpoint takes longer, they become rarer."""
 
 
 @dataclass
@@ -36,7 +43,8 @@ class Session:
     def __init__(self, folder: RunFolder, record: RunRecord, scene: Scene, training: Training, clock: Clock):
         self.folder, self.record, self.scene = folder, record, scene
         self.training, self.clock = training, clock
-        self._saved_at = -1
+        self.warnings: tuple[str, ...] = ()
+        self._saved_at = self._good = -1  # steps of the last files, and of the last checkpoint
 
     @staticmethod
     def start(
@@ -55,14 +63,12 @@ class Session:
     def resume(path: Path) -> "Session":
         """Go on with a run where its last checkpoint was written, with the same bits as if it had never stopped.
 
-        Raises RunError if there is no checkpoint, or the scene has other training views now; ModelFileError if the
-        checkpoint is damaged.
+        Where that one is damaged, ``warnings`` says so and the one before it is used. Raises RunError if there is no
+        checkpoint, or the scene has other training views now; ModelFileError if all checkpoints are damaged.
         """
         folder = RunFolder.open(path)
         record = RunRecord.read(path)
-        if not folder.checkpoint.exists():
-            raise RunError(f"{path}: has no checkpoint yet; start it again with --out NEW")
-        stored = read_tensors(folder.checkpoint)
+        stored, warnings = read_checkpoint(folder)
         if not record.scene.is_dir():
             remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
             raise RunError(f"{record.scene}: the scene of {path} is gone; {remedy}")
@@ -82,7 +88,10 @@ class Session:
                 f"{record.scene}: has {len(scene.train)} training views where {path} began with {views}; put the "
                 "photographs back as they were, or start again with --out NEW"
             )
-        return Session(folder, record, scene, training, clock)
+        sweep(folder.path)
+        session = Session(folder, record, scene, training, clock)
+        session.warnings, session._good = warnings, training.step
+        return session
 
     def steps(self) -> Iterator[Progress]:
         """The training steps that remain; the clock runs only while a step runs."""
@@ -97,7 +106,10 @@ class Session:
             yield progress
 
     def save(self) -> None:
-        """Write the checkpoint and the model as it is now; nothing if that has been done at this step."""
+        """Write the checkpoint and the model as it is now; nothing if that has been done at this step.
+
+        Raises OutputError, which also says where the run can go on.
+        """
         if self._saved_at == self.training.step:
             return
         facts = {
@@ -106,9 +118,21 @@ class Session:
             "cpu_seconds": repr(self.clock.cpu),
             "training_views": str(len(self.scene.train)),
         }
-        write_tensors(self.folder.checkpoint, self.training.state(), facts)
-        self.save_model()
-        self._saved_at = self.training.step
+        try:
+            write_checkpoint(self.folder, self.training.state(), facts)
+            self._good = self.training.step
+            self.save_model()
+            self._saved_at = self.training.step
+        except OutputError as error:
+            raise OutputError(f"{error}; {self._way_on()}") from error
+
+    def _way_on(self) -> str:
+        """What a run that cannot be saved at this step has lost."""
+        step = self.training.step
+        if self._good < 0 or not self.folder.checkpoints:
+            return f"stopped after step {step} without a checkpoint"
+        last = f"the last good checkpoint is of step {self._good}"
+        return f"stopped after step {step}; {last}, go on with: ringlight train --resume {self.folder.path}"
 
     def save_model(self, metrics: dict[str, object] | None = None) -> None:
         """Write the model file, with the test views' numbers if there are any."""
@@ -117,6 +141,25 @@ class Session:
         )
         cameras = [view.camera for view in self.scene.train]
         save_model(self.folder.model, self.training.model, header, cameras)
+
+
+class Saver:
+    """Calls ``save`` every so often: every ``seconds``, or without them by :data:`SAVE_SECONDS` and its share."""
+
+    def __init__(self, save: Callable[[], None], seconds: float | None):
+        self.save, self.seconds = save, seconds
+        self.pause = SAVE_SECONDS if seconds is None else seconds
+        self.last = time.monotonic()
+
+    def save_if_due(self) -> None:
+        """Save if the pause is over. Raises OutputError."""
+        begun = time.monotonic()
+        if begun - self.last < self.pause:
+            return
+        self.save()
+        self.last = time.monotonic()
+        if self.seconds is None:
+            self.pause = max(SAVE_SECONDS, (self.last - begun) / LARGEST_SAVE_SHARE)
 
 
 def _check(steps: int, seed: int) -> None:

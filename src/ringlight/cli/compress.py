@@ -1,0 +1,101 @@
+"""``ringlight compress MODEL OUT.safetensors [SCENE]``: the same model in about a third of the bytes."""
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ringlight.cli.arguments import ModelPath, SceneFolder
+from ringlight.cli.parse import parse
+from ringlight.data.options import ReadingOptions, SceneOptions
+from ringlight.errors import RunError
+
+if TYPE_CHECKING:
+    from ringlight.core.scene import Scene
+    from ringlight.runs.compress import Compressed
+    from ringlight.runs.opened import Opened
+
+
+@dataclass(frozen=True)
+class CompressArguments:
+    """Write a model in fewer bytes: colours and opacities in 8 bit, rotations in 32, positions in 48 or 72, networks
+    and tables in 8 bit a value.
+
+    The file is a model like any other: eval, render, export, compare and info take it. What it costs is measured on the
+    test views of SCENE or of the run, stored in the file, and shown by 'ringlight info'.
+    """
+
+    model: ModelPath
+    """Run folder or model file."""
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT.safetensors")]
+    """Model file to write."""
+    scene: SceneFolder = None
+    """Folder of photographs; by default the run's own, and for a model file on its own none."""
+    options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
+    overwrite: bool = False
+    """Replace the file if it exists."""
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core."""
+    json: bool = False
+    """Print the result as JSON."""
+    quiet: bool = False
+    """No progress line."""
+
+
+def main(arguments: list[str]) -> int:
+    """Compress; returns the exit code."""
+    asked = parse(CompressArguments, "compress", arguments)
+    from ringlight.cli.counting import counting
+    from ringlight.cli.threads import use_threads
+    from ringlight.measure.json_record import to_json
+    from ringlight.runs.compress import check_target, compress
+    from ringlight.runs.opened import open_model
+
+    check_target(asked.out, asked.overwrite)
+    use_threads(asked.threads)
+    opened = open_model(asked.model)
+    scene = _scene(asked, opened)
+    with counting(f"{opened.file}: test views", asked.quiet) as tell:
+        compressed = compress(opened, asked.out, scene, tell)
+    sys.stdout.write(to_json(compressed) if asked.json else _sentences(compressed))
+    return 0
+
+
+def _scene(asked: CompressArguments, opened: "Opened") -> "Scene | None":
+    """The photographs to measure on; None for a model on its own, and for a run whose scene has gone."""
+    from ringlight.runs.opened import scene_of
+
+    options = SceneOptions(**vars(asked.options))
+    if asked.scene is None and opened.run is None and options == SceneOptions():
+        return None
+    try:
+        return scene_of(opened, asked.scene, options)
+    except RunError as error:
+        if not asked.quiet:
+            sys.stderr.write(f"not measured on photographs: {error}\n")
+        return None
+
+
+def _sentences(compressed: "Compressed") -> str:
+    losses = compressed.losses
+    ratio = losses.bytes_before / max(losses.bytes_after, 1)
+    lines = [
+        f"{compressed.file}: {compressed.n_gaussians:,} Gaussians, {compressed.bytes_file / 1e6:.3f} MB instead of "
+        f"{compressed.bytes_file_before / 1e6:.3f} MB",
+        f"  what rendering needs: {losses.bytes_after:,} of {losses.bytes_before:,} bytes, {ratio:.2f} times smaller",
+    ]
+    if losses.picture_psnr is not None:
+        lines.append(
+            f"  its pictures against the model's, from {losses.pictures} training cameras: "
+            f"{losses.picture_psnr:.1f} dB PSNR"
+        )
+    if losses.psnr_before is not None and losses.psnr_after is not None:
+        lines.append(
+            f"  on {losses.views} test views: {losses.psnr_after:.3f} dB instead of {losses.psnr_before:.3f}, "
+            f"{losses.psnr_after - losses.psnr_before:+.3f} dB"
+        )
+    else:
+        lines.append("  not measured on photographs: name the scene's folder for that")
+    return "\n".join(lines) + "\n"

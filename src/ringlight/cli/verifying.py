@@ -1,0 +1,42 @@
+"""``ringlight train SCENE METHOD --verify N``: prove on this machine that a run repeats itself, and write nothing."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from ringlight.cli.main import WRONG_INPUT
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RecipeError
+
+MOST_NAMED = 5
+"""Tensors that a line names."""
+
+
+def check_verify(steps: int, planned: int) -> None:
+    """Raises RecipeError for a number of steps that cannot be compared."""
+    if not 2 <= steps <= planned:
+        raise RecipeError(f"--verify is {steps}; give 2 to {planned} steps, which is how many this run has")
+
+
+def verify_run(scene_path: Path, options: SceneOptions, recipe: Any, seed: int, device: str, steps: int) -> int:
+    """Print one line a trial on standard output; the exit code is 1 where any differs from the first."""
+    from ringlight.cli.threads import use_threads
+    from ringlight.data.load import load_scene
+    from ringlight.runs.verify import verify
+
+    scene = load_scene(scene_path, options)
+    all_same = True
+    for trial in verify(scene, recipe, seed, device, steps, use_threads):
+        all_same &= trial.is_same
+        verdict = "the same bits" if trial.is_same else "OTHER BITS"
+        sys.stdout.write(f"{trial.digest}  {verdict}  {trial.circumstances}\n")
+        sys.stdout.flush()
+        if not trial.is_same:
+            sys.stdout.write(f"{'':18}{_where(trial.first_step, trial.differing)}\n")
+    return 0 if all_same else WRONG_INPUT
+
+
+def _where(step: int | None, differing: tuple[str, ...]) -> str:
+    loss = "losses agree" if step is None else f"the first loss that differs is that of step {step}"
+    names = ", ".join(differing[:MOST_NAMED]) + ", ..." * (len(differing) > MOST_NAMED)
+    return f"{loss}; {len(differing)} tensors differ at the end" + (f": {names}" if differing else "")

@@ -1,0 +1,162 @@
+"""Which tensor of a model is packed how, by its name; and a whole model's tensors packed and back.
+
+Columns of the table are packed by what they hold, shared networks and tables by rows of bytes. What the plan does not
+know is kept: a tensor of whole numbers, a small one, one that holds a number that is not finite. The plan decides when
+a file is written; a reader goes by what the file says.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import partial
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.errors import ModelFileError
+from ringlight.files.pack_directions import (
+    pack_directions,
+    pack_quaternions,
+    unpack_directions,
+    unpack_quaternions,
+)
+from ringlight.files.pack_numbers import (
+    LARGEST_HALF,
+    Parts,
+    pack_fixed,
+    pack_half,
+    pack_rows,
+    pack_share,
+    unpack_fixed,
+    unpack_half,
+    unpack_rows,
+    unpack_share,
+)
+
+SEPARATOR = ":"
+"""Between a tensor's name and the name of its part, as in "columns.base:share"; occurs in no tensor's name."""
+
+
+@dataclass(frozen=True)
+class Packing:
+    """One way to store a float32 tensor in fewer bytes."""
+
+    pack: Callable[[Tensor], Parts]
+    unpack: Callable[[Parts], Tensor]
+
+
+PACKINGS = {
+    "half": Packing(pack_half, unpack_half),
+    "rows8": Packing(pack_rows, unpack_rows),
+    "fixed8": Packing(partial(pack_fixed, width=1), unpack_fixed),
+    "fixed16": Packing(partial(pack_fixed, width=2), unpack_fixed),
+    "fixed24": Packing(partial(pack_fixed, width=3), unpack_fixed),
+    "share8": Packing(pack_share, unpack_share),
+    "directions20": Packing(pack_directions, unpack_directions),
+    "quaternions32": Packing(pack_quaternions, unpack_quaternions),
+}
+"""By the names that model files use; a name never changes its meaning."""
+
+PLAN = (
+    ("columns.log_scales", "fixed8"),
+    ("columns.quats", "quaternions32"),
+    ("columns.opacity_logits", "share8"),
+    ("columns.base", "share8"),
+    ("columns.latents", "fixed8"),
+    ("columns.normals", "directions20"),
+    ("columns.sh_dc", "fixed16"),
+    ("columns.sh_rest", "fixed8"),
+    ("columns.*", "half"),
+    ("color.*", "rows8"),
+    ("shader.*", "rows8"),
+)
+"""Name patterns and packings; the first that fits counts. Positions are decided by :func:`_positions`."""
+
+MEANS, SCALES = "columns.means", "columns.log_scales"
+
+FEWEST_ROWS8, FEWEST_PACKED = 1024, 64
+"""Shared tensors of fewer values than the first are half floats, of fewer than the second stay as they are: biases and
+single numbers save nothing and may matter much."""
+
+SHIFT = 0.01
+"""Positions may move by this share of a usual Gaussian's largest standard deviation, which changes what it adds to a
+pixel by 0.6 % of its peak at most. 16 bits do in scenes of one object, unbounded scenes take 24."""
+
+
+@dataclass(frozen=True)
+class Packed:
+    """``tensors`` as stored: parts "NAME:PART", and by their own name those that are kept; ``packing`` by name."""
+
+    tensors: dict[str, Tensor]
+    packing: dict[str, str]
+
+
+def pack_tensors(tensors: Mapping[str, Tensor]) -> Packed:
+    """Every tensor by the plan."""
+    stored: dict[str, Tensor] = {}
+    packing: dict[str, str] = {}
+    for name, tensor in tensors.items():
+        chosen = _chosen(name, tensor, tensors.get(SCALES))
+        if chosen is None:
+            stored[name] = tensor
+            continue
+        packing[name] = chosen
+        parts = PACKINGS[chosen].pack(tensor.detach().cpu())
+        stored |= {f"{name}{SEPARATOR}{part}": value for part, value in parts.items()}
+    return Packed(stored, packing)
+
+
+def unpack_tensors(packed: Packed) -> dict[str, Tensor]:
+    """Inverse of :func:`pack_tensors` but for rounding, float32. Raises ModelFileError, without a file's name."""
+    parts: dict[str, Parts] = {name: {} for name in packed.packing}
+    tensors: dict[str, Tensor] = {}
+    for stored, tensor in packed.tensors.items():
+        name, separator, part = stored.partition(SEPARATOR)
+        if not separator:
+            tensors[name] = tensor
+        elif name in parts:
+            parts[name][part] = tensor
+        else:
+            raise ModelFileError(f"part {stored!r} belongs to no packed tensor")
+    for name, chosen in packed.packing.items():
+        if chosen not in PACKINGS:
+            raise ModelFileError(f"tensor {name!r} is packed in a way that this version does not know ({chosen[:40]})")
+        try:
+            tensors[name] = PACKINGS[chosen].unpack(parts[name])
+        except (KeyError, ValueError, RuntimeError) as error:
+            reason = str(error).splitlines()[0]
+            raise ModelFileError(f"tensor {name!r} does not fit its packing {chosen} ({reason})") from None
+    return tensors
+
+
+def bytes_stored(packed: Packed, name: str) -> int:
+    """Bytes of one tensor as stored, all its parts."""
+    return sum(
+        tensor.numel() * tensor.element_size()
+        for stored, tensor in packed.tensors.items()
+        if stored.partition(SEPARATOR)[0] == name
+    )
+
+
+def _chosen(name: str, tensor: Tensor, log_scales: Tensor | None) -> str | None:
+    """The packing of a tensor; None if it is kept."""
+    if tensor.dtype != torch.float32 or not bool(tensor.isfinite().all()):
+        return None
+    if name == MEANS:
+        return _positions(tensor, log_scales)
+    plan = next((packing for pattern, packing in PLAN if fnmatchcase(name, pattern)), None)
+    if plan == "rows8" and tensor.numel() < FEWEST_ROWS8:
+        plan = "half" if tensor.numel() >= FEWEST_PACKED else None
+    if plan == "half" and tensor.numel() and tensor.abs().amax() > LARGEST_HALF:
+        return None
+    return plan
+
+
+def _positions(means: Float[Tensor, "N 3"], log_scales: Tensor | None) -> str:
+    """Sixteen bits where half a step is small beside the Gaussians, else twenty-four."""
+    if log_scales is None or log_scales.shape != means.shape or not len(means):
+        return "fixed24"
+    usual = float(log_scales.detach().amax(-1).median().exp())
+    reach = float((means.detach().double().amax(0) - means.detach().double().amin(0)).amax())
+    return "fixed16" if reach / (2 * 0xFFFF) <= SHIFT * usual else "fixed24"

@@ -1,0 +1,44 @@
+"""The last two checkpoints of a run: where it goes on after whatever stopped it."""
+
+from collections.abc import Mapping
+
+from torch import Tensor
+
+from ringlight.errors import ModelFileError, OutputError, RunError
+from ringlight.files.atomic import flush_folder
+from ringlight.files.tensor_file import TensorFile, read_tensors, write_tensors
+from ringlight.runs.folder import EARLIER_NAME, FRESH_NAME, RunFolder
+
+
+def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapping[str, str]) -> None:
+    """Write the newest and keep the one before it. Raises OutputError, with both of them as they were.
+
+    Whenever the process is killed, whole checkpoints lie under the names of ``RunFolder.checkpoints``.
+    """
+    fresh = folder.path / FRESH_NAME
+    write_tensors(fresh, state, facts)
+    try:
+        if folder.checkpoint.exists():
+            folder.checkpoint.replace(folder.path / EARLIER_NAME)
+        fresh.replace(folder.checkpoint)
+        flush_folder(folder.path)
+    except OSError as error:
+        raise OutputError(f"{folder.checkpoint}: cannot be written: {error.strerror}; choose another folder") from error
+
+
+def read_checkpoint(folder: RunFolder) -> tuple[TensorFile, tuple[str, ...]]:
+    """The newest checkpoint that is whole, and a sentence on each newer one that is damaged.
+
+    Raises RunError where there is none, ModelFileError about the newest where all are damaged.
+    """
+    damaged: list[ModelFileError] = []
+    for path in folder.checkpoints:
+        try:
+            stored = read_tensors(path, checksum_required=True)
+        except ModelFileError as error:
+            damaged.append(error)
+            continue
+        return stored, tuple(f"{error}; going on from {path.name} instead" for error in damaged)
+    if damaged:
+        raise damaged[0]
+    raise RunError(f"{folder.path}: has no checkpoint yet; start it again with --out NEW")

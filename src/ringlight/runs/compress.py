@@ -1,0 +1,134 @@
+"""A trained model in a third of the bytes: packed, looked at, written as one model file."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import fmean
+
+import torch
+
+import ringlight
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Rendering
+from ringlight.core.scene import Scene
+from ringlight.errors import OutputError, SceneError
+from ringlight.files.model_file import write_model_file
+from ringlight.files.packed import pack_tensors, unpack_tensors
+from ringlight.measure import metrics
+from ringlight.measure.evaluate import evaluate
+from ringlight.methods.store import (
+    CAMERAS_PREFIX,
+    StoredModel,
+    for_rendering,
+    model_of_tensors,
+    tensors_from_cameras,
+)
+from ringlight.models.splats import SplatModel
+from ringlight.runs.opened import Opened
+
+SUFFIX = ".safetensors"
+
+MOST_PICTURES = 5
+"""Training cameras from which the packed model is held against the model: well under a second each."""
+
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Losses:
+    """What packing cost. The three last are None where no photographs were at hand.
+
+    ``picture_psnr`` compares pictures of the packed model with pictures of the model, dB, mean over ``pictures`` of the
+    training cameras; ``psnr_before`` and ``psnr_after`` are of ``views`` test views, dB, mean over images.
+    """
+
+    bytes_before: int
+    """Of the tensors that rendering needs, as they were: floats at 32 bit."""
+    bytes_after: int
+    """Of the same, packed."""
+    pictures: int
+    picture_psnr: float | None
+    psnr_before: float | None = None
+    psnr_after: float | None = None
+    views: int | None = None
+
+
+@dataclass(frozen=True)
+class Compressed:
+    """What was written."""
+
+    file: str
+    n_gaussians: int
+    bytes_file_before: int
+    bytes_file: int
+    losses: Losses
+
+
+def check_target(path: Path, overwrite: bool) -> None:
+    """Raises OutputError for another suffix than a model file's, or a file that exists and may not be replaced."""
+    if path.suffix.lower() != SUFFIX:
+        raise OutputError(f"{path}: cannot be written: a model file is a safetensors file; end its name in {SUFFIX}")
+    if path.exists() and not overwrite:
+        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+
+
+@torch.no_grad()
+def compress(opened: Opened, path: Path, scene: Scene | None = None, tell: Tell | None = None) -> Compressed:
+    """Write the packed model; with a ``scene``, its test views say what packing costs.
+
+    ``tell`` hears (pictures done, pictures in all). Raises SceneError for a scene without test views, OutputError where
+    the file cannot be written.
+    """
+    stored = opened.stored
+    if scene is not None and not scene.test:
+        raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
+    tensors = for_rendering(stored.model) | tensors_from_cameras(stored.cameras)
+    packed = pack_tensors(tensors)
+    after = model_of_tensors(unpack_tensors(packed), stored.header, stored.model.rasterize, path)
+    decibels = _picture_loss(stored, after)
+    picture_psnr = fmean(decibels) if decibels else None
+    losses = Losses(_bytes(tensors), _bytes(packed.tensors), len(decibels), picture_psnr)
+    measured = stored.header.metrics
+    if scene is not None:
+        psnr_before, psnr_after = _test_loss(stored.model, after.model, scene, tell)
+        losses = replace(losses, psnr_before=psnr_before, psnr_after=psnr_after, views=len(scene.test))
+        measured = {"psnr": psnr_after}
+    versions = stored.header.versions | {"ringlight": ringlight.__version__}
+    header = replace(stored.header, metrics=measured, versions=versions, storage=asdict(losses))
+    write_model_file(path, packed, header)
+    return Compressed(str(path), len(after.model), opened.file.stat().st_size, path.stat().st_size, losses)
+
+
+def _bytes(tensors: dict[str, torch.Tensor]) -> int:
+    """Of everything but the cameras, as stored."""
+    shown = (tensor for name, tensor in tensors.items() if not name.startswith(CAMERAS_PREFIX))
+    return sum(tensor.numel() * tensor.element_size() for tensor in shown)
+
+
+def _picture_loss(before: StoredModel, after: StoredModel) -> list[float]:
+    """PSNR of the two models against each other, dB, over white, from a few training cameras."""
+    count = min(len(before.cameras), MOST_PICTURES)
+    cameras = [before.cameras[index * len(before.cameras) // count] for index in range(count)]
+    pairs = ((_picture(after.model, camera), _picture(before.model, camera)) for camera in cameras)
+    return [metrics.psnr(ours, truth) for ours, truth in pairs]
+
+
+def _picture(model: SplatModel, camera: Camera) -> torch.Tensor:
+    return model.render(camera, torch.ones(3)).color.clamp(0, 1)
+
+
+def _test_loss(before: SplatModel, after: SplatModel, scene: Scene, tell: Tell | None) -> tuple[float, float]:
+    """PSNR of both models on the test views, which are rendered twice."""
+    background, views = scene.background_color, len(scene.test)
+
+    def measured(model: SplatModel, done_before: int) -> float:
+        def render(camera: Camera) -> Rendering:
+            return model.render(camera, background)
+
+        def progress(done: int, _: int) -> None:
+            if tell is not None:
+                tell(done_before + done, 2 * views)
+
+        return evaluate(render, scene.test, background, lpips_nets=(), progress=progress).psnr
+
+    return measured(before, 0), measured(after, views)

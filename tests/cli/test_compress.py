@@ -1,0 +1,67 @@
+"""Compressing a model: what is written is a model, and says what it cost."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command import Command
+from refusal import refused
+
+from ringlight.files.tensor_file import read_metadata
+from ringlight.methods.store import load_model
+from ringlight.rasterize.choose import rasterizer_for
+
+
+@pytest.mark.parametrize("method", ["3dgs", "ringlight"])
+def test_a_compressed_run_is_a_model_and_its_loss_is_told(
+    method: str, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    out = tmp_path / "small.safetensors"
+    done = ringlight("compress", trained[method], out, "--quiet")
+    assert done.code == 0, done.err
+    assert "on 2 test views" in done.out
+    told = json.loads(read_metadata(out)["storage"])
+    assert told["views"] == 2
+    assert told["bytes_after"] < 0.5 * told["bytes_before"]
+    assert abs(told["psnr_after"] - told["psnr_before"]) < 0.05
+    assert out.stat().st_size < (trained[method] / "model.safetensors").stat().st_size / 2
+
+    report = json.loads((trained[method] / "report.json").read_text())
+    assert told["psnr_before"] == pytest.approx(report["psnr"])
+    info = ringlight("info", out)
+    assert f"{told['psnr_after'] - told['psnr_before']:+.3f} dB on 2 test views" in info.out
+    assert "fixed16" in info.out or "fixed24" in info.out
+    facts = json.loads(ringlight("info", out, "--json").out)
+    [means] = [tensor for tensor in facts["tensors"] if tensor["name"] == "columns.means"]
+    assert means["bytes"] == 12 * facts["n_gaussians"] > means["bytes_stored"]
+    stored = [tensor for tensor in facts["tensors"] if not tensor["name"].startswith("cameras")]
+    assert sum(tensor["bytes_stored"] for tensor in stored) == told["bytes_after"]
+
+
+def test_every_command_takes_a_compressed_model(
+    trained: dict[str, Path], tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    out = tmp_path / "small.safetensors"
+    assert ringlight("compress", trained["ringlight"], out, "--quiet").code == 0
+    evaluated = ringlight("eval", out, tiny, "--json", "--quiet", "--lpips")
+    psnr = json.loads(evaluated.out)["psnr"]
+    assert psnr == pytest.approx(json.loads(read_metadata(out)["storage"])["psnr_after"], abs=1e-4)
+    assert ringlight("export", out, tmp_path / "small.ply").code == 0
+    frames = ringlight("render", out, "--path", "orbit", "--frames", "2", "--out", tmp_path / "frames", "--quiet")
+    assert frames.code == 0, frames.err
+    again = ringlight("compress", out, tmp_path / "again.safetensors", "--quiet")
+    assert "not measured on photographs" in again.out
+    stored = load_model(out, rasterizer_for("reference"))
+    assert stored.header.method == "ringlight"
+
+
+def test_refusals_name_the_remedy_and_write_nothing(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    refused(ringlight("compress", trained["3dgs"], tmp_path / "small.zip"), 1, ".safetensors")
+    (tmp_path / "there.safetensors").write_text("mine")
+    refused(ringlight("compress", trained["3dgs"], tmp_path / "there.safetensors"), 1, "--overwrite")
+    refused(ringlight("compress", tmp_path / "missing", tmp_path / "new.safetensors"), 1, tmp_path / "missing")
+    refused(ringlight("compress", trained["3dgs"], tmp_path / "n.safetensors", tmp_path / "no"), 1, tmp_path / "no")
+    assert [path.name for path in tmp_path.iterdir()] == ["there.safetensors"]
+    assert (tmp_path / "there.safetensors").read_text() == "mine"

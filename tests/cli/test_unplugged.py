@@ -1,0 +1,127 @@
+"""A run that is stopped from outside: a signal, a full disk, a folder that is gone, a checkpoint that is damaged."""
+
+import errno
+import os
+import shutil
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from cli_session import QUICK
+from command import Command
+from refusal import refused
+
+from ringlight.fit.train import Progress
+from ringlight.runs.session import LARGEST_SAVE_SHARE, SAVE_SECONDS, Saver, Session
+
+SAVES_OFTEN = ("--save-every", "0.0001")
+
+
+@pytest.fixture
+def at_step(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, Callable[[Session], object]], None]:
+    """Have something happen after a step, before the command hears of it."""
+    steps = Session.steps
+
+    def plan(step: int, happen: Callable[[Session], object]) -> None:
+        def eventful(session: Session) -> Iterator[Progress]:
+            for progress in steps(session):
+                if progress.step == step:
+                    happen(session)
+                yield progress
+
+        monkeypatch.setattr(Session, "steps", eventful)
+
+    return plan
+
+
+def model_of(run: Path) -> bytes:
+    return (run / "model.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_step_and_saves(
+    number: signal.Signals, tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    before = signal.getsignal(number)
+    at_step(15, lambda session: signal.raise_signal(number))
+    run = tmp_path / "run"
+    stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK)
+    assert stopped.code == 130
+    assert "stopped after step 15 and saved" in stopped.err
+    assert signal.getsignal(number) is before
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
+    assert model_of(run) == model_of(trained["3dgs"])
+
+
+def test_a_full_disk_stops_the_run_with_its_last_good_checkpoint(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fill_the_disk(_: Session) -> None:
+        def full(handle: int) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(os, "fsync", full)
+
+    run = tmp_path / "run"
+    at_step(15, fill_the_disk)
+    stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN)
+    monkeypatch.undo()
+    sentence = refused(stopped, 1, "no space is left", "stopped after step 15", f"ringlight train --resume {run}")
+    assert "the last good checkpoint is of step 14" in sentence
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
+    assert model_of(run) == model_of(trained["3dgs"])
+
+
+def test_a_folder_that_is_gone_stops_the_run_with_a_sentence(
+    tiny: Path, tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    run = tmp_path / "run"
+    at_step(15, lambda session: shutil.rmtree(run))
+    stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN)
+    refused(stopped, 1, "its folder does not exist", "stopped after step 15 without a checkpoint")
+    assert not run.exists()
+
+
+def test_a_damaged_checkpoint_is_named_and_the_older_goes_on_to_the_same_bits(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    at_step(20, lambda session: signal.raise_signal(signal.SIGTERM))
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 130
+    monkeypatch.undo()
+    newest = run / "checkpoint.safetensors"
+    content = bytearray(newest.read_bytes())
+    content[-7] ^= 4
+    newest.write_bytes(content)
+    resumed = ringlight("train", "--resume", run, "--quiet", "--lpips")
+    assert resumed.code == 0
+    warning = resumed.err.splitlines()[0]
+    assert warning.startswith(f"warning: {newest}: the file is damaged")
+    assert "going on from checkpoint-earlier.safetensors" in warning
+    assert model_of(run) == model_of(trained["3dgs"])
+
+
+def test_saving_takes_no_more_than_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a clock of our own, where a step takes a second and a checkpoint five."""
+    now = 0.0
+    saved: list[float] = []
+
+    def save() -> None:
+        nonlocal now
+        saved.append(now)
+        now += 5
+
+    monkeypatch.setattr("time.monotonic", lambda: now)
+    saver = Saver(save, None)
+    for _ in range(2000):
+        now += 1
+        saver.save_if_due()
+    assert saved[0] == SAVE_SECONDS
+    assert len(saved) * 5 <= LARGEST_SAVE_SHARE * now + 5
+    saved.clear()
+    often = Saver(save, 10.0)
+    for _ in range(100):
+        now += 1
+        often.save_if_due()
+    assert len(saved) == 10, "who asks for an interval gets it"

@@ -1,0 +1,284 @@
+"""Packings give back what they were given within the error that their docstrings state, and refuse other parts."""
+
+import math
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ringlight.core.directions import normalize
+from ringlight.core.gaussians import Gaussians
+from ringlight.errors import ModelFileError
+from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, read_model_header, write_model_file
+from ringlight.files.packed import PACKINGS, PLAN, Packed, bytes_stored, pack_tensors, unpack_tensors
+from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
+
+SEEDS = st.integers(0, 10_000)
+ROWS = st.integers(0, 40)
+SPREAD = st.sampled_from([1e-6, 1e-2, 1.0, 50.0])
+MANY = settings(max_examples=40, deadline=None)
+
+
+def noise(*shape: int, seed: int, spread: float = 1.0) -> torch.Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed)) * spread
+
+
+def there_and_back(kind: str, values: torch.Tensor) -> torch.Tensor:
+    restored = PACKINGS[kind].unpack(PACKINGS[kind].pack(values))
+    assert restored.shape == values.shape
+    assert restored.dtype == torch.float32
+    assert restored.isfinite().all()
+    return restored
+
+
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=SPREAD)
+def test_half_floats_lose_a_part_in_two_thousand(rows: int, seed: int, spread: float) -> None:
+    values = noise(rows, 3, seed=seed, spread=spread)
+    error = (there_and_back("half", values) - values).abs()
+    assert (error <= values.abs() * 2**-11 + 2**-25).all(), "2^-25: half of the smallest half float"
+
+
+@MANY
+@given(shape=st.lists(st.integers(1, 12), min_size=1, max_size=4), seed=SEEDS, spread=SPREAD)
+def test_rows_lose_half_a_scale_of_their_own(shape: list[int], seed: int, spread: float) -> None:
+    values = noise(*shape, seed=seed, spread=spread)
+    parts = PACKINGS["rows8"].pack(values)
+    scale = parts["scale"]
+    row = math.prod(shape[scale.dim() :])
+    assert row >= 32 or scale.dim() == 0, "a scale is shared by enough values"
+    largest = values.reshape(*scale.shape, -1).abs().amax(-1)
+    error = (there_and_back("rows8", values) - values).reshape(*scale.shape, -1).abs().amax(-1)
+    assert (error <= largest / 254 * (1 + 1e-5)).all()
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=SPREAD, shift=st.sampled_from([0.0, -3.0, 1000.0]))
+def test_fixed_point_loses_half_a_step_of_the_columns_range(
+    width: int, rows: int, seed: int, spread: float, shift: float
+) -> None:
+    values = noise(rows, 2, 3, seed=seed, spread=spread) + shift
+    error = (there_and_back(f"fixed{8 * width}", values) - values).abs()
+    if rows:
+        reach = values.double().amax(0) - values.double().amin(0)
+        rounding = values.abs().double() * 2**-23
+        assert (error.double() <= reach / (2 ** (8 * width) - 1) / 2 * (1 + 1e-9) + rounding).all()
+
+
+def test_a_column_that_is_constant_is_kept() -> None:
+    values = torch.tensor([[0.1, -7.25]]).expand(5, 2).contiguous()
+    assert torch.equal(there_and_back("fixed8", values), values)
+    assert torch.equal(there_and_back("rows8", torch.zeros(4, 64)), torch.zeros(4, 64))
+
+
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=SPREAD)
+def test_shares_lose_half_a_step_of_a_picture(rows: int, seed: int, spread: float) -> None:
+    logits = noise(rows, 3, seed=seed, spread=spread)
+    error = (there_and_back("share8", logits).sigmoid() - logits.sigmoid()).abs()
+    assert (error <= 0.5 / 255 + 1e-6).all()
+
+
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=SPREAD)
+def test_directions_turn_by_less_than_a_quarter_of_a_degree(rows: int, seed: int, spread: float) -> None:
+    vectors = noise(rows, 3, seed=seed, spread=spread)
+    restored = there_and_back("directions20", vectors)
+    cosine = (restored.double() * normalize(vectors.double())).sum(-1).clamp(-1, 1)
+    assert (cosine.acos() <= math.radians(0.25)).all()
+    parts = PACKINGS["directions20"].pack(vectors)
+    assert sum(tensor.numel() for tensor in parts.values()) == 2 * rows + (rows + 1) // 2
+
+
+def test_the_axes_are_directions_that_lose_nothing() -> None:
+    axes = torch.cat([torch.eye(3), -torch.eye(3)])
+    torch.testing.assert_close(there_and_back("directions20", axes), axes, rtol=0, atol=1e-7)
+
+
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=SPREAD)
+def test_rotations_turn_by_less_than_a_third_of_a_degree(rows: int, seed: int, spread: float) -> None:
+    quats = noise(rows, 4, seed=seed, spread=spread)
+    restored = there_and_back("quaternions32", quats)
+    before, after = (
+        Gaussians(torch.zeros(rows, 3), torch.zeros(rows, 3), q, torch.zeros(rows)).rotations.double()
+        for q in (quats, restored)
+    )
+    # The chord between rotations: Frobenius distance is 2 sqrt 2 sin(angle / 2).
+    angle = 2 * ((before - after).flatten(1).norm(dim=1) / 8**0.5).clamp(max=1).asin()
+    assert (angle <= math.radians(0.3)).all()
+
+
+def test_no_rotation_and_half_turns_lose_nothing() -> None:
+    quats = torch.cat([torch.eye(4), -torch.eye(4), torch.zeros(1, 4)])
+    expected = torch.cat([torch.eye(4), torch.eye(4), torch.eye(4)[:1]])
+    torch.testing.assert_close(there_and_back("quaternions32", quats), expected, rtol=0, atol=1e-7)
+
+
+# whole models
+
+
+def model_tensors(rows: int = 300, seed: int = 0) -> dict[str, torch.Tensor]:
+    return {
+        "columns.means": noise(rows, 3, seed=seed),
+        "columns.log_scales": noise(rows, 3, seed=seed + 1, spread=0.5) - 4,
+        "columns.quats": noise(rows, 4, seed=seed + 2),
+        "columns.opacity_logits": noise(rows, seed=seed + 3, spread=3),
+        "columns.base": noise(rows, 3, seed=seed + 4, spread=2),
+        "columns.latents": noise(rows, 4, seed=seed + 5),
+        "columns.normals": normalize(noise(rows, 3, seed=seed + 6)),
+        "columns.something_new": noise(rows, 5, seed=seed + 7),
+        "color.ring.core": noise(24, 8, 8, seed=seed + 8, spread=0.1),
+        "color.shading.bias": noise(64, seed=seed + 9),
+        "color.sphere": noise(3, seed=seed + 10),
+        "color.lit": torch.tensor(True),
+        "color.box": torch.tensor([[-1.0, -1, -1], [1, 1, 1]]),
+        "cameras.pinholes": noise(5, 6, seed=seed + 11, spread=500),
+    }
+
+
+HEADER = ModelHeader(
+    "ringlight", "ringlight", {}, 3, SceneFacts("s", "d", "white", (8, 8), ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), 2.0)
+)
+
+
+def test_the_plan_names_packings_that_exist() -> None:
+    assert {packing for _, packing in PLAN} <= PACKINGS.keys()
+
+
+def test_a_model_is_packed_by_what_its_tensors_hold() -> None:
+    tensors = model_tensors()
+    packed = pack_tensors(tensors)
+    assert packed.packing == {
+        "columns.means": "fixed16",
+        "columns.log_scales": "fixed8",
+        "columns.quats": "quaternions32",
+        "columns.opacity_logits": "share8",
+        "columns.base": "share8",
+        "columns.latents": "fixed8",
+        "columns.normals": "directions20",
+        "columns.something_new": "half",
+        "color.ring.core": "rows8",
+        "color.shading.bias": "half",
+    }
+    per_row = {name: bytes_stored(packed, f"columns.{name}") for name in ("means", "quats", "base", "normals")}
+    assert per_row == {"means": 300 * 6 + 48, "quats": 1200, "base": 900, "normals": 750}
+    restored = unpack_tensors(packed)
+    assert restored.keys() == tensors.keys()
+    assert all(restored[name].shape == tensor.shape for name, tensor in tensors.items())
+    kept = tensors.keys() - packed.packing.keys()
+    assert all(torch.equal(restored[name], tensors[name]) for name in kept)
+
+
+def test_positions_take_more_bits_where_gaussians_are_small_beside_the_scene() -> None:
+    tensors = model_tensors()
+    tensors["columns.log_scales"] -= 6
+    assert pack_tensors(tensors).packing["columns.means"] == "fixed24"
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_what_is_not_finite_is_kept_as_it_is(bad: float) -> None:
+    tensors = model_tensors()
+    tensors["columns.latents"][7, 2] = bad
+    packed = pack_tensors(tensors)
+    assert "columns.latents" not in packed.packing
+    torch.testing.assert_close(
+        unpack_tensors(packed)["columns.latents"], tensors["columns.latents"], rtol=0, atol=0, equal_nan=True
+    )
+
+
+def test_numbers_beyond_half_floats_are_kept() -> None:
+    packed = pack_tensors({"columns.something_new": torch.tensor([[1.0, 7e4]])})
+    assert packed.packing == {}
+
+
+def test_packing_again_loses_nothing_more() -> None:
+    once = unpack_tensors(pack_tensors(model_tensors()))
+    twice = unpack_tensors(pack_tensors(once))
+    for name, tensor in once.items():
+        torch.testing.assert_close(twice[name], tensor, rtol=1e-5, atol=1e-6, msg=name)
+
+
+def test_a_packed_file_reads_as_a_model_and_older_programs_are_told(tmp_path: Path) -> None:
+    packed = pack_tensors(model_tensors())
+    write_model_file(tmp_path / "m", packed, HEADER)
+    found = read_model_file(tmp_path / "m")
+    assert found.header == HEADER == read_model_header(tmp_path / "m")
+    assert found.stored.packing == packed.packing
+    expected = unpack_tensors(packed)
+    assert found.tensors.keys() == expected.keys()
+    assert all(torch.equal(found.tensors[name], tensor) for name, tensor in expected.items())
+    assert read_metadata(tmp_path / "m")["format"] == "2", "a program of format 1 refuses it as newer"
+
+
+def test_a_plain_file_stays_one_that_older_programs_read(tmp_path: Path) -> None:
+    write_model_file(tmp_path / "m", model_tensors(), HEADER)
+    metadata = read_metadata(tmp_path / "m")
+    assert metadata["format"] == "1"
+    assert not {"packing", "storage"} & metadata.keys()
+
+
+def damaged(path: Path, change) -> str:  # type: ignore[no-untyped-def]
+    """The sentence about a packed file after ``change(tensors, metadata)``."""
+    write_model_file(path, pack_tensors(model_tensors()), HEADER)
+    file = read_tensors(path)
+    change(file.tensors, file.metadata)
+    write_tensors(path, file.tensors, file.metadata)
+    with pytest.raises(ModelFileError, match=r"damaged.*; copy it again") as caught:
+        read_model_file(path)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "replacement"),
+    [
+        ("columns.base:share", None),
+        ("columns.base:share", torch.zeros(3)),
+        ("columns.means:codes", torch.zeros(300, 3, 9, dtype=torch.uint8)),
+        ("columns.means:codes", torch.zeros(7, dtype=torch.uint8)),
+        ("columns.means:step", torch.zeros(4, dtype=torch.float64)),
+        ("columns.quats:words", torch.zeros(300, 5, dtype=torch.uint8)),
+        ("columns.normals:high", torch.zeros(149, dtype=torch.uint8)),
+        ("columns.normals:low", torch.zeros(300, 3, dtype=torch.uint8)),
+        ("color.ring.core:scale", torch.zeros(23)),
+        ("color.ring.core:codes", torch.zeros((), dtype=torch.int8)),
+        ("columns.nobody:codes", torch.zeros(3, dtype=torch.uint8)),
+    ],
+)
+def test_damaged_parts_are_named(tmp_path: Path, name: str, replacement: torch.Tensor | None) -> None:
+    def change(tensors: dict[str, torch.Tensor], metadata: dict[str, str]) -> None:
+        del metadata
+        tensors.pop(name, None)
+        if replacement is not None:
+            tensors[name] = replacement
+
+    assert name.split(":")[0] in damaged(tmp_path / "m", change)
+
+
+@pytest.mark.parametrize("packing", ['{"columns.base": "zip9"}', "[1]", "{"])
+def test_damaged_packings_are_named(tmp_path: Path, packing: str) -> None:
+    def change(tensors: dict[str, torch.Tensor], metadata: dict[str, str]) -> None:
+        for stored in [name for name in tensors if ":" in name and not name.startswith("columns.base:")]:
+            del tensors[stored]
+        metadata["packing"] = packing
+
+    damaged(tmp_path / "m", change)
+
+
+def test_every_truncation_is_refused(tmp_path: Path) -> None:
+    write_model_file(tmp_path / "whole", pack_tensors({"columns.base": noise(9, 3, seed=0)}), HEADER)
+    whole = (tmp_path / "whole").read_bytes()
+    for length in range(len(whole)):
+        (tmp_path / "cut").write_bytes(whole[:length])
+        with pytest.raises(ModelFileError, match=r"cut short|empty"):
+            read_model_file(tmp_path / "cut")
+
+
+def test_equal_models_give_equal_bytes(tmp_path: Path) -> None:
+    write_model_file(tmp_path / "one", pack_tensors(model_tensors()), HEADER)
+    shuffled: Packed = pack_tensors(dict(reversed(model_tensors().items())))
+    write_model_file(tmp_path / "two", shuffled, HEADER)
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()

@@ -1,0 +1,136 @@
+"""The last two checkpoints: whole ones after any interruption, and a damaged one gives way to the one before."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+import torch
+
+from ringlight.errors import ModelFileError, OutputError, RunError
+from ringlight.files.atomic import BEGUN, HALF_DONE, sweep
+from ringlight.runs.checkpoints import read_checkpoint, write_checkpoint
+from ringlight.runs.folder import RunFolder
+
+NAMES = {"checkpoint.safetensors", "checkpoint-earlier.safetensors"}
+
+
+def save(folder: RunFolder, step: int) -> None:
+    write_checkpoint(folder, {"step": torch.tensor(step), "values": torch.arange(100.0)}, {"step": str(step)})
+
+
+def step_of(folder: RunFolder) -> int:
+    return int(read_checkpoint(folder)[0].tensors["step"])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    for step in (1, 2, 3):
+        save(RunFolder(tmp_path), step)
+    return RunFolder(tmp_path)
+
+
+def test_the_last_two_are_kept(folder: RunFolder) -> None:
+    assert {path.name for path in folder.path.iterdir()} == NAMES
+    assert step_of(folder) == 3
+    folder.checkpoint.unlink()
+    assert step_of(folder) == 2
+
+
+@pytest.mark.parametrize("place", [0, 9, 40, -1, -200])
+def test_a_damaged_one_is_named_and_the_older_used(folder: RunFolder, place: int) -> None:
+    content = bytearray(folder.checkpoint.read_bytes())
+    content[place] ^= 1
+    folder.checkpoint.write_bytes(content)
+    stored, warnings = read_checkpoint(folder)
+    assert int(stored.tensors["step"]) == 2
+    assert len(warnings) == 1
+    assert str(folder.checkpoint) in warnings[0]
+    assert "checkpoint-earlier.safetensors" in warnings[0]
+
+
+def test_where_all_are_damaged_the_newest_is_named(folder: RunFolder) -> None:
+    for name in NAMES:
+        (folder.path / name).write_bytes(b"")
+    with pytest.raises(ModelFileError, match=r"/checkpoint\.safetensors: the file is empty"):
+        read_checkpoint(folder)
+
+
+def test_where_there_is_none_that_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="no checkpoint yet"):
+        read_checkpoint(RunFolder(tmp_path))
+
+
+@pytest.mark.parametrize("renames", [0, 1])
+def test_killed_between_its_renames_a_save_is_not_lost(
+    folder: RunFolder, renames: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace, done = Path.replace, []
+
+    def killed(path: Path, target: Path) -> None:
+        if path.name.startswith("checkpoint") and len(done) == renames:
+            raise KeyboardInterrupt
+        done.extend([path] * path.name.startswith("checkpoint"))
+        replace(path, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            save(folder, 4)
+    assert step_of(folder) == 4
+    save(folder, 5)
+    assert step_of(folder) == 5
+    assert {path.name for path in folder.path.iterdir()} == NAMES
+
+
+@pytest.mark.parametrize("call", ["fsync", "write"])
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
+def test_a_disk_that_fails_leaves_both(
+    folder: RunFolder, call: str, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = {path.name: path.read_bytes() for path in folder.path.iterdir()}
+    opened = Path.open
+
+    def fail(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    def on_a_bad_disk(path: Path, mode: str = "r") -> object:
+        file = opened(path, mode, buffering=0)
+        if "x" not in mode:
+            return file
+        return FailingFile(file)
+
+    with monkeypatch.context() as patched:
+        if call == "fsync":
+            patched.setattr(os, "fsync", fail)
+        else:
+            patched.setattr(Path, "open", on_a_bad_disk)
+        with pytest.raises(OutputError):
+            save(folder, 4)
+    assert {path.name: path.read_bytes() for path in folder.path.iterdir()} == before
+
+
+class FailingFile:
+    """Takes some bytes, then the disk is full."""
+
+    def __init__(self, file) -> None:  # type: ignore[no-untyped-def]
+        self.file, self.room = file, 300
+
+    def __enter__(self) -> "FailingFile":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.file.close()
+
+    def write(self, data: bytes) -> None:
+        self.file.write(memoryview(data)[: self.room])
+        self.room -= len(data)
+        if self.room < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_what_killed_writers_left_is_swept_up(folder: RunFolder) -> None:
+    (folder.path / f"{BEGUN}0123{HALF_DONE}").write_bytes(b"half")
+    (folder.path / "mine.part").write_bytes(b"mine")
+    sweep(folder.path)
+    assert {path.name for path in folder.path.iterdir()} == NAMES | {"mine.part"}
