@@ -1,5 +1,7 @@
 """The other kernels at the edges of float32: finite in, finite out; NaN in, NaN out; no crash, no hang."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from hypothesis import given
@@ -19,6 +21,8 @@ from ringlight.fit.adam import Update, adam_
 from ringlight.fit.losses import Target, photometric_gradient
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, Rate
+from ringlight.shade.reflection import ReflectionShader
+from ringlight.shade.reflection_settings import ReflectionSettings
 
 pytest.importorskip("ringlight._kernels", reason="needs the compiled module")
 
@@ -129,6 +133,26 @@ def test_a_gradient_that_is_not_finite_shows_in_its_own_parameter(count: int, pl
     gradient[place % (3 * count)] = bad
     value = steps_of_adam(torch.zeros(3 * count), [gradient])
     assert value.isnan().nonzero()[:, 0].tolist() == [place % (3 * count)]
+
+
+SHADER = ReflectionShader(ReflectionSettings(hidden=16, levels=(4, 9)), torch.tensor([[-1.0, -1, -1], [1, 1, 1]]))
+# Vectors are squared, and their gradients divide by such squares.
+LARGEST_BLENDED = 1e8
+
+
+@fuzzed
+@given(data=st.data(), height=st.integers(1, 20), width=st.integers(1, 40), z=st.sampled_from([0.0, 4.0, -1e4]))
+def test_reflection_shader(data: st.DataObject, height: int, width: int, z: float):
+    widths = {"rgb": 3, "normal": 3, "latents": 4, "depth": 1}
+    planes = {name: data.draw(tensors(c, height, width, largest=LARGEST_BLENDED)) for name, c in widths.items()}
+    planes["alpha"] = data.draw(tensors(1, height, width, largest=1.0)).clamp(0, 1)
+    buffers = {name: plane.permute(1, 2, 0).requires_grad_() for name, plane in planes.items()}
+    view = replace(camera_at(z), width=width, height=height)
+    SHADER.zero_grad()
+    color = SHADER.shade(buffers, view, torch.ones(3))
+    color.backward(torch.randn(color.shape))
+    gradients = {name: leaf.grad for name, leaf in buffers.items() if name != "depth"}
+    assert_finite(color=color, **gradients, **{n.replace(".", "_"): p.grad for n, p in SHADER.named_parameters()})
 
 
 RING = RingLight(RingLightSettings(latents=2), torch.tensor([[-1.0, -1, -1], [1, 1, 1]]), seed=0)

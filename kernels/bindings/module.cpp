@@ -16,5 +16,6 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_loss(module);
   ringlight::bind_field(module);
   ringlight::bind_heads(module);
+  ringlight::bind_reflection(module);
   ringlight::bind_visibility(module);
 }

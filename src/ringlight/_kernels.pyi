@@ -144,6 +144,22 @@ def perceptron_forward(parameters: Sequence[Tensor], rows: Tensor, results: Tens
 def perceptron_backward(
     parameters: Sequence[Tensor], rows: Tensor, upstream: Tensor, gradients: Sequence[Tensor]
 ) -> None: ...
+def reflection_forward(
+    shape: Sequence[int],
+    parameters: Sequence[Tensor],
+    view: Sequence[float],
+    planes: Sequence[Tensor],
+    color: Tensor,
+) -> None: ...
+def reflection_backward(
+    shape: Sequence[int],
+    parameters: Sequence[Tensor],
+    view: Sequence[float],
+    planes: Sequence[Tensor],
+    color_gradient: Tensor,
+    gradients: Sequence[Tensor],
+    plane_gradients: Sequence[Tensor],
+) -> None: ...
 def drawable_rows(
     means: Tensor, log_scales: Tensor, opacity_logits: Tensor, view: Sequence[float], rows: Tensor
 ) -> int: ...

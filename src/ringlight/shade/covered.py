@@ -34,12 +34,15 @@ class CoveredPixels:
 def covered_pixels(
     buffers: Channels, camera: Camera, background: Float[Tensor, "3"], depth_gradient: bool
 ) -> CoveredPixels:
-    """The pixels opaque enough to be shaded; ``index`` counts row by row. ``points`` are in world units."""
+    """The pixels opaque enough to be shaded; ``index`` counts row by row. ``points`` are in world units.
+
+    Without "depth" they mean nothing, which is well where reflections have no parallax.
+    """
     flat = {name: values.flatten(0, 1) for name, values in buffers.items()}
     index = (flat["alpha"].detach()[:, 0] > FAINTEST_SHADED).nonzero()[:, 0]
     alpha = flat["alpha"][index]
     rays = _rays(index, camera).to(alpha)
-    depth = flat["depth"][index] / alpha
+    depth = flat["depth"][index] / alpha if "depth" in flat else torch.zeros_like(alpha)
     return CoveredPixels(
         index=index,
         alpha=alpha,

@@ -17,6 +17,7 @@ from ringlight.fields.networks import perceptron
 from ringlight.fields.octahedral import OctahedralMaps
 from ringlight.fields.parallax import sphere_exits
 from ringlight.shade.covered import CoveredPixels, covered_pixels
+from ringlight.shade.reflection_kernel import ReflectionJob, kernel_takes, reflect_by_kernel, reflection_job
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
 
 # The last layer starts smaller than PyTorch's: the first shaded picture shall be near that of the base colours.
@@ -59,7 +60,9 @@ class ReflectionShader(nn.Module):
         in "depth" where the settings say so."""
         if not self.lit:
             return buffers["rgb"]
-        return self.twin(buffers, camera, background)
+        if not kernel_takes(self.settings, buffers):
+            return self.twin(buffers, camera, background)
+        return reflect_by_kernel(self._job(camera, background), buffers, self._kernel_parameters())
 
     def twin(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
         """What the kernel computes, in torch and in any precision."""
@@ -68,6 +71,13 @@ class ReflectionShader(nn.Module):
         rgb = buffers["rgb"]
         residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)
         return rgb + residual.unflatten(1, rgb.shape[:2]).permute(1, 2, 0)
+
+    def _job(self, camera: Camera, background: Float[Tensor, "3"]) -> ReflectionJob:
+        return reflection_job(self.settings, camera, background, self.box)
+
+    def _kernel_parameters(self) -> list[Tensor]:
+        spheres = [self.sphere] if self.settings.parallax else []
+        return [*self.maps.parameters(), *spheres, *self.mlp.parameters()]
 
     def _inputs(self, pixels: CoveredPixels) -> Float[Tensor, "P I"]:
         """What the network sees of each pixel."""

@@ -1,0 +1,128 @@
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <vector>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "dispatch.hpp"
+#include "reflection.hpp"
+
+namespace nb = nanobind;
+
+namespace ringlight {
+namespace {
+
+bool within(int value, int least, int most) { return least <= value && value <= most; }
+
+ReflectionShape shape_from(const std::vector<int>& sizes) {
+  constexpr std::size_t FIXED = 7;
+  require(sizes.size() > FIXED && sizes.size() <= FIXED + REFLECTION_MAX_LEVELS,
+          "reflection: a shape is hidden, latents, shells, features, parallax, direction, depth_gradient, sides ...");
+  ReflectionShape shape{};
+  shape.hidden = sizes[0], shape.latents = sizes[1], shape.shells = sizes[2], shape.features = sizes[3];
+  shape.parallax = sizes[4] != 0, shape.direction = sizes[5] != 0, shape.depth_gradient = sizes[6] != 0;
+  require(within(shape.hidden, 1, REFLECTION_MAX_HIDDEN), "reflection: hidden out of range");
+  require(within(shape.latents, 0, REFLECTION_MAX_LATENTS), "reflection: latents out of range");
+  require(within(shape.shells, 1, REFLECTION_MAX_SHELLS), "reflection: shells out of range");
+  require(within(shape.features, REFLECTION_QUAD, REFLECTION_MAX_FEATURES) && shape.features % REFLECTION_QUAD == 0,
+          "reflection: features must come in fours");
+  require(shape.parallax || !shape.depth_gradient, "reflection: without spheres depth has no gradient");
+  for (std::size_t i = FIXED; i < sizes.size(); i++) {
+    require(within(sizes[i], 2, REFLECTION_MAX_SIDE), "reflection: a side is out of range");
+    shape.sides[shape.levels++] = sizes[i];
+  }
+  return shape;
+}
+
+// The levels of each shell, the spheres if there are any, then weight and bias of each layer.
+template <class Float, class Arrays>
+ReflectionParameters<Float> parameters_from(const ReflectionShape& shape, const Arrays& arrays) {
+  const std::size_t count = static_cast<std::size_t>(shape.shells) * shape.levels + shape.parallax + 6;
+  require(arrays.size() == count, "reflection: wrong number of parameters");
+  std::size_t next = 0;
+  const auto take = [&](std::size_t size) -> Float* {
+    require(arrays[next].size() == size, "reflection: a parameter has the wrong size");
+    return arrays[next++].data();
+  };
+  ReflectionParameters<Float> parameters{};
+  for (int shell = 0; shell < shape.shells; shell++)
+    for (int level = 0; level < shape.levels; level++) parameters.maps[shell][level] = take(level_size(shape, level));
+  if (shape.parallax) parameters.sphere = take(4 * static_cast<std::size_t>(shape.shells));
+  const std::size_t hidden = shape.hidden;
+  const std::size_t widths[] = {static_cast<std::size_t>(network_inputs(shape)), hidden, hidden, 3};
+  for (int layer = 0; layer < 3; layer++) {
+    parameters.mlp[layer].weight = take(widths[layer] * widths[layer + 1]);
+    parameters.mlp[layer].bias = take(widths[layer + 1]);
+  }
+  return parameters;
+}
+
+ReflectionView view_from(const std::vector<float>& numbers, std::size_t height, std::size_t width) {
+  constexpr std::size_t MOST_SIDE = 1 << 13;  // MAX_IMAGE_SIDE: a pixel's number fits 32 bits
+  require(height <= MOST_SIDE && width <= MOST_SIDE, "reflection: the image is too large");
+  require(numbers.size() == 23, "reflection: a view is rotation, focal, center, origin, scale, background, three bounds");
+  ReflectionView view{};
+  view.height = static_cast<int>(height), view.width = static_cast<int>(width);
+  const float* from = numbers.data();
+  for (float& number : view.rotation) number = *from++;
+  for (float& number : view.focal) number = *from++;
+  for (float& number : view.center) number = *from++;
+  for (float& number : view.origin) number = *from++;
+  view.scale = *from++;
+  for (float& number : view.background) number = *from++;
+  view.faintest = from[0], view.shortest_normal = from[1], view.smallest_chord = from[2];
+  return view;
+}
+
+// rgb [3 H W], normal [3 H W], latents [L H W], alpha [1 H W], and depth [1 H W] unless it is not needed.
+template <class Float, class Array>
+ReflectionBuffers<Float> buffers_from(const ReflectionShape& shape, const ReflectionView& view,
+                                      const std::vector<Array>& planes, bool with_depth) {
+  require(planes.size() == (with_depth ? 5u : 4u), "reflection: buffers are rgb, normal, latents, alpha and depth");
+  const std::size_t pixels = static_cast<std::size_t>(view.height) * view.width;
+  const std::size_t channels[] = {3, 3, static_cast<std::size_t>(shape.latents), 1, 1};
+  for (std::size_t i = 0; i < planes.size(); i++)
+    require(planes[i].size() == channels[i] * pixels, "reflection: a buffer has the wrong size");
+  return {planes[0].data(), planes[1].data(), planes[2].data(), with_depth ? planes[4].data() : nullptr,
+          planes[3].data()};
+}
+
+using Image = Tensor<float, 3, -1, -1>;
+using ImageInput = Tensor<const float, 3, -1, -1>;
+
+void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters, const std::vector<float>& numbers,
+             const std::vector<Input>& planes, Image color) {
+  const ReflectionShape shape = shape_from(sizes);
+  const auto weights = parameters_from<const float>(shape, parameters);
+  const ReflectionView view = view_from(numbers, color.shape(1), color.shape(2));
+  const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(reflection_forward)(shape, weights, view, buffers, color.data());
+}
+
+void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, const std::vector<float>& numbers,
+              const std::vector<Input>& planes, ImageInput color_gradient, const std::vector<Array>& gradients,
+              const std::vector<Array>& plane_gradients) {
+  const ReflectionShape shape = shape_from(sizes);
+  const auto weights = parameters_from<const float>(shape, parameters);
+  const auto sums = parameters_from<float>(shape, gradients);
+  const ReflectionView view = view_from(numbers, color_gradient.shape(1), color_gradient.shape(2));
+  const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
+  const auto to = buffers_from<float>(shape, view, plane_gradients, shape.depth_gradient);
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(reflection_backward)(shape, weights, view, buffers, color_gradient.data(), sums, to);
+}
+
+}  // namespace
+
+void bind_reflection(nb::module_& module) {
+  module.def("reflection_forward", &forward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
+             nb::arg("planes"), nb::arg("color"), "Shades the pixels that are opaque enough; the others keep their rgb.");
+  module.def("reflection_backward", &backward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
+             nb::arg("planes"), nb::arg("color_gradient"), nb::arg("gradients"), nb::arg("plane_gradients"),
+             "Gradients of all parameters and of the planes.");
+}
+
+}  // namespace ringlight

@@ -1,0 +1,246 @@
+// The backward pass of the reflection shader. Covered pixels are dealt to a fixed number of shards, each with sums of its
+// own for the parameters, which are added in order: the same bits for any number of threads.
+#include "parallel.hpp"
+#include "reflection.hpp"
+#include "reflection_batch.hpp"
+#include "scratch.hpp"
+#include "shard_sums.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+// Shards: a power of two, so that two, four or eight threads have equal shares, and few for few pixels, because each
+// holds sums as large as the parameters. A function of the number of pixels alone: the order of summation must not
+// depend on the machine.
+int shard_count(std::size_t covered) { return covered <= 1024 ? 1 : covered <= 4096 ? 2 : covered <= 16384 ? 4 : 8; }
+
+struct ParameterSums {
+  float* maps;              // all levels of all shells, one after another
+  float* sphere;            // [shells 4] by lanes
+  LayerSums layers[LAYERS];
+};
+
+std::size_t maps_size(const ReflectionShape& shape) {
+  std::size_t size = 0;
+  for (int level = 0; level < shape.levels; level++) size += shape.shells * level_size(shape, level);
+  return size;
+}
+
+ParameterSums lay_out_sums(const ReflectionShape& shape, Arena& arena) {
+  ParameterSums sums;
+  sums.maps = arena.take(maps_size(shape));
+  sums.sphere = arena.take(static_cast<std::size_t>(4 * LANES) * shape.shells);
+  for (int layer = 0; layer < LAYERS; layer++) {
+    const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
+    float* weight = arena.take(static_cast<std::size_t>(outputs) * padded(inputs));
+    sums.layers[layer] = {weight, arena.take(static_cast<std::size_t>(outputs) * LANES), outputs, inputs};
+  }
+  return sums;
+}
+
+// The transposed layers: from the gradient of what a layer returned to that of what it was given.
+struct Transposed {
+  Panels layers[LAYERS];
+};
+
+Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParameters<const float>& from,
+                            Arena& arena) {
+  Transposed transposed;
+  for (int layer = 0; layer < LAYERS; layer++) {
+    const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
+    const int wanted = layer ? inputs : direction_input(shape);  // the viewing direction's gradient is not
+    float* to = arena.take(static_cast<std::size_t>(wanted) * outputs);
+    if (to) transposed.layers[layer] = pack(from.mlp[layer].weight, 1, inputs, nullptr, wanted, outputs, to);
+  }
+  return transposed;
+}
+
+// Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
+struct BatchGradient {
+  float *added, *hidden[LAYERS - 1], *inputs, *rows;
+};
+
+void lay_out_gradient(BatchGradient& gradient, const ReflectionShape& shape, Arena& arena) {
+  gradient.added = arena.take(3 * GROUP);
+  for (float*& hidden : gradient.hidden) hidden = arena.take(static_cast<std::size_t>(shape.hidden) * GROUP);
+  gradient.inputs = arena.take(static_cast<std::size_t>(network_inputs(shape)) * GROUP);
+  const int widest = shape.hidden > network_inputs(shape) ? shape.hidden : network_inputs(shape);
+  gradient.rows = arena.take(static_cast<std::size_t>(padded(widest)) * GROUP);
+}
+
+struct Backward {
+  const ReflectionScene& scene;
+  const Transposed& transposed;
+  const float* color_gradient;
+  const ReflectionBuffers<float>& to;
+};
+
+// dL/dcolor to the gradient of what the network returned; zero in lanes that do not count.
+Upstream start_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const BatchGradient& gradient) {
+  const std::size_t plane = static_cast<std::size_t>(pass.scene.view.width) * pass.scene.view.height;
+  const PixelLanes& at = batch.pixels[half];
+  const Mask counts = mask_from_bits((1u << at.count) - 1);
+  const Vec alpha = take(pass.scene.buffers.alpha, at);
+  Upstream upstream;
+  upstream.alpha = Vec(0.f);
+  for (int c = 0; c < 3; c++) {
+    const int i = c * GROUP + half * LANES;
+    upstream.color[c] = keep(counts, take(pass.color_gradient + c * plane, at));
+    upstream.alpha = fma(upstream.color[c], load(batch.added + i), upstream.alpha);
+    store(gradient.added + i, upstream.color[c] * alpha);
+  }
+  return upstream;
+}
+
+// Through the network; leaves dL/d(inputs).
+void network_gradient(const Backward& pass, const ReflectionBatch& batch, const BatchGradient& gradient,
+                      const ParameterSums& sums) {
+  const ReflectionShape& shape = pass.scene.shape;
+  const float* of_output = gradient.added;
+  for (int layer = LAYERS - 1; layer > 0; layer--) {
+    float* of_input = gradient.hidden[layer - 1];
+    to_rows(batch.hidden[layer - 1], shape.hidden, gradient.rows);
+    add_layer_gradient(sums.layers[layer], of_output, gradient.rows);
+    dense(pass.transposed.layers[layer], of_output, of_input);
+    rectify_gradient(of_input, batch.hidden[layer - 1], shape.hidden);
+    of_output = of_input;
+  }
+  to_rows(batch.inputs, network_inputs(shape), gradient.rows);
+  add_layer_gradient(sums.layers[0], of_output, gradient.rows);
+  dense(pass.transposed.layers[0], of_output, gradient.inputs);
+}
+
+// Through the maps of half a group, which add their own; leaves the gradient of the reflected ray.
+SurfaceGradient map_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const float* of_inputs,
+                             const ParameterSums& sums) {
+  const ReflectionShape& shape = pass.scene.shape;
+  SurfaceGradient gradient{{0.f, 0.f, 0.f}, {0.f, 0.f, 0.f}};
+  float* map = sums.maps;
+  for (int shell = 0; shell < shape.shells; shell++) {
+    const Exit& exit = batch.exits[half][shell];
+    Vec of_u(0.f), of_v(0.f), of_direction[3];
+    for (int level = 0; level < shape.levels; map += level_size(shape, level++)) {
+      const int side = shape.sides[level], first = pass.scene.feature(shell, level);
+      const float* of_features = of_inputs + (features_input(shape) + first) * GROUP;
+      add_to_level(map, side, shape.features, batch.points[half][shell][level], GROUP, of_features);
+      Vec across(0.f), down(0.f);
+      for (int k = 0; k < shape.features; k++) {
+        const Vec of_feature = load(of_features + k * GROUP);
+        const int i = (first + k) * GROUP + half * LANES;
+        across = fma(of_feature, load(batch.slopes_across + i), across);
+        down = fma(of_feature, load(batch.slopes_down + i), down);
+      }
+      const Vec cells(0.5f * static_cast<float>(side - 1));  // of the map per unit of the square
+      of_u = fma(cells, across, of_u);
+      of_v = fma(cells, down, of_v);
+    }
+    octahedral_gradient(exit.on_map, exit.direction, of_u, of_v, of_direction);
+    leave_gradient(batch.surfaces[half], exit, pass.scene.tables.scale[shell], shape.parallax, of_direction, gradient,
+                   sums.sphere + 4 * LANES * shell);
+  }
+  return gradient;
+}
+
+void backpropagate(const Backward& pass, const ReflectionBatch& batch, const BatchGradient& gradient,
+                   const ParameterSums& sums) {
+  Upstream upstream[HALVES];
+  for (int half = 0; half < HALVES; half++) upstream[half] = start_gradient(pass, batch, half, gradient);
+  network_gradient(pass, batch, gradient, sums);
+  for (int half = 0; half < HALVES; half++) {
+    const float* of_inputs = gradient.inputs + half * LANES;
+    const SurfaceGradient of_surface = map_gradient(pass, batch, half, of_inputs, sums);
+    see_gradient(pass.scene.shape, pass.scene.view, batch.pixels[half], batch.surfaces[half], of_surface,
+                 upstream[half], batch.inputs + half * LANES, of_inputs, pass.to);
+  }
+}
+
+// As if nothing were shaded: right for every pixel that is not.
+void write_unshaded_gradients(const Backward& pass, std::size_t begin, std::size_t end) {
+  const ReflectionShape& shape = pass.scene.shape;
+  const std::size_t plane = static_cast<std::size_t>(pass.scene.view.width) * pass.scene.view.height;
+  const std::size_t bytes = (end - begin) * sizeof(float);
+  for (int c = 0; c < 3; c++) {
+    std::memcpy(pass.to.rgb + c * plane + begin, pass.color_gradient + c * plane + begin, bytes);
+    std::memset(pass.to.normal + c * plane + begin, 0, bytes);
+  }
+  for (int i = 0; i < shape.latents; i++) std::memset(pass.to.latents + i * plane + begin, 0, bytes);
+  std::memset(pass.to.alpha + begin, 0, bytes);
+  if (pass.to.depth) std::memset(pass.to.depth + begin, 0, bytes);
+}
+
+void run_shard(const Backward& pass, const std::int32_t* covered, std::size_t count, float* zeroed) {
+  const ReflectionShape& shape = pass.scene.shape;
+  Arena of_sums{zeroed};
+  const ParameterSums sums = lay_out_sums(shape, of_sums);
+  std::memset(zeroed, 0, of_sums.used * sizeof(float));
+  ReflectionBatch batch;
+  BatchGradient gradient;
+  Arena needed{nullptr};
+  lay_out(batch, shape, true, needed);
+  lay_out_gradient(gradient, shape, needed);
+  const Scratch memory(needed.used * sizeof(float));
+  Arena scratch{memory.floats()};
+  lay_out(batch, shape, true, scratch);
+  lay_out_gradient(gradient, shape, scratch);
+  for (std::size_t first = 0; first < count; first += GROUP) {
+    evaluate<true>(pass.scene, covered + first, count - first < GROUP ? static_cast<int>(count - first) : GROUP, batch);
+    backpropagate(pass, batch, gradient, sums);
+  }
+}
+
+void add_up_shards(const ReflectionShape& shape, const Shards& shards, const ReflectionParameters<float>& to) {
+  Arena first{const_cast<float*>(shards.sums)};
+  const ParameterSums sums = lay_out_sums(shape, first);
+  const float* map = sums.maps;
+  for (int shell = 0; shell < shape.shells; shell++) {
+    for (int level = 0; level < shape.levels; map += level_size(shape, level++)) {
+      const std::size_t row = static_cast<std::size_t>(shape.sides[level]) * shape.features;
+      add_up_rows(shards, map, row, shape.sides[level], row, to.maps[shell][level]);
+      sew(to.maps[shell][level], shape.sides[level], shape.features);
+    }
+    for (int i = 4 * shell; i < 4 * shell + 4 && shape.parallax; i++) {
+      Vec lanes(0.f);
+      for (int shard = 0; shard < shards.count; shard++)
+        lanes += load(sums.sphere + shard * shards.stride + i * LANES);
+      to.sphere[i] = sum(lanes);
+    }
+  }
+  for (int layer = 0; layer < LAYERS; layer++)
+    add_up_layer(shards, sums.layers[layer], to.mlp[layer].weight, to.mlp[layer].bias);
+}
+
+}  // namespace
+
+void reflection_backward(const ReflectionShape& shape, const ReflectionParameters<const float>& parameters,
+                         const ReflectionView& view, const ReflectionBuffers<const float>& buffers,
+                         const float* color_gradient, const ReflectionParameters<float>& gradients,
+                         const ReflectionBuffers<float>& buffer_gradients) {
+  const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
+  const Scratch list(pixels * sizeof(std::int32_t));
+  auto* const covered = static_cast<std::int32_t*>(list.data());
+  const std::size_t count = list_covered(buffers.alpha, 0, pixels, view.faintest, covered);
+  Arena counter{nullptr}, of_shard{nullptr};
+  prepare(shape, parameters, counter);
+  transpose_layers(shape, parameters, counter);
+  lay_out_sums(shape, of_shard);
+  const int shards = shard_count(count);
+  const Scratch memory((counter.used + of_shard.used * shards) * sizeof(float));
+  Arena arena{memory.floats()};
+  const ReflectionTables tables = prepare(shape, parameters, arena);
+  const Transposed transposed = transpose_layers(shape, parameters, arena);
+  float* const sums = arena.take(of_shard.used * shards);
+  const ReflectionScene scene{shape, parameters, view, buffers, tables};
+  const Backward pass{scene, transposed, color_gradient, buffer_gradients};
+  const std::size_t share = (count + shards - 1) / shards;
+  parallel_for(shards, [&](std::size_t shard) {
+    const std::size_t begin = shard * share < count ? shard * share : count;
+    const std::size_t end = begin + share < count ? begin + share : count;
+    // Between the first pixel of this shard and that of the next, all are this shard's to write.
+    write_unshaded_gradients(pass, shard ? (begin < count ? covered[begin] : pixels) : 0,
+                             end < count ? covered[end] : pixels);
+    run_shard(pass, covered + begin, end - begin, sums + shard * of_shard.used);
+  });
+  add_up_shards(shape, {sums, of_shard.used, shards}, gradients);
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

@@ -1,0 +1,119 @@
+// A group of covered pixels on its way through the reflection shader: the forward pass, with everything that the backward
+// pass needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
+#pragma once
+#include "arena.hpp"
+#include "reflection_pixels.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+
+constexpr int HALVES = GROUP / LANES;
+constexpr int LAYERS = 3;
+
+static inline int layer_inputs(const ReflectionShape& shape, int layer) {
+  return layer ? shape.hidden : network_inputs(shape);
+}
+static inline int layer_outputs(const ReflectionShape& shape, int layer) {
+  return layer + 1 < LAYERS ? shape.hidden : 3;
+}
+
+// What a call prepares once: layers in the order of use, maps sewn, spheres' sizes.
+struct ReflectionTables {
+  Panels layers[LAYERS];
+  float* maps[REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
+  float scale[REFLECTION_MAX_SHELLS];
+};
+
+static inline ReflectionTables prepare(const ReflectionShape& shape, const ReflectionParameters<const float>& from,
+                                       Arena& arena) {
+  ReflectionTables tables;
+  for (int layer = 0; layer < LAYERS; layer++) {
+    const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
+    float* to = arena.take(static_cast<std::size_t>(inputs) * outputs);
+    if (to) tables.layers[layer] = pack(from.mlp[layer].weight, inputs, 1, from.mlp[layer].bias, outputs, inputs, to);
+  }
+  for (int shell = 0; shell < shape.shells; shell++) {
+    for (int level = 0; level < shape.levels; level++) {
+      float* to = arena.take(level_size(shape, level));
+      tables.maps[shell][level] = to;
+      if (!to) continue;
+      std::memcpy(to, from.maps[shell][level], level_size(shape, level) * sizeof(float));
+      sew(to, shape.sides[level], shape.features);
+    }
+    alignas(64) float scale[LANES] = {};
+    if (arena.block && shape.parallax) store(scale, exp(Vec(from.sphere[4 * shell + 3])));
+    tables.scale[shell] = scale[0];
+  }
+  return tables;
+}
+
+struct ReflectionBatch {
+  PixelLanes pixels[HALVES];
+  Surface surfaces[HALVES];
+  Exit exits[HALVES][REFLECTION_MAX_SHELLS];
+  LevelPoints points[HALVES][REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
+  float *inputs, *hidden[LAYERS - 1], *added;   // [n][GROUP]
+  float *slopes_across, *slopes_down;           // [features][GROUP], or null in a pass without gradient
+};
+
+static inline void lay_out(ReflectionBatch& batch, const ReflectionShape& shape, bool slopes, Arena& arena) {
+  batch.inputs = arena.take(static_cast<std::size_t>(GROUP) * network_inputs(shape));
+  for (float*& hidden : batch.hidden) hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.hidden);
+  batch.added = arena.take(GROUP * 3);
+  const std::size_t features = static_cast<std::size_t>(GROUP) * feature_count(shape) * slopes;
+  batch.slopes_across = slopes ? arena.take(features) : nullptr;
+  batch.slopes_down = slopes ? arena.take(features) : nullptr;
+}
+
+// What does not change from group to group.
+struct ReflectionScene {
+  const ReflectionShape& shape;
+  const ReflectionParameters<const float>& parameters;
+  const ReflectionView& view;
+  const ReflectionBuffers<const float>& buffers;
+  const ReflectionTables& tables;
+
+  const float* sphere(int shell) const { return shape.parallax ? parameters.sphere + 4 * shell : nullptr; }
+  // Where a level's features begin among all.
+  int feature(int shell, int level) const { return (shell * shape.levels + level) * shape.features; }
+};
+
+template <bool Slopes>
+static inline void read_maps(const ReflectionScene& scene, ReflectionBatch& batch, int half) {
+  const ReflectionShape& shape = scene.shape;
+  for (int shell = 0; shell < shape.shells; shell++) {
+    Exit& exit = batch.exits[half][shell];
+    leave(batch.surfaces[half], scene.sphere(shell), scene.tables.scale[shell], scene.view.smallest_chord, exit);
+    for (int level = 0; level < shape.levels; level++) {
+      LevelPoints& points = batch.points[half][shell][level];
+      locate(exit.on_map, shape.sides[level], shape.features, points);
+      const int first = scene.feature(shell, level) * GROUP + half * LANES;
+      read_level<Slopes>({scene.tables.maps[shell][level], shape.sides[level], shape.features}, points, GROUP,
+                         batch.inputs + features_input(shape) * GROUP + first,
+                         Slopes ? batch.slopes_across + first : nullptr, Slopes ? batch.slopes_down + first : nullptr);
+    }
+  }
+}
+
+// Up to GROUP covered pixels, from their surface to what is added per alpha.
+template <bool Slopes>
+static inline void evaluate(const ReflectionScene& scene, const std::int32_t* covered, int count,
+                            ReflectionBatch& batch) {
+  const ReflectionShape& shape = scene.shape;
+  for (int half = 0; half < HALVES; half++) {
+    const int left = count - half * LANES;
+    // A half without pixels repeats the last one: its lanes must hold numbers, and count for nothing.
+    batch.pixels[half] = left > 0 ? pixel_lanes(covered + half * LANES, left < LANES ? left : LANES)
+                                  : pixel_lanes(covered + count - 1, 1);
+    if (left <= 0) batch.pixels[half].count = 0;
+    see(shape, scene.view, scene.buffers, batch.pixels[half], batch.surfaces[half], batch.inputs + half * LANES);
+    read_maps<Slopes>(scene, batch, half);
+  }
+  const float* from = batch.inputs;
+  for (int layer = 0; layer + 1 < LAYERS; from = batch.hidden[layer++]) {
+    dense(scene.tables.layers[layer], from, batch.hidden[layer]);
+    rectify(batch.hidden[layer], shape.hidden);
+  }
+  dense(scene.tables.layers[LAYERS - 1], from, batch.added);
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

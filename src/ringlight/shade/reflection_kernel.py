@@ -1,0 +1,101 @@
+"""Autograd glue over the fused reflection shader: planes and parameters in, colours out, nothing kept in between."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Channels
+from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
+from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
+from ringlight.shade.reflection_settings import ReflectionSettings
+
+# The sizes that kernels/reflection.hpp takes.
+MAX_HIDDEN, MAX_LATENTS, MAX_FEATURES, MAX_LEVELS, MAX_SIDE, QUAD = 128, 16, 16, 8, 1024, 4
+
+
+def kernel_takes(settings: ReflectionSettings, buffers: Channels) -> bool:
+    """Whether the kernel can do it: float32 on the CPU, features in fours, and no size beyond its limits."""
+    fits = settings.hidden <= MAX_HIDDEN and settings.latents <= MAX_LATENTS and max(settings.levels) <= MAX_SIDE
+    fits = fits and settings.features <= MAX_FEATURES and settings.features % QUAD == 0
+    kinds = {(values.dtype, values.device.type) for values in buffers.values()}
+    return fits and len(settings.levels) <= MAX_LEVELS and kinds == {(torch.float32, "cpu")}
+
+
+@dataclass(frozen=True)
+class ReflectionJob:
+    """One view to shade, without what has a gradient: ``shape`` and ``view`` as the bindings take them."""
+
+    shape: list[int]
+    view: list[float]
+    depth_gradient: bool
+
+
+def reflection_job(
+    settings: ReflectionSettings, camera: Camera, background: Float[Tensor, "3"], box: Float[Tensor, "2 3"]
+) -> ReflectionJob:
+    """What the kernel is told; the frame is that of ``ReflectionShader``, the box's longest side is [-1, 1]."""
+    depth_gradient = settings.depth_gradient and settings.parallax
+    kind = [settings.parallax, settings.raw_direction, depth_gradient]
+    sizes = [settings.hidden, settings.latents, settings.shells, settings.features, *map(int, kind)]
+    low, high = box.double()
+    scale = 2 / (high - low).max()
+    origin = (camera.position.double() - 0.5 * (low + high)) * scale
+    view = [
+        *camera.world_to_camera[:3, :3].flatten().tolist(), *camera.focal, *camera.center,
+        *origin.tolist(), scale.item(), *background.tolist(),
+        FAINTEST_SHADED, SHORTEST_NORMAL, SMALLEST_HALF_CHORD_SQUARED,
+    ]  # fmt: skip
+    return ReflectionJob([*sizes, *settings.levels], view, depth_gradient)
+
+
+def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Tensor]) -> Float[Tensor, "H W 3"]:
+    """``parameters``: the maps by shell and level, the spheres if there are any, the layers' weights and biases."""
+    rgb, alpha = buffers["rgb"], buffers["alpha"]
+    nothing = rgb.new_empty(*rgb.shape[:2], 0)
+    depth = buffers["depth"] if job.shape[4] else None
+    color: Tensor = _Reflect.apply(
+        job, rgb, buffers["normal"], buffers.get("latents", nothing), alpha, depth, *parameters
+    )
+    return color
+
+
+def _planar(values: Float[Tensor, "H W c"]) -> Float[Tensor, "c H W"]:
+    return values.permute(2, 0, 1).contiguous()
+
+
+class _Reflect(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any,
+        job: ReflectionJob,
+        rgb: Tensor,
+        normal: Tensor,
+        latents: Tensor,
+        alpha: Tensor,
+        depth: Tensor | None,
+        *parameters: Tensor,
+    ) -> Tensor:
+        buffers = [rgb, normal, latents, alpha] if depth is None else [rgb, normal, latents, alpha, depth]
+        planes = [_planar(values) for values in buffers]
+        color = torch.empty_like(planes[0])
+        _kernels.reflection_forward(job.shape, parameters, job.view, planes, color)
+        ctx.job, ctx.count = job, len(planes)
+        ctx.save_for_backward(*planes, *parameters)
+        return color.permute(1, 2, 0)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx: Any, by_color: Tensor) -> tuple[Tensor | None, ...]:
+        job, planes, parameters = ctx.job, ctx.saved_tensors[: ctx.count], ctx.saved_tensors[ctx.count :]
+        gradients = [torch.empty_like(parameter) for parameter in parameters]
+        by_planes = [torch.empty_like(plane) for plane in (planes if job.depth_gradient else planes[:4])]
+        _kernels.reflection_backward(job.shape, parameters, job.view, planes, _planar(by_color), gradients, by_planes)
+        by_buffers: list[Tensor | None] = [plane.permute(1, 2, 0) for plane in by_planes]
+        if not job.depth_gradient:
+            by_buffers.append(None)
+        return None, *by_buffers, *gradients

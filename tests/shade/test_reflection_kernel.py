@@ -1,0 +1,170 @@
+"""The fused reflection shader against its torch twin in float64, in value and in every gradient.
+
+ReLU, the cells of maps and the square's folds have kinks where float32 and float64 may take different sides; the
+comparison allows for a few such pixels where one wrong side shows at all.
+"""
+
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surfaces import BOX, buffers, camera
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Channels
+from ringlight.shade.reflection import ReflectionShader
+from ringlight.shade.reflection_kernel import kernel_takes
+from ringlight.shade.reflection_settings import ReflectionSettings
+
+VALUE_TOLERANCE = 2e-5
+"""Of the largest value; single precision through base colours divided by a small alpha gives some 2e-6."""
+GRADIENT_TOLERANCE = 2e-4
+"""Of the largest entry of each gradient."""
+
+SMALL = ReflectionSettings(hidden=16, levels=(4, 7), features=4, latents=3)
+GREY = torch.tensor([0.5, 0.4, 0.3])
+
+
+@dataclass(frozen=True)
+class Result:
+    color: Tensor
+    gradients: dict[str, Tensor]
+
+
+def shader_with(chosen: ReflectionSettings, seed: int = 0) -> ReflectionShader:
+    """Larger features than new ones, so that directions count."""
+    shader = ReflectionShader(chosen, BOX, seed)
+    with torch.no_grad():
+        for parameter in shader.maps.parameters():
+            parameter.mul_(30)
+        if chosen.parallax:
+            shader.sphere.add_(torch.randn(shader.sphere.shape, generator=torch.Generator().manual_seed(seed)) * 0.1)
+    return shader
+
+
+def run(shader: ReflectionShader, blended: Channels, view: Camera, seed: int = 0) -> Result:
+    """The kernel for float32, the twin for float64."""
+    shader.zero_grad()
+    leaves = {name: values.detach().clone().requires_grad_() for name, values in blended.items()}
+    color = shader.shade(leaves, view, GREY)
+    upstream = torch.randn(color.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    color.backward(upstream.to(color))
+    gradients = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
+    gradients |= {name: p.grad.clone() for name, p in shader.named_parameters() if p.grad is not None}
+    return Result(color.detach(), gradients)
+
+
+def smooth(shader: ReflectionShader, blended: Channels, view: Camera) -> Channels:
+    """The buffers without the pixels at which the two precisions differ much: they stand on two sides of a kink."""
+    double = {name: values.double() for name, values in blended.items()}
+    single_result = run(shader, blended, view)
+    double_result = run(shader.double(), double, view)
+    shader.float()
+    name = "normal"
+    gap = (single_result.gradients[name] - double_result.gradients[name]).abs().amax(-1)
+    kinked = gap > 0.1 * GRADIENT_TOLERANCE * double_result.gradients[name].abs().max()
+    assert kinked.sum() <= max(0.05 * kinked.numel(), 2), "kinks are rare"
+    return {n: torch.where(kinked[..., None], 0, values) for n, values in blended.items()}
+
+
+def assert_equal(shader: ReflectionShader, blended: Channels, view: Camera) -> None:
+    blended = smooth(shader, blended, view)
+    found = run(shader, blended, view)
+    expected = run(shader.double(), {name: values.double() for name, values in blended.items()}, view)
+    shader.float()
+    assert found.color.dtype == torch.float32
+    scale = expected.color.abs().max()
+    assert (found.color - expected.color).abs().max() < VALUE_TOLERANCE * scale
+    assert found.gradients.keys() == expected.gradients.keys()
+    for name, gradient in expected.gradients.items():
+        error = (found.gradients[name] - gradient).abs().max().item() if gradient.numel() else 0.0
+        assert error <= GRADIENT_TOLERANCE * gradient.abs().max().item() + 1e-7, name
+
+
+KINDS = {
+    "plain": SMALL,
+    "two shells": replace(SMALL, shells=2),
+    "no parallax": replace(SMALL, parallax=False),
+    "no direction, no latents": replace(SMALL, raw_direction=False, latents=0),
+    "depth": replace(SMALL, depth_gradient=True, shells=2),
+    "default": ReflectionSettings(),
+    "narrow": ReflectionSettings(hidden=32, levels=(16, 64), features=8),
+    "widest": ReflectionSettings(hidden=128, levels=(2, 3, 4, 5, 6, 7, 8, 9), features=16, latents=16, shells=2),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("size", [(1, 1), (13, 9), (70, 41)])
+def test_equals_the_twin(kind: str, size: tuple[int, int]):
+    chosen, view = KINDS[kind], camera(*size)
+    blended = buffers(view, chosen.latents)
+    assert kernel_takes(chosen, blended)
+    assert_equal(shader_with(chosen), blended, view)
+
+
+@given(
+    hidden=st.integers(1, 40),
+    latents=st.integers(0, 5),
+    levels=st.lists(st.integers(2, 12), min_size=1, max_size=3),
+    quads=st.integers(1, 3),
+    shells=st.integers(0, 2),
+    flags=st.tuples(st.booleans(), st.booleans()),
+    size=st.tuples(st.integers(1, 40), st.integers(1, 20)),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_equals_the_twin_for_any_shape(
+    hidden: int, latents: int, levels: list[int], quads: int, shells: int, flags: tuple[bool, bool],
+    size: tuple[int, int], seed: int,
+):  # fmt: skip
+    chosen = ReflectionSettings(
+        hidden=hidden, latents=latents, levels=tuple(levels), features=4 * quads, shells=max(shells, 1),
+        parallax=shells > 0, raw_direction=flags[0], depth_gradient=flags[1] and shells > 0,
+    )  # fmt: skip
+    view = camera(*size)
+    assert_equal(shader_with(chosen, seed), buffers(view, latents, seed), view)
+
+
+def test_a_picture_without_surface_is_handed_on():
+    view, shader = camera(), ReflectionShader(SMALL, BOX)
+    blended = buffers(view, 3)
+    blended["alpha"] = torch.zeros_like(blended["alpha"])
+    result = run(shader, blended, view)
+    assert torch.equal(result.color, blended["rgb"])
+    assert not any(gradient.any() for name, gradient in result.gradients.items() if name != "rgb")
+
+
+def test_rendering_keeps_no_graph_and_gives_the_same():
+    view, shader = camera(), shader_with(SMALL)
+    blended = buffers(view, 3)
+    with torch.no_grad():
+        shown = shader.shade(blended, view, GREY)
+    assert not shown.requires_grad
+    assert torch.equal(shown, shader.shade(blended, view, GREY))
+
+
+def test_the_same_bits_for_any_number_of_threads():
+    view, shader = camera(300, 200), shader_with(ReflectionSettings(hidden=8, levels=(4, 9), shells=2))
+    blended = buffers(view)
+    before, results = _kernels.threads(), []
+    try:
+        for threads in (1, 2, 4):
+            _kernels.set_threads(threads)
+            results.append(run(shader, blended, view))
+    finally:
+        _kernels.set_threads(before)
+    for other in results[1:]:
+        assert torch.equal(other.color, results[0].color)
+        assert all(torch.equal(other.gradients[name], g) for name, g in results[0].gradients.items())
+
+
+@pytest.mark.parametrize("chosen", [replace(SMALL, features=6), replace(SMALL, hidden=200), replace(SMALL, latents=20)])
+def test_what_the_kernel_cannot_do_the_twin_does(chosen: ReflectionSettings):
+    view = camera(5, 4)
+    blended = buffers(view, chosen.latents)
+    assert not kernel_takes(chosen, blended)
+    assert ReflectionShader(chosen, BOX).shade(blended, view, GREY).shape == (4, 5, 3)
