@@ -21,10 +21,11 @@ struct AdamColumn {
 };
 
 // All columns in one parallel loop. With `radii` ([rows 2]) only rows whose first radius is positive are updated: those
-// that were drawn; the others keep value and moments.
-#define RINGLIGHT_DECLARE_ADAM(isa)                                             \
-  namespace isa {                                                               \
-  void adam(const AdamColumn* columns, std::size_t count, const float* radii);  \
+// that were drawn; the others keep value and moments. So does an element of which any would not be finite afterwards;
+// returns how many those are.
+#define RINGLIGHT_DECLARE_ADAM(isa)                                                    \
+  namespace isa {                                                                      \
+  std::size_t adam(const AdamColumn* columns, std::size_t count, const float* radii);  \
   }
 RINGLIGHT_EVERY_ISA(RINGLIGHT_DECLARE_ADAM)
 #undef RINGLIGHT_DECLARE_ADAM

@@ -22,8 +22,8 @@ using Inputs = std::vector<Input>;
 // Rate, both betas, epsilon, and the number of the update.
 using Steps = std::vector<std::tuple<float, float, float, float, long>>;
 
-void adam_step(const Arrays& values, const Inputs& gradients, const Arrays& means, const Arrays& squares,
-               const Steps& steps, const std::optional<Tensor<const float, -1, 2>>& radii) {
+std::size_t adam_step(const Arrays& values, const Inputs& gradients, const Arrays& means, const Arrays& squares,
+                      const Steps& steps, const std::optional<Tensor<const float, -1, 2>>& radii) {
   const std::size_t count = values.size();
   require(gradients.size() == count && means.size() == count && squares.size() == count && steps.size() == count,
         "adam: every parameter needs a gradient, two moments and its step");
@@ -42,7 +42,7 @@ void adam_step(const Arrays& values, const Inputs& gradients, const Arrays& mean
   }
   const nb::gil_scoped_release unlocked;
   const auto run = RINGLIGHT_CHOSEN(adam);
-  run(columns.data(), columns.size(), radii ? radii->data() : nullptr);
+  return run(columns.data(), columns.size(), radii ? radii->data() : nullptr);
 }
 
 void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array pull, Array views) {
@@ -61,7 +61,8 @@ void bind_fit(nb::module_& module) {
              nb::arg("means"), nb::arg("squares"), nb::arg("steps"),
              nb::arg("radii").none() = nb::none(),
              "One Adam update of many parameters in place; steps are (rate, beta1, beta2, epsilon, number of the "
-             "update). With radii [N 2] only the rows that were drawn are updated.");
+             "update). With radii [N 2] only the rows that were drawn are updated. Elements of which any would not be "
+             "finite stay as they are; returns how many.");
   module.def("accumulate_pull", &add_pull, nb::arg("gradient"), nb::arg("radii"),
              nb::arg("scale_x"), nb::arg("scale_y"), nb::arg("pull"), nb::arg("views"),
              "Add each drawn row's screen-space pull and visit to the running sums, in place.");

@@ -31,47 +31,57 @@ struct Factors {
   }
 };
 
-// The floats [begin, end) of one column.
-void update(const AdamColumn& column, const Factors& factors, std::size_t begin, std::size_t end) {
+// The floats [begin, end) of one column; returns how many were left as they were.
+std::size_t update(const AdamColumn& column, const Factors& factors, std::size_t begin, std::size_t end) {
   const auto [rate, correction, keep1, keep2, epsilon] = factors;
   float *value = column.value, *mean = column.mean, *square = column.square;
   const float* gradient = column.gradient;
+  int kept = 0;
 #pragma GCC ivdep
   for (std::size_t i = begin; i < end; i++) {
     const float g = gradient[i];
     const float m = mean[i] + (1 - keep1) * (g - mean[i]);
     const float v = keep2 * square[i] + (1 - keep2) * g * g;
-    mean[i] = m;
-    square[i] = v;
-    value[i] -= rate * m / (__builtin_sqrtf(v) * correction + epsilon);
+    const float x = value[i] - rate * m / (__builtin_sqrtf(v) * correction + epsilon);
+    const bool is_finite = (m - m) + (v - v) + (x - x) == 0;
+    mean[i] = is_finite ? m : mean[i];
+    square[i] = is_finite ? v : square[i];
+    value[i] = is_finite ? x : value[i];
+    kept += is_finite ? 0 : 1;
   }
+  return static_cast<std::size_t>(kept);
 }
 
 // Runs of drawn rows: with the table in Morton order what is seen lies together.
-void update_drawn(const AdamColumn& column, const Factors& factors, const float* radii,
-                  std::size_t begin, std::size_t end) {
+std::size_t update_drawn(const AdamColumn& column, const Factors& factors, const float* radii,
+                         std::size_t begin, std::size_t end) {
+  std::size_t kept = 0;
   for (std::size_t row = begin; row < end;) {
     while (row < end && !(radii[2 * row] > 0)) row++;
     const std::size_t first = row;
     while (row < end && radii[2 * row] > 0) row++;
-    if (row > first) update(column, factors, first * column.width, row * column.width);
+    if (row > first) kept += update(column, factors, first * column.width, row * column.width);
   }
+  return kept;
 }
 
 }  // namespace
 
-void adam(const AdamColumn* columns, std::size_t count, const float* radii) {
-  std::size_t pieces = 0;
+std::size_t adam(const AdamColumn* columns, std::size_t count, const float* radii) {
+  std::size_t pieces = 0, all_kept = 0;
   for (std::size_t i = 0; i < count; i++) pieces += pieces_of(columns[i]);
+  std::size_t* const sum = &all_kept;
   parallel_for(pieces, [=](std::size_t piece) {
     const AdamColumn* column = columns;
     for (; piece >= pieces_of(*column); column++) piece -= pieces_of(*column);
     const std::size_t rows = rows_per_piece(*column), begin = piece * rows;
     const std::size_t end = begin + rows < column->rows ? begin + rows : column->rows;
     const Factors factors(column->step);
-    if (radii) update_drawn(*column, factors, radii, begin, end);
-    else update(*column, factors, begin * column->width, end * column->width);
+    const std::size_t kept = radii ? update_drawn(*column, factors, radii, begin, end)
+                                   : update(*column, factors, begin * column->width, end * column->width);
+    if (kept) __atomic_fetch_add(sum, kept, __ATOMIC_RELAXED);
   });
+  return all_kept;
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

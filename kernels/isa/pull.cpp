@@ -14,7 +14,8 @@ void accumulate_pull(const float* gradient, const float* radii, PullScale scale,
     for (std::size_t i = begin; i < end; i++) {
       const float x = gradient[2 * i] * scale.x, y = gradient[2 * i + 1] * scale.y;
       const bool drawn = radii[2 * i] > 0;
-      pull[i] += drawn ? __builtin_sqrtf(x * x + y * y) : 0.f;
+      const float length = __builtin_sqrtf(x * x + y * y);
+      pull[i] += drawn && length <= __FLT_MAX__ ? length : 0.f;  // what is not finite would stay for good
       views[i] += drawn ? 1.f : 0.f;
     }
   });

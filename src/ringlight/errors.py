@@ -6,6 +6,7 @@ RinglightError
 ├── OutputError      a file cannot be written: no space, no permission, something in the way
 ├── RunError         a run folder is missing, damaged, or holds another run
 ├── RecipeError      settings that cannot work together
+├── DivergedError    the numbers of a run are no longer finite
 └── BackendError     a rasterizer or an optional library is missing on this machine
 """
 
@@ -32,6 +33,10 @@ class RunError(RinglightError):
 
 class RecipeError(RinglightError):
     """Settings that cannot work, or cannot work together."""
+
+
+class DivergedError(RinglightError):
+    """The numbers of a run are no longer finite; what was saved before is."""
 
 
 class BackendError(RinglightError):

@@ -8,11 +8,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import torch
 from cli_session import QUICK
 from command import Command
 from refusal import refused
 
+from ringlight.core.scene import View
+from ringlight.fit.faults import MOST_IN_A_ROW
 from ringlight.fit.train import Progress
+from ringlight.methods.store import load_model
+from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.session import LARGEST_SAVE_SHARE, SAVE_SECONDS, Saver, Session
 
 SAVES_OFTEN = ("--save-every", "0.0001")
@@ -125,3 +130,32 @@ def test_saving_takes_no_more_than_its_share(monkeypatch: pytest.MonkeyPatch) ->
         now += 1
         often.save_if_due()
     assert len(saved) == 10, "who asks for an interval gets it"
+
+
+def test_a_run_whose_numbers_go_wrong_is_warned_of_saved_and_stopped(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image = View.image
+
+    def broken(view: View, background: torch.Tensor) -> torch.Tensor:
+        pixels = image(view, background)
+        return pixels * float("nan") if view.name in names else pixels
+
+    names = {f"train/r_{index}.png" for index in range(6)}
+    monkeypatch.setattr(View, "image", broken)
+    run = tmp_path / "run"
+    stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK)
+    lines = stopped.err.splitlines()
+    assert stopped.code == 1
+    assert sum(line.startswith("warning: step ") for line in lines) == MOST_IN_A_ROW - 1
+    assert f"step {MOST_IN_A_ROW}, view train/" in lines[-1]
+    assert f"the last good checkpoint is of step {MOST_IN_A_ROW - 1}" in lines[-1]
+    assert load_model(run, rasterizer_for("auto")).header.step == MOST_IN_A_ROW - 1
+    names = {"train/r_3.png"}
+    run = tmp_path / "one bad photograph"
+    done = ringlight("train", tiny, "3dgs", "--out", run, *QUICK)
+    assert done.code == 0
+    warnings = [line for line in done.err.splitlines() if line.startswith("warning: ")]
+    assert len(warnings) == 40 // 6 + 1
+    assert all("train/r_3.png" in line for line in warnings)
+    load_model(run, rasterizer_for("auto"))

@@ -114,3 +114,27 @@ def test_a_graph_that_needs_the_old_value_notices():
         adam_([Update(value, torch.ones(3), torch.zeros(3), torch.zeros(3), GROUP, 0.1, 1)])
     with pytest.raises(RuntimeError, match="modified by an inplace operation"):
         later.backward()
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf"), 1e30])
+@pytest.mark.parametrize("with_radii", [False, True])
+def test_elements_that_would_not_be_finite_stay_and_are_counted_in_kernel_and_twin(bad: float, with_radii: bool):
+    """A gradient of 1e30 is finite, its square is not."""
+    values, twins, gradients = parameters(0), parameters(0), parameters(1)
+    moments, twin_moments = zeros(), zeros()
+    radii = some_radii(ROWS) if with_radii else None
+    drawn = radii[:, 0] > 0 if radii is not None else torch.ones(ROWS, dtype=torch.bool)
+    rows = drawn.nonzero()[:, 0][[0, 20, -1]]
+    for gradient in gradients:
+        gradient.view(ROWS, -1)[rows, -1] = bad
+    kept = adam_(updates(values, gradients, moments), radii)
+    assert kept == len(rows) * len(SHAPES)
+    assert sum(adam_reference_(update, radii) for update in updates(twins, gradients, twin_moments)) == kept
+    for value, twin, before, mean, square in zip(values, twins, parameters(0), *moments, strict=True):
+        torch.testing.assert_close(value, twin, rtol=0, atol=1e-6)
+        stayed = (value == before).view(ROWS, -1)
+        assert stayed[rows, -1].all()
+        assert not stayed[drawn].all(), "the others moved"
+        assert mean.isfinite().all()
+        assert square.isfinite().all()
+        assert (mean.view(ROWS, -1)[rows, -1] == 0).all()

@@ -3,12 +3,12 @@
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ringlight.cli.arguments import MaybeReal, Net
-from ringlight.errors import RecipeError
+from ringlight.errors import DivergedError, RecipeError
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
@@ -63,7 +63,12 @@ def _trained_and_measured(session: "Session", options: ReaderOptions, resume_wit
 
     announce(session, options.quiet)
     with _deferred_interrupt() as interrupted:
-        show_steps(session, options, interrupted)
+        try:
+            show_steps(session, options, interrupted)
+        except DivergedError as error:
+            with suppress(DivergedError):  # where even a parameter is not finite the checkpoint before it stays
+                session.save()
+            raise DivergedError(f"{error}; {session.way_on()}") from error
         session.save()
     if session.training.step < session.training.steps:
         sys.stderr.write(f"stopped after step {session.training.step} and saved; go on with: {resume_with}\n")

@@ -67,6 +67,8 @@ def show_steps(session: Session, options: "ReaderOptions", interrupted: list[boo
                 shown = time.monotonic()
             if progress.step in options.eval_at and not options.quiet:
                 console.print(f"step {progress.step}: {test_psnr(session):.2f} dB on the test views")
+            if progress.fault is not None:
+                console.print(f"warning: {progress.fault}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
             if interrupted:
                 return

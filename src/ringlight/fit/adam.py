@@ -24,14 +24,16 @@ class Update(NamedTuple):
     """Counts this parameter's updates; the first is 1."""
 
 
-def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) -> None:
+def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) -> int:
     """Do all updates. With ``radii`` only in rows that were drawn, those with a radius above 0; all must have N rows.
 
-    Rows that are left out keep value and moments; nothing decays.
+    Rows that are left out keep value and moments; nothing decays. So does an element of which any would not be finite
+    afterwards, because its gradient is not or is too large to be squared; returns how many those are.
     """
+    kept = 0
     native = [update for update in updates if _runs_native(update.value)]
     if native:
-        _kernels.adam(
+        kept += _kernels.adam(
             [update.value for update in native],
             [update.gradient.contiguous() for update in native],
             [update.mean for update in native],
@@ -44,24 +46,29 @@ def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) 
     if len(native) < len(updates):
         for update in updates:
             if not _runs_native(update.value):
-                adam_reference_(update, radii)
+                kept += adam_reference_(update, radii)
+    return kept
 
 
-def adam_reference_(update: Update, radii: Float[Tensor, "N 2"] | None = None) -> None:
+def adam_reference_(update: Update, radii: Float[Tensor, "N 2"] | None = None) -> int:
     """The slow twin of the kernel, for any device and type."""
     value, gradient, mean, square, group, rate, number = update
     beta1, beta2 = group.betas
     if radii is not None:
         drawn = (radii[:, 0] > 0).to(value.device).nonzero()[:, 0]
         chosen = Update(value[drawn], gradient[drawn], mean[drawn], square[drawn], group, rate, number)
-        adam_reference_(chosen)
+        kept = adam_reference_(chosen)
         for whole, part in zip((value, mean, square), (chosen.value, chosen.mean, chosen.square), strict=True):
             whole[drawn] = part
-        return
-    mean.lerp_(gradient, 1 - beta1)
-    square.mul_(beta2).addcmul_(gradient, gradient, value=1 - beta2)
-    denominator = (square / (1 - beta2**number)).sqrt_().add_(group.epsilon)
-    value.addcdiv_(mean, denominator, value=-rate / (1 - beta1**number))
+        return kept
+    new_mean = mean.lerp(gradient, 1 - beta1)
+    new_square = (square * beta2).addcmul_(gradient, gradient, value=1 - beta2)
+    denominator = (new_square / (1 - beta2**number)).sqrt_().add_(group.epsilon)
+    new_value = value.addcdiv(new_mean, denominator, value=-rate / (1 - beta1**number))
+    fine = new_mean.isfinite() & new_square.isfinite() & new_value.isfinite()
+    for whole, part in zip((value, mean, square), (new_value, new_mean, new_square), strict=True):
+        whole.copy_(torch.where(fine, part, whole))
+    return int((~fine).sum())
 
 
 def _runs_native(value: Tensor) -> bool:

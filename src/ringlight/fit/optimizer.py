@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
+from ringlight.fit.faults import bad_gradient
 from ringlight.fit.rates import Adam
 from ringlight.models.splats import COLUMNS_PREFIX
 
@@ -39,8 +40,8 @@ class Optimizer:
             self._attributes.setdefault(owner, []).append((name, attribute))
 
     @torch.no_grad()
-    def step(self, step: int, radii: Float[Tensor, "N 2"] | None = None) -> None:
-        """Update every parameter that has a gradient, and drop the gradients.
+    def step(self, step: int, radii: Float[Tensor, "N 2"] | None = None) -> str | None:
+        """Update every parameter that has a gradient, and drop the gradients; returns what was wrong with them, if any.
 
         ``radii`` are the footprint's of this step; RecipeError if ``visible_only`` wants them and there are none.
         """
@@ -49,6 +50,7 @@ class Optimizer:
                 "visible_only wants to know which Gaussians this step drew, and the rendering does not say; "
                 "switch visible_only off for this method"
             )
+        gradients: dict[str, Tensor] = {}
         columns: list[Update] = []
         shared: list[Update] = []
         for name, parameter in self._parameters():
@@ -64,9 +66,9 @@ class Optimizer:
                 group, group.rate.at(progress), self._updates[name],
             )  # fmt: skip
             (columns if self.visible_only and name.startswith(COLUMNS_PREFIX) else shared).append(update)
-        adam_(shared)
-        if columns:
-            adam_(columns, radii)
+            gradients[name] = gradient
+        left = adam_(shared) + (adam_(columns, radii) if columns else 0)
+        return None if left == 0 else bad_gradient(gradients, left)
 
     @torch.no_grad()
     def edit_rows(self, keep: Int[Tensor, "K"], added: Gaussians | None = None) -> None:

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ringlight.core.rendering import Rendering
 from ringlight.data.batches import ImageBatch, ImageBatches
+from ringlight.fit.faults import FaultCounter, bad_loss, drawn
 from ringlight.fit.losses import PhotometricLoss, Target, photometric_gradient
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.contract import Strategy
@@ -31,6 +32,7 @@ class Training:
     steps: int
     penalties: Mapping[str, Penalty] = field(default_factory=dict)
     targets: Targets = field(default_factory=Targets)
+    faults: FaultCounter = field(default_factory=FaultCounter)
     step: int = 0
 
     def state(self) -> dict[str, Tensor]:
@@ -39,7 +41,7 @@ class Training:
         state |= {f"optimizer.{name}": tensor for name, tensor in self.optimizer.state().items()}
         for index, strategy in enumerate(self.strategies):
             state |= {f"strategy.{index}.{name}": tensor for name, tensor in strategy.state().items()}
-        return state | {"step": torch.tensor(self.step)}
+        return state | {"step": torch.tensor(self.step), "faults": torch.tensor(self.faults.in_a_row)}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Inverse of :meth:`state`; the table takes the saved number of rows."""
@@ -48,18 +50,22 @@ class Training:
         self.optimizer.restore(_below(state, "optimizer."))
         for index, strategy in enumerate(self.strategies):
             strategy.restore(_below(state, f"strategy.{index}."))
-        self.step = int(state["step"])
+        self.step, self.faults.in_a_row = int(state["step"]), int(state["faults"])
 
 
 @dataclass(frozen=True)
 class Progress:
-    """What happened in one step. ``rendering`` and ``target`` are what the loss compared, before the update."""
+    """What happened in one step. ``rendering`` and ``target`` are what the loss compared, before the update.
+
+    ``fault`` is a sentence on a number that was not finite, and None in nearly all steps.
+    """
 
     step: int
     losses: dict[str, Float[Tensor, ""]]
     batch: ImageBatch
     rendering: Rendering
     target: Target
+    fault: str | None = None
 
     @property
     def loss(self) -> float:
@@ -68,24 +74,30 @@ class Progress:
 
 
 def train(training: Training) -> Iterator[Progress]:
-    """Fit the model in place, yielding after every step; to pause or stop is to stop asking."""
+    """Fit the model in place, yielding after every step; to pause or stop is to stop asking.
+
+    Raises DivergedError by the rules of :mod:`ringlight.fit.faults`; the model is then as the step before left it.
+    """
     model, optimizer = training.model, training.optimizer
     fixed_background = training.batches.scene.background != "random"
     while training.step < training.steps:
         step = training.step + 1
         batch = training.batches.at(step)
         target = training.targets.of(batch, fixed_background)
-        rendering = model.render(batch.camera, batch.background)
+        rendering = drawn(model, step, batch)
         value, by_color = photometric_gradient(rendering.color, target, training.loss)
         penalties = {name: penalty(model) for name, penalty in training.penalties.items()}
         sloped = [term for term in penalties.values() if term.requires_grad]  # one that is constant counts all the same
-        torch.autograd.backward([rendering.color, *sloped], [by_color, *(None for _ in sloped)])
         terms = {"photometric": value} | {name: term.detach() for name, term in penalties.items()}
-        optimizer.step(step, None if rendering.raster is None else rendering.raster.footprint.radii)
+        fault = bad_loss(terms)
+        if fault is None:
+            torch.autograd.backward([rendering.color, *sloped], [by_color, *(None for _ in sloped)])
+            fault = optimizer.step(step, None if rendering.raster is None else rendering.raster.footprint.radii)
+        fault = training.faults.note(model, step, batch, fault)
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, rendering)
         training.step = step
-        yield Progress(step, terms, batch, rendering, target)
+        yield Progress(step, terms, batch, rendering, target, fault)
 
 
 def _below(state: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:

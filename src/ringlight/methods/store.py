@@ -12,9 +12,10 @@ from torch import Tensor
 
 import ringlight
 from ringlight.core.camera import Camera
+from ringlight.core.finite import first_not_finite
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import Scene
-from ringlight.errors import ModelFileError
+from ringlight.errors import DivergedError, ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
 from ringlight.measure.size import bytes_by_part
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
@@ -92,14 +93,22 @@ def _needed(model: SplatModel, keep: "Bool[Tensor, 'N'] | slice") -> dict[str, t
 
 
 def save_model(path: str | Path, model: SplatModel, header: ModelHeader, cameras: Sequence[Camera]) -> None:
-    """Write the model and its training cameras as one safetensors file, all or nothing. Raises OutputError."""
-    write_model_file(Path(path), for_rendering(model) | tensors_from_cameras(cameras), header)
+    """Write the model and its training cameras as one safetensors file, all or nothing.
+
+    Raises OutputError, or DivergedError for a model that is not finite.
+    """
+    tensors = for_rendering(model) | tensors_from_cameras(cameras)
+    broken = first_not_finite(tensors)
+    if broken is not None:
+        raise DivergedError(f"{path}: {broken}, and such a model is not saved; go back to a state from before")
+    write_model_file(Path(path), tensors, header)
 
 
 def load_model(path: str | Path, rasterize: Rasterizer) -> StoredModel:
     """A model from its file, or from the run folder that holds it.
 
-    Raises ModelFileError for a file that is cut, damaged, newer, of an unknown method, or lacks a tensor.
+    Raises ModelFileError for a file that is cut, damaged, newer, of an unknown method, lacks a tensor, or holds a
+    number that is not finite.
     """
     path = Path(path)
     if path.is_dir():
@@ -112,6 +121,9 @@ def model_of_tensors(
     tensors: Mapping[str, torch.Tensor], header: ModelHeader, rasterize: Rasterizer, path: Path
 ) -> StoredModel:
     """The model that a file's tensors and header describe; ``path`` is named where they do not fit each other."""
+    broken = first_not_finite(tensors)
+    if broken is not None:
+        raise ModelFileError(f"{path}: {broken}; copy the file again, or train again")
     kinds = {method_of(recipe): type(recipe) for recipe in METHODS.values()}
     if header.method not in kinds:
         raise ModelFileError(f"{path}: method {header.method!r} is unknown to this version of ringlight; update it")

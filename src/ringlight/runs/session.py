@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import ringlight
+from ringlight.core.finite import first_not_finite
 from ringlight.core.scene import Scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
-from ringlight.errors import OutputError, RecipeError, RunError
+from ringlight.errors import DivergedError, OutputError, RecipeError, RunError
 from ringlight.files.atomic import sweep
 from ringlight.fit.train import Progress, Training, train
 from ringlight.methods.store import model_header, save_model, scene_facts
@@ -108,10 +109,14 @@ class Session:
     def save(self) -> None:
         """Write the checkpoint and the model as it is now; nothing if that has been done at this step.
 
-        Raises OutputError, which also says where the run can go on.
+        Raises OutputError, or DivergedError for a model that is not finite; both say where the run can go on.
         """
         if self._saved_at == self.training.step:
             return
+        state = self.training.state()
+        broken = first_not_finite(state)
+        if broken is not None:
+            raise DivergedError(f"{broken} and is not saved; {self.way_on()}")
         facts = {
             "program": "ringlight checkpoint",
             "wall_seconds": repr(self.clock.wall),
@@ -119,14 +124,14 @@ class Session:
             "training_views": str(len(self.scene.train)),
         }
         try:
-            write_checkpoint(self.folder, self.training.state(), facts)
+            write_checkpoint(self.folder, state, facts)
             self._good = self.training.step
             self.save_model()
             self._saved_at = self.training.step
         except OutputError as error:
-            raise OutputError(f"{error}; {self._way_on()}") from error
+            raise OutputError(f"{error}; {self.way_on()}") from error
 
-    def _way_on(self) -> str:
+    def way_on(self) -> str:
         """What a run that cannot be saved at this step has lost."""
         step = self.training.step
         if self._good < 0 or not self.folder.checkpoints:

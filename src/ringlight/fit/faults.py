@@ -1,0 +1,69 @@
+"""Numbers that go wrong while a model trains: named, left out, and after too many steps in a row the end of the run.
+
+A loss that is not finite has no gradient worth following: the step leaves every parameter as it was. A gradient that
+is not finite, or too large for Adam's moments, leaves its own element as it was, and the others are updated. So no
+parameter ever becomes NaN or infinite; a parameter that is (set so by a strategy or by hand) ends the run at once.
+"""
+
+from collections.abc import Mapping
+
+from torch import Tensor
+
+from ringlight.core.finite import first_not_finite
+from ringlight.core.rendering import Rendering
+from ringlight.data.batches import ImageBatch
+from ringlight.errors import BackendError, DivergedError
+from ringlight.models.splats import SplatModel
+
+MOST_IN_A_ROW = 10
+"""Steps with a fault, one after the other, that a run bears: one photograph that is bad comes up once an epoch."""
+
+REMEDY = "look at that photograph and its pose, or learn at lower rates"
+
+
+class FaultCounter:
+    """Hears of every step, and ends the run after :data:`MOST_IN_A_ROW` bad ones in a row."""
+
+    def __init__(self) -> None:
+        self.in_a_row = 0
+
+    def note(self, model: SplatModel, step: int, batch: ImageBatch, what: str | None) -> str | None:
+        """``what`` went wrong, or None; returns the sentence that names it. Raises DivergedError."""
+        if what is None:
+            self.in_a_row = 0
+            return None
+        refuse_broken(model, step, batch)
+        self.in_a_row += 1
+        sentence = f"step {step}, view {batch.view.name}: {what}"
+        if self.in_a_row >= MOST_IN_A_ROW:
+            raise DivergedError(f"{sentence}; that was the {MOST_IN_A_ROW}th bad step in a row; {REMEDY}")
+        return sentence
+
+
+def drawn(model: SplatModel, step: int, batch: ImageBatch) -> Rendering:
+    """The batch's view. Raises DivergedError naming the parameter that cannot be drawn because it is not finite."""
+    try:
+        return model.render(batch.camera, batch.background)
+    except BackendError:
+        refuse_broken(model, step, batch)
+        raise
+
+
+def refuse_broken(model: SplatModel, step: int, batch: ImageBatch) -> None:
+    """Raise DivergedError naming the first parameter that is not finite, if there is one."""
+    broken = first_not_finite(dict(model.named_parameters()))
+    if broken is not None:
+        raise DivergedError(f"step {step}, view {batch.view.name}: parameter {broken}; {REMEDY}")
+
+
+def bad_loss(terms: Mapping[str, Tensor]) -> str | None:
+    """Which term of the loss is not finite; None where all are."""
+    return next((f"the {name} loss is {term.item()}" for name, term in terms.items() if not term.isfinite()), None)
+
+
+def bad_gradient(gradients: Mapping[str, Tensor], left: int) -> str:
+    """Why ``left`` elements were left as they were."""
+    broken = first_not_finite(gradients)
+    if broken is not None:
+        return f"the gradient of {broken} ({left} elements left as they were)"
+    return f"gradients too large to be squared ({left} elements left as they were)"

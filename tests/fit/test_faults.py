@@ -1,0 +1,147 @@
+"""What is not finite is named with step, view, parameter and row, and never gets into the model."""
+
+import dataclasses
+
+import pytest
+import torch
+
+from ringlight.core.scene import View
+from ringlight.data.synthetic import tiny_scene
+from ringlight.errors import DivergedError, ModelFileError
+from ringlight.files.model_file import write_model_file
+from ringlight.fit.faults import MOST_IN_A_ROW
+from ringlight.fit.train import Training, train
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts, tensors_from_cameras
+from ringlight.methods.table import METHODS
+from ringlight.rasterize.choose import rasterizer_for
+
+BAD = (float("nan"), float("inf"), -float("inf"))
+
+
+class BrokenView(View):
+    """A photograph with one pixel that is no number, as a program of one's own may hand it over; files hold none."""
+
+    def image(self, background: torch.Tensor) -> torch.Tensor:
+        image = super().image(background)
+        image[1, 3, 5] = float("nan")
+        return image
+
+
+def training_of(method: str = "3dgs", steps: int = 40, scene=None) -> Training:
+    recipe = dataclasses.replace(METHODS[method], steps=steps)
+    return recipe.build(scene or tiny_scene(views=4, size=16), rasterizer_for("auto"), seed=0)
+
+
+def all_finite(training: Training) -> bool:
+    return all(tensor.isfinite().all() for tensor in training.state().values() if tensor.is_floating_point())
+
+
+def spoil_gradient(training: Training, name: str, bad: float, row: int) -> None:
+    """The parameter's gradient gets a bad number in the next backward pass."""
+
+    def spoil(gradient: torch.Tensor) -> torch.Tensor:
+        gradient = gradient.contiguous().clone()
+        gradient.view(len(gradient), -1)[row, 0] = bad
+        handle.remove()
+        return gradient
+
+    handle = dict(training.model.named_parameters())[name].register_hook(spoil)
+
+
+PARAMETERS = [
+    (method, name)
+    for method in ("3dgs", "ringlight")
+    for name, parameter in training_of(method).model.named_parameters()
+    if parameter.ndim > 0
+]
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize(("method", "name"), PARAMETERS)
+def test_a_gradient_is_named_left_out_and_the_run_goes_on(method: str, name: str, bad: float) -> None:
+    training = training_of(method, steps=12)
+    steps = train(training)
+    next(steps)
+    while dict(training.model.named_parameters())[name].grad is None and training.step < 4:
+        next(steps)  # the light field is switched on after a few steps
+    parameter = dict(training.model.named_parameters())[name]
+    row = len(parameter) - 1
+    before = parameter.detach().clone()
+    spoil_gradient(training, name, bad, row)
+    progress = next(steps)
+    assert progress.fault is not None
+    for word in (f"step {progress.step}", progress.batch.view.name, name, f"row {row}"):
+        assert word in progress.fault
+    after = dict(training.model.named_parameters())[name]
+    assert torch.equal(after.view(len(after), -1)[row, 0], before.view(len(before), -1)[row, 0])
+    assert all_finite(training)
+    assert next(steps).fault is None
+
+
+def test_a_photograph_that_is_not_finite_is_named_each_time_and_changes_nothing() -> None:
+    scene = tiny_scene(views=4, size=16)
+    broken = BrokenView(**vars(scene.train[2]))
+    training = training_of(scene=dataclasses.replace(scene, train=(*scene.train[:2], broken, *scene.train[3:])))
+    faults = []
+    for progress in train(training):
+        if progress.fault is not None:
+            faults.append(progress.fault)
+            assert progress.batch.view is broken
+            assert "photometric loss" in progress.fault
+            assert broken.name in progress.fault
+        if progress.step == 20:
+            break
+    assert len(faults) == 5, "once an epoch of four views"
+    assert all_finite(training)
+
+
+def test_too_many_in_a_row_end_the_run_with_a_finite_model() -> None:
+    scene = tiny_scene(views=4, size=16)
+    training = training_of(scene=dataclasses.replace(scene, train=tuple(BrokenView(**vars(v)) for v in scene.train)))
+    before = {name: p.detach().clone() for name, p in training.model.named_parameters()}
+    with pytest.raises(DivergedError, match=rf"step {MOST_IN_A_ROW}, view .*in a row; "):
+        list(train(training))
+    assert training.step == MOST_IN_A_ROW - 1
+    assert all(torch.equal(p, before[name]) for name, p in training.model.named_parameters())
+
+
+def test_the_count_survives_a_stop() -> None:
+    scene = tiny_scene(views=4, size=16)
+    scene = dataclasses.replace(scene, train=tuple(BrokenView(**vars(v)) for v in scene.train))
+    first, second = training_of(scene=scene), training_of(scene=scene)
+    steps = train(first)
+    for _ in range(6):
+        next(steps)
+    second.restore(first.state())
+    with pytest.raises(DivergedError, match=f"step {MOST_IN_A_ROW},"):
+        list(train(second))
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize(("method", "name"), [pair for pair in PARAMETERS if pair[1] != "columns.mask_logits"])
+def test_a_parameter_ends_the_run_by_its_name_or_is_never_saved(method: str, name: str, bad: float, tmp_path) -> None:
+    training = training_of(method, steps=12)
+    steps = train(training)
+    for _ in range(4):
+        next(steps)
+    parameter = dict(training.model.named_parameters())[name]
+    parameter.data.view(len(parameter), -1)[0, 0] = bad
+    with pytest.raises(DivergedError) as caught:
+        next(steps)
+    for word in ("step 5", name, "row 0"):
+        assert word in str(caught.value)
+    header = model_header(method, METHODS[method], 5, scene_facts(training.batches.scene))
+    with pytest.raises(DivergedError, match=f"{name} holds"):
+        save_model(tmp_path / "model", training.model, header, [v.camera for v in training.batches.scene.train])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_model_file_that_is_not_finite_is_refused_by_name(tmp_path) -> None:
+    training = training_of()
+    cameras = [view.camera for view in training.batches.scene.train]
+    tensors = training.model.state_dict() | tensors_from_cameras(cameras)
+    tensors["columns.log_scales"] = tensors["columns.log_scales"].clone()
+    tensors["columns.log_scales"][7, 1] = float("nan")
+    write_model_file(tmp_path / "m", tensors, model_header("3dgs", METHODS["3dgs"], 0, scene_facts(tiny_scene())))
+    with pytest.raises(ModelFileError, match=r"columns\.log_scales holds nan in row 7; "):
+        load_model(tmp_path / "m", rasterizer_for("auto"))
