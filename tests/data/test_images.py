@@ -1,6 +1,8 @@
 """Photographs: lazy, 8 bit, one filter, and damage that raises one sentence."""
 
 import io
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ import torch
 from PIL import Image
 from scene_folders import write_blender, write_image
 
-from ringlight.data.images import Photograph, read_header, target_size
+from ringlight.data.images import Photograph, PixelBudget, read_header, target_size
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import SceneError
@@ -121,3 +123,48 @@ def test_views_have_the_size_of_their_pixels(tmp_path: Path):
     assert view.load().shape == (view.camera.height, view.camera.width, 4) == (5, 7, 4)
     assert view.camera.center == pytest.approx((3.5, 2.5))
     assert any("16x12 pixels downscaled to 7x5 by Lanczos" in note for note in scene.notes)
+
+
+def test_photographs_are_kept_while_their_memory_lasts_and_are_the_same_afterwards(tmp_path: Path):
+    budget = PixelBudget(2 * 16 * 12 * 3 + 1)
+    photographs = []
+    for index in range(4):
+        write_image(tmp_path / f"{index}.png", seed=index)
+        photographs.append(Photograph(tmp_path / f"{index}.png", 16, 12, budget))
+    first = [photograph() for photograph in photographs]
+    again = [photograph() for photograph in photographs]
+    assert [a is b for a, b in zip(first, again, strict=True)] == [True, True, False, False]
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert budget.left == 1
+
+
+STREAMED = """
+import sys
+from pathlib import Path
+from ringlight.data.load import load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.core.memory import machine_memory
+
+def peak():
+    [line] = [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM")]
+    return int(line.split()[1]) / 1000
+
+scene = load_scene(sys.argv[1], SceneOptions(photo_memory=20e6 / machine_memory()))
+scene.train[0].load()
+before = peak()
+total = sum(view.load().nbytes for view in scene.train) / 1e6
+print(total, peak() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_scene_larger_than_its_memory_streams(tmp_path: Path):
+    folder = write_blender(tmp_path / "scene", train=60)
+    write_image(tmp_path / "large.png", size=(1000, 1000))
+    for index in range(60):
+        (folder / "train" / f"r_{index}.png").unlink()
+        (folder / "train" / f"r_{index}.png").hardlink_to(tmp_path / "large.png")
+    done = subprocess.run([sys.executable, "-c", STREAMED, folder], check=True, capture_output=True, text=True)
+    total, used = map(float, done.stdout.split())
+    assert total == 180
+    assert used < 40, "MB: 20 are kept, and a photograph is decoded"

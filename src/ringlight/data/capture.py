@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Literal
 
 from ringlight.core.camera import Camera
+from ringlight.core.memory import machine_memory
 from ringlight.core.scene import PointCloud, Scene, View
-from ringlight.data.images import FILTER_NOTE, Photograph, target_size
+from ringlight.data.images import FILTER_NOTE, Photograph, PixelBudget, target_size
 from ringlight.data.options import SceneOptions
 from ringlight.data.points import scene_extent, starting_points
 from ringlight.errors import SceneError
@@ -65,8 +66,9 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
         if not frames:
             raise SceneError(f"{folder}: no {kind} image; add photographs, or correct the split")
     capture = _for_validation(capture, folder) if options.validate else capture
-    train = tuple(_view(frame, options) for frame in capture.train)
-    test = tuple(_view(frame, options) for frame in capture.test)
+    budget = PixelBudget(int(options.photo_memory * machine_memory()))
+    train = tuple(_view(frame, options, budget) for frame in capture.train)
+    test = tuple(_view(frame, options, budget) for frame in capture.test)
     background = _background(train + test, options)
     cameras = [view.camera for view in train]
     points, box, points_note = starting_points(capture.points, cameras, options)
@@ -88,10 +90,10 @@ def _for_validation(capture: Capture, folder: Path) -> Capture:
     return replace(capture, train=kept, test=held, notes=(*capture.notes, note))
 
 
-def _view(frame: Frame, options: SceneOptions) -> View:
+def _view(frame: Frame, options: SceneOptions, budget: PixelBudget) -> View:
     width, height = target_size(frame.camera.width, frame.camera.height, options)
     camera = frame.camera.resized(width, height)
-    return View(frame.name, camera, Photograph(frame.path, width, height), frame.has_alpha)
+    return View(frame.name, camera, Photograph(frame.path, width, height, budget), frame.has_alpha)
 
 
 def _background(views: tuple[View, ...], options: SceneOptions) -> str:

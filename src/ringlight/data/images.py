@@ -4,7 +4,9 @@ One filter shrinks images everywhere: Lanczos with three lobes whose support gro
 colours are premultiplied by alpha meanwhile, so that what is hidden under transparent pixels does not bleed.
 
 A decoded image stays in memory as 8 bit: 400 photographs of 1600 x 1066 take 2.0 GB. As floats they would take
-8 GB, and decoding a JPEG of that size again at each step costs more than a training step. An EXIF orientation is
+8 GB, and decoding a JPEG of that size again at each step costs more than a training step. Of a scene that does not fit
+its share of the memory as many stay as fit, and the others are decoded each time: with views in random order no rule
+for exchanging them finds more of them in memory. An EXIF orientation is
 not applied, because camera poses are solved on the pixels as stored.
 """
 
@@ -69,12 +71,27 @@ def target_size(width: int, height: int, options: SceneOptions) -> tuple[int, in
 
 
 @dataclass
+class PixelBudget:
+    """Bytes that the photographs of one scene may keep between them."""
+
+    left: int
+
+    def take(self, size: int) -> bool:
+        """Whether ``size`` more bytes may be kept; they then count."""
+        if size > self.left:
+            return False
+        self.left -= size
+        return True
+
+
+@dataclass
 class Photograph:
-    """An image file at a chosen size; call it for the pixels, which are decoded once and kept."""
+    """An image file at a chosen size; call it for the pixels, are decoded once, and kept while ``budget`` lasts."""
 
     path: Path
     width: int
     height: int
+    budget: PixelBudget | None = None
     pixels: UInt8[np.ndarray, "H W C"] | None = field(default=None, init=False, repr=False)
 
     def __call__(self) -> UInt8[np.ndarray, "H W C"]:
@@ -83,9 +100,12 @@ class Photograph:
         Raises:
             SceneError: the file is damaged or gone.
         """
-        if self.pixels is None:
-            self.pixels = self._decode()
-        return self.pixels
+        if self.pixels is not None:
+            return self.pixels
+        pixels = self._decode()
+        if self.budget is None or self.budget.take(pixels.nbytes):
+            self.pixels = pixels
+        return pixels
 
     def _decode(self) -> UInt8[np.ndarray, "H W C"]:
         try:

@@ -29,7 +29,12 @@ class ReadingOptions:
     holdout_every: int = 8
     """Every n-th image by name, from the first, is a test image, where the scene brings no split of its own."""
 
+    photo_memory: float = 0.25
+    """Share of the machine's memory for decoded photographs; those that do not fit are decoded at each use."""
+
     def __post_init__(self) -> None:
+        if not 0 <= self.photo_memory <= 1:
+            raise RecipeError(f"--photo-memory is {self.photo_memory:g}: give a share from 0 to 1")
         lowest = {"downscale": 1, "max_width": 1, "holdout_every": 2, "initial_points": 1, "points_seed": 0}
         for name, least in lowest.items():
             value = getattr(self, name, None)

@@ -2,11 +2,15 @@
 
 from collections import OrderedDict
 
+from ringlight.core.memory import machine_memory
 from ringlight.data.batches import ImageBatch
 from ringlight.fit.losses import Target
 
 BUDGET_BYTES = 1 << 30
 """Photographs stay 8 bit; their float form and blurs (36 bytes a pixel) are kept up to this, the oldest go first."""
+
+SMALLEST_SHARE = 16
+"""Of a machine's memory, one part in as many is the budget where that is less."""
 
 BYTES_PER_PIXEL = 36
 
@@ -14,8 +18,9 @@ BYTES_PER_PIXEL = 36
 class Targets:
     """A least-recently-used cache. It changes speed and memory, never a number."""
 
-    def __init__(self, budget_bytes: int = BUDGET_BYTES):
-        self.budget_bytes, self._bytes = budget_bytes, 0
+    def __init__(self, budget_bytes: int | None = None):
+        default = min(BUDGET_BYTES, machine_memory() // SMALLEST_SHARE)
+        self.budget_bytes, self._bytes = default if budget_bytes is None else budget_bytes, 0
         self._kept: OrderedDict[int, Target] = OrderedDict()
 
     def of(self, batch: ImageBatch, fixed_background: bool) -> Target:

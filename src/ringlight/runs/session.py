@@ -18,6 +18,7 @@ from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, write_checkpoint
 from ringlight.runs.folder import RunFolder
+from ringlight.runs.limits import bounded, most_gaussians
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
 LARGEST_SEED = 2**63 - 1
@@ -53,12 +54,17 @@ class Session:
     ) -> "Session":
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
         _check(recipe.steps, seed)
-        record = RunRecord(preset, recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         scene = load_scene(scene_path, options)
         training = recipe.build(scene, rasterizer_for(device), seed)
+        recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
+        if warnings:
+            training = recipe.build(scene, rasterizer_for(device), seed)
+        record = RunRecord(preset, recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         folder = RunFolder.create(out)
         record.write(folder.path)
-        return Session(folder, record, scene, training, Clock())
+        session = Session(folder, record, scene, training, Clock())
+        session.warnings = warnings
+        return session
 
     @staticmethod
     def resume(path: Path) -> "Session":

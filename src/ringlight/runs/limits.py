@@ -1,0 +1,52 @@
+"""The most Gaussians that this machine has memory for; decided once, when a run starts, and written into its record.
+
+Numbers depend on it only where the recipe's own bound, by default a Gaussian for each pixel of a photograph, would not
+fit; a resumed run keeps what it started with, on whatever machine.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import torch
+
+from ringlight.core.memory import machine_memory
+from ringlight.core.scene import PointCloud, Scene
+from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.train import Training
+
+SHARE = 0.5
+"""Of the machine's memory for Gaussians; photographs, their float forms and the system share the rest."""
+
+COPIES = 5
+"""Of a row while it trains: value, gradient, two moments, and one while density control builds a new table."""
+
+WORK_BYTES = 400
+"""A Gaussian in the rasterizer's workspace, measured: 350 at 800 x 800 pixels."""
+
+
+def most_gaussians(training: Training, memory: int | None = None) -> int:
+    """As many as fit into their share of ``memory`` bytes, by default this machine's."""
+    columns = training.model.columns.values()
+    row = sum(column[0].numel() * column.element_size() for column in columns)
+    memory = machine_memory() if memory is None else memory
+    return max(int(SHARE * memory) // (COPIES * row + WORK_BYTES), 1)
+
+
+def bounded(recipe: Any, scene: Scene, training: Training, most: int) -> tuple[Any, Scene, tuple[str, ...]]:
+    """Recipe and scene of a run with no more than ``most`` Gaussians, and a sentence on each thing that was changed.
+
+    A bound that the recipe states itself is obeyed as it is: who gives --densify.max-gaussians knows better.
+    """
+    notes: list[str] = []
+    remedy = f"that is what {SHARE:.0%} of this machine's memory holds; --densify.max-gaussians sets another bound"
+    planned = max((s.settings.max_gaussians for s in training.strategies if isinstance(s, Densify)), default=0)
+    if planned > most and recipe.densify.max_gaussians == 0:
+        recipe = replace(recipe, densify=replace(recipe.densify, max_gaussians=most))
+        notes.append(f"at most {most:,} Gaussians instead of {planned:,}: {remedy}")
+    start = len(scene.points.positions)
+    allowed = max(most, recipe.densify.max_gaussians)
+    if start > allowed:
+        rows = torch.arange(allowed) * start // allowed  # evenly through the file, whatever its order
+        scene = replace(scene, points=PointCloud(scene.points.positions[rows], scene.points.colors[rows]))
+        notes.append(f"{allowed:,} of the {start:,} points are used to start with: {remedy}")
+    return recipe, scene, tuple(notes)

@@ -1,0 +1,68 @@
+"""The most Gaussians that a machine has memory for: stated, recorded, and left to who knows better."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from cli_session import QUICK
+from scenes_on_disk import write_tiny_scene
+
+from ringlight.cli.main import run
+from ringlight.core.scene import PointCloud
+from ringlight.data.synthetic import tiny_scene
+from ringlight.methods.table import METHODS
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs import limits
+from ringlight.runs.limits import COPIES, SHARE, WORK_BYTES, bounded, most_gaussians
+
+
+def built(max_gaussians: int = 0):
+    recipe, scene = METHODS["3dgs"], tiny_scene(views=4, size=24)
+    recipe = dataclasses.replace(recipe, densify=dataclasses.replace(recipe.densify, max_gaussians=max_gaussians))
+    return recipe, scene, recipe.build(scene, rasterizer_for("auto"), seed=0)
+
+
+def test_a_share_of_the_memory_holds_so_many():
+    training = built()[2]
+    row = 4 * (3 + 3 + 4 + 1 + 3 + 45)
+    assert most_gaussians(training, memory=1 << 30) == int(SHARE * (1 << 30)) // (COPIES * row + WORK_BYTES)
+    assert most_gaussians(training, memory=10) == 1
+    assert most_gaussians(training) > 100_000, "on any machine that runs these tests"
+
+
+def test_where_the_recipes_own_bound_fits_nothing_changes():
+    recipe, scene, training = built()
+    assert bounded(recipe, scene, training, 10_000) == (recipe, scene, ())
+
+
+def test_a_bound_is_set_and_the_points_thinned_evenly():
+    recipe, scene, training = built()
+    changed, fewer, notes = bounded(recipe, scene, training, 100)
+    assert changed.densify.max_gaussians == 100
+    assert len(notes) == 2
+    assert "--densify.max-gaussians" in notes[0]
+    assert torch.equal(fewer.points.positions, scene.points.positions[torch.arange(100) * 4])
+    assert torch.equal(fewer.points.colors, scene.points.colors[torch.arange(100) * 4])
+
+
+def test_who_states_a_bound_knows_better():
+    recipe, scene, training = built(max_gaussians=450)
+    assert bounded(recipe, scene, training, 100) == (recipe, scene, ())
+    many = dataclasses.replace(scene, points=PointCloud(torch.zeros(1000, 3), torch.zeros(1000, 3)))
+    assert len(bounded(recipe, many, training, 100)[1].points.positions) == 450
+
+
+def test_the_bound_is_said_recorded_and_kept_when_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    scene = write_tiny_scene(tmp_path / "balls")
+    monkeypatch.setattr(limits, "machine_memory", lambda: 200 * 2 * (COPIES * 4 * 59 + WORK_BYTES))
+    assert run(["train", str(scene), "3dgs", "--out", str(tmp_path / "run"), *QUICK]) == 0
+    told = capsys.readouterr().err
+    assert "at most 200 Gaussians instead of 400" in told
+    assert "200 of the 300 points" in told
+    record = json.loads((tmp_path / "run" / "recipe.json").read_text())
+    assert record["recipe"]["densify"]["max_gaussians"] == 200
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["n_gaussians"] <= 200
