@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from ringlight.color.light_fields import FIELDS
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.core.camera import Camera
@@ -11,7 +12,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import GREY, sh_basis
 from ringlight.errors import RecipeError
-from ringlight.fields.ring_settings import RingSettings
+from ringlight.fields.ring_settings import PerceptronSettings, RingSettings, VectorMatrixSettings
 from ringlight.files.bake import bake_to_sh
 
 RING = RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8)
@@ -114,6 +115,34 @@ def test_every_parameter_learns(evaluation, light_modulation, latents):
     for name, column in gaussians.appearance.items():
         assert column.grad is not None, name
         assert column.grad.any(), name
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_every_field_lights_and_learns(field):
+    chosen = replace(SMALL, field=field, mlp=PerceptronSettings(hidden=12), vm=VectorMatrixSettings(side=8), latents=2)
+    model = RingLight(chosen, BOX)
+    gaussians = table(model)
+    rgb = model.channels(gaussians, camera())["rgb"]
+    (rgb.square().sum()).backward()
+    for name, parameter in model.named_parameters():
+        assert name.split(".")[0] in (field, "shading")
+        assert parameter.grad is not None, name
+        assert parameter.grad.any(), name
+    with torch.no_grad():
+        torch.testing.assert_close(rgb, model.twin(gaussians, camera()).color, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("field", ["ring", "cp"])
+def test_without_base_colour_the_residual_is_added_to_grey(field):
+    model = RingLight(replace(SMALL, base_color=False, field=field), BOX)
+    gaussians = table(model)
+    assert "base" not in gaussians.appearance
+    rgb = model.channels(gaussians, camera())["rgb"]
+    rgb.square().sum().backward()
+    assert all(parameter.grad is not None and parameter.grad.any() for parameter in model.parameters())
+    layers = model.layers(gaussians, camera())
+    assert torch.equal(layers["base"], torch.full_like(rgb, 0.5))
+    torch.testing.assert_close(rgb.detach(), (0.5 + layers["residual"]).clamp(0, 1), rtol=0, atol=1e-6)
 
 
 def test_layers_add_up_to_the_colour():

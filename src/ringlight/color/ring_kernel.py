@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.color.render_module import LitColor, RenderModule
-from ringlight.fields.tensor_ring import RingTables
+from ringlight.fields.ring_tables import RingTables
 
 # The sizes that kernels/ring.hpp takes.
 MAX_RANK, MAX_FEATURES, MAX_HIDDEN, MAX_NODES = 32, 64, 128, 1 << 16

@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ringlight.color.drawable import drawable_rows
+from ringlight.color.light_fields import light_field
 from ringlight.color.render_module import LitColor, RenderModule
 from ringlight.color.ring_kernel import (
     LitRows,
@@ -24,7 +25,8 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import OPACITY_FACTOR, Channels
 from ringlight.core.scene import PointCloud
-from ringlight.fields.tensor_ring import RingTables, TensorRing
+from ringlight.fields.contract import LightField
+from ringlight.fields.ring_tables import RingTables
 
 BASE = "base"
 MASK = "mask_logits"
@@ -42,8 +44,8 @@ LATENT_SPREAD = 0.1
 class RingLight(nn.Module):
     """c(v) = clamp(c_b + c_r(v), 0, 1), with c_r from the neural tensor ring (RingLight-GS, section 3.2).
 
-    Columns: ``base`` [N 3], the base colour's logit, c_b = sigmoid(base); ``mask_logits`` [N], if masked;
-    ``latents`` [N L], if there are any, see the settings.
+    Columns: ``base`` [N 3], the base colour's logit, c_b = sigmoid(base), or none, and c_b is grey; ``mask_logits``
+    [N], if masked; ``latents`` [N L], if there are any, see the settings.
     Buffers: ``box`` [low, high], what the ring's [-1, 1]^3 covers, world units; ``lit``, False during the warm-up,
     when Gaussians show their base colour and the field gets no gradient. Positions and directions are detached:
     ten bands would otherwise drown the rasterizer's gradient of the positions.
@@ -57,7 +59,7 @@ class RingLight(nn.Module):
         super().__init__()
         of_networks = generator(seed, 0, "networks")
         self.settings, self._seed = settings, seed
-        self.ring = TensorRing(settings.ring, of_networks)
+        self.add_module(settings.field, light_field(settings, of_networks))  # type: ignore[arg-type]
         self.shading = RenderModule(settings, of_networks)
         self.register_buffer("box", box.clone().float())
         self.register_buffer("lit", torch.tensor(True))
@@ -69,7 +71,7 @@ class RingLight(nn.Module):
 
         Latents are drawn anew by the model's seed, the same at every call.
         """
-        columns = {BASE: points.colors.clamp(DARKEST, 1 - DARKEST).logit()}
+        columns = {BASE: points.colors.clamp(DARKEST, 1 - DARKEST).logit()} if self.settings.base_color else {}
         if self.settings.mask:
             columns[MASK] = points.colors.new_full((len(points.colors),), FIRST_MASK_LOGIT)
         if self.settings.latents:
@@ -82,8 +84,7 @@ class RingLight(nn.Module):
 
         Rows that the camera cannot see get their base colour.
         """
-        base = gaussians.appearance[BASE]
-        channels: Channels = {"rgb": self._emitted(gaussians, camera) if self.lit else base.sigmoid()}
+        channels: Channels = {"rgb": self._emitted(gaussians, camera) if self.lit else self._base(gaussians).sigmoid()}
         if MASK in gaussians.appearance:
             channels[OPACITY_FACTOR] = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)
         return channels
@@ -94,7 +95,7 @@ class RingLight(nn.Module):
 
         Residual and modulation are zero where the camera cannot see, and everywhere during the warm-up.
         """
-        base = gaussians.appearance[BASE]
+        base = self._base(gaussians)
         nothing = LitColor(base.sigmoid(), torch.zeros_like(base), torch.zeros_like(base[:, :1]))
         lit = self._layers(gaussians, camera) if self.lit else nothing
         return {"base": nothing.color, "residual": lit.residual, "modulation": lit.modulation}
@@ -111,25 +112,40 @@ class RingLight(nn.Module):
         low, high = self.box.to(means)
         return ((means.detach() - low) * (2 / (high - low)) - 1).clamp(-1, 1)
 
-    def tables(self) -> RingTables:
-        """The ring's tables: made anew where gradients are recorded, else kept until a parameter's value changes."""
+    @property
+    def field(self) -> LightField:
+        """What makes the features."""
+        chosen: LightField = getattr(self, self.settings.field)
+        return chosen
+
+    def tables(self) -> RingTables | None:
+        """The field's tables: made anew where gradients are recorded, else kept until a parameter's value changes.
+
+        None for a field that is no ring.
+        """
         if torch.is_grad_enabled():
-            return self.ring.tables()
-        return self._memory.recall(self.ring.parameters(), self.ring.tables)
+            return self.field.tables()
+        return self._memory.recall(self.get_submodule(self.settings.field).parameters(), self.field.tables)
 
     def _emitted(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
         parameters = self._kernel_parameters(gaussians)
         if parameters is None:
             return self.twin(gaussians, camera).color
-        base, latents = gaussians.appearance[BASE], self._latents(gaussians)
+        base, latents = self._base(gaussians), self._latents(gaussians)
         return light(self._lit_rows(gaussians, camera), base, latents, parameters, self._workspace)
 
     def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
         parameters = self._kernel_parameters(gaussians)
         if parameters is None:
             return self.twin(gaussians, camera)
-        base, latents = gaussians.appearance[BASE], self._latents(gaussians)
+        base, latents = self._base(gaussians), self._latents(gaussians)
         return light_layers(self._lit_rows(gaussians, camera), base, latents, parameters)
+
+    def _base(self, gaussians: Gaussians) -> Float[Tensor, "N 3"]:
+        """The table's; logits of grey where the settings want no base colour."""
+        if not self.settings.base_color:
+            return torch.zeros_like(gaussians.means)
+        return gaussians.appearance[BASE]
 
     def _latents(self, gaussians: Gaussians) -> Float[Tensor, "N L"]:
         """The table's; of width zero where the settings want none."""
@@ -138,11 +154,14 @@ class RingLight(nn.Module):
         return gaussians.appearance[LATENTS]
 
     def _kernel_parameters(self, gaussians: Gaussians) -> RingParameters | None:
-        """What the kernel needs, or None where it does not apply: exact heads, another type, device or size."""
+        """What the kernel needs, or None where it does not apply: no ring, exact heads, another type, device or
+        size."""
         if self.settings.evaluation == "exact":
             return None
         tables = self.tables()
-        return ring_parameters(tables, self.shading) if kernel_takes(tables, self.shading, gaussians.means) else None
+        if tables is None or not kernel_takes(tables, self.shading, gaussians.means):
+            return None
+        return ring_parameters(tables, self.shading)
 
     def _lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         frame = torch.cat([camera.position[None], self.box])
@@ -154,13 +173,13 @@ class RingLight(nn.Module):
         Residual and modulation are zero where the camera cannot see.
         """
         visible = drawable_rows(gaussians, camera).long()
-        means, base = gaussians.means.detach()[visible], gaussians.appearance[BASE].sigmoid()
+        means, base = gaussians.means.detach()[visible], self._base(gaussians).sigmoid()
         directions = view_directions(means, camera.position.to(means))
         points = self.unit_points(means)
         if self.settings.evaluation == "exact":
-            features = self.ring.exact(points, directions)
+            features = self.field.exact(points, directions)
         else:
-            features = self.ring.tabulated(points, directions, self.tables())
+            features = self.field.tabulated(points, directions, self.tables())
         lit = self.shading(features, directions, base[visible], self._latents(gaussians)[visible])
         return LitColor(
             base.index_put((visible,), lit.color),

@@ -1,10 +1,11 @@
 """Settings of the RingLight colour model; free of torch, so that the command line can print them at once."""
 
-from dataclasses import dataclass, field
+import dataclasses
+from dataclasses import dataclass
 from typing import Literal
 
 from ringlight.errors import RecipeError
-from ringlight.fields.ring_settings import RingSettings
+from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 
 MAX_LATENTS = 16
 """What the kernels take: RING_MAX_LATENTS in kernels/ring.hpp."""
@@ -14,8 +15,8 @@ MAX_LATENTS = 16
 class RingLightSettings:
     """Base colour per Gaussian plus a residual from the shared light field (RingLight-GS, section 3.2)."""
 
-    ring: RingSettings = field(default_factory=RingSettings)
-    """The neural tensor ring that makes the appearance features."""
+    ring: RingSettings = dataclasses.field(default_factory=RingSettings)
+    """The neural tensor ring; its sizes, where they have a meaning, are those of the other fields too."""
     render_hidden: int = 128
     """Width of the two hidden layers that turn features into a residual colour."""
     modulation_hidden: int = 128
@@ -32,6 +33,19 @@ class RingLightSettings:
     """Whether a visibility mask is learned per Gaussian (eq. 10)."""
     mask_threshold: float = 0.01
     """Gaussians whose mask's sigmoid is at or below this are not drawn."""
+
+    field: Literal["ring", "discrete", "cp", "tt", "vm", "mlp"] = "ring"
+    """What makes the appearance features: the neural tensor ring, the ring with discrete cores, the diagonal ring, the
+    open ring (tensor train), planes and lines, or one network."""
+    knots: KnotSettings = dataclasses.field(default_factory=KnotSettings)
+    """Only of the field "discrete"."""
+    vm: VectorMatrixSettings = dataclasses.field(default_factory=VectorMatrixSettings)
+    """Only of the field "vm"."""
+    mlp: PerceptronSettings = dataclasses.field(default_factory=PerceptronSettings)
+    """Only of the field "mlp"."""
+    base_color: bool = True
+    """Whether each Gaussian has a base colour. Without it the residual is added to grey, and the field lit from the
+    first step, since there is nothing else to show: the paper's ablation (table 2), which leaves both open."""
 
     def __post_init__(self) -> None:
         for name in ("render_hidden", "modulation_hidden"):

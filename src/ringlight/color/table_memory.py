@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 import torch
 from torch import Tensor
 
-from ringlight.fields.tensor_ring import RingTables
+from ringlight.fields.ring_tables import RingTables
 
 
 class TableMemory:
@@ -19,7 +19,7 @@ class TableMemory:
         self._made_of: list[Tensor] = []
         self._tables: RingTables | None = None
 
-    def recall(self, parameters: Iterable[Tensor], make: Callable[[], RingTables]) -> RingTables:
+    def recall(self, parameters: Iterable[Tensor], make: Callable[[], RingTables | None]) -> RingTables | None:
         """The remembered tables if every parameter still has the same value, else ``make()``, remembered."""
         current = [parameter.detach() for parameter in parameters]
         if self._tables is None or not self._same(current):

@@ -17,24 +17,26 @@ AXES = 3
 
 
 class AxisHeads(nn.Module):
-    """f_x, f_y and f_z: each sees its own coordinate only."""
+    """f_x, f_y and f_z, or some of them: each sees its own coordinate only. D is ``outputs``, or else R^2."""
 
     nodes: Tensor
 
-    def __init__(self, settings: RingSettings, generator: torch.Generator):
+    def __init__(
+        self, settings: RingSettings, generator: torch.Generator, axes: int = AXES, outputs: int | None = None
+    ):
         super().__init__()
         hidden = settings.head_hidden
-        widths = (encoded_width(1, settings.bands), hidden, hidden, settings.rank**2)
-        self.networks = PerceptronStack(AXES, widths, generator)
+        widths = (encoded_width(1, settings.bands), hidden, hidden, outputs or settings.rank**2)
+        self.networks = PerceptronStack(axes, widths, generator)
         self.bands = settings.bands
         encoded = fourier_features(axis_nodes(settings.position_nodes)[:, None], settings.bands)
-        self.register_buffer("nodes", encoded.expand(AXES, -1, -1).contiguous(), persistent=False)
+        self.register_buffer("nodes", encoded.expand(axes, -1, -1).contiguous(), persistent=False)
 
-    def forward(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "3 N D"]:
-        """The matrices at points of [-1, 1]^3, rows first, D = R^2."""
+    def forward(self, points: Float[Tensor, "N A"]) -> Float[Tensor, "A N D"]:
+        """The matrices at the coordinates in [-1, 1] of A axes, rows first."""
         return self.networks(fourier_features(points.T[..., None], self.bands))
 
-    def table(self) -> Float[Tensor, "3 K D"]:
+    def table(self) -> Float[Tensor, "A K D"]:
         """The matrices at the K nodes of each axis."""
         return stack_at(self.networks, self.nodes)
 

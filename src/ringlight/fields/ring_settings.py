@@ -1,4 +1,4 @@
-"""Settings of the neural tensor ring; free of torch, so that the command line can print them at once."""
+"""Settings of the light fields; free of torch, so that the command line can print them at once."""
 
 from dataclasses import dataclass
 
@@ -51,3 +51,52 @@ class RingSettings:
         for name in ("position_nodes", "view_nodes"):
             if getattr(self, name) < 2:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; interpolation needs at least 2 nodes")
+
+
+@dataclass(frozen=True)
+class KnotSettings:
+    """The ring with discrete cores: matrices at knots instead of networks (the paper's "w/o neural module")."""
+
+    axis: int = 64
+    """Knots of each coordinate on [-1, 1], linear in between."""
+    view: int = 16
+    """Knots on each side of the octahedral map of directions."""
+
+    def __post_init__(self) -> None:
+        check_counts("light.knots", axis=(self.axis, 2, 65_536), view=(self.view, 2, 512))
+
+
+@dataclass(frozen=True)
+class VectorMatrixSettings:
+    """The vector-matrix field (TensoRF, 3iGS): planes times lines, times a map of directions."""
+
+    side: int = 64
+    """Nodes on each side of a plane and along a line; TensoRF and 3iGS take 128 to 300, and megabytes."""
+    components: int = 16
+    """Products of plane and line for each of the three ways to pair them."""
+    view: int = 16
+    """Nodes on each side of the octahedral map of directions."""
+
+    def __post_init__(self) -> None:
+        counts = {"side": (self.side, 2, 2048), "components": (self.components, 1, 512), "view": (self.view, 2, 512)}
+        check_counts("light.vm", **counts)
+
+
+@dataclass(frozen=True)
+class PerceptronSettings:
+    """One network over encoded position and direction (the paper's "w/o TR")."""
+
+    hidden: int = 128
+    """Width of the hidden layers; 0 takes the width at which the network holds as many numbers as the ring would."""
+    layers: int = 2
+    """Hidden layers."""
+
+    def __post_init__(self) -> None:
+        check_counts("light.mlp", hidden=(self.hidden, 0, 4096), layers=(self.layers, 1, 16))
+
+
+def check_counts(where: str, **counts: tuple[int, int, int]) -> None:
+    """Raises RecipeError for a count (given, least, most) out of its range."""
+    for name, (count, least, most) in counts.items():
+        if not least <= count <= most:
+            raise RecipeError(f"{where}.{name} is {count}; give {least} to {most}")

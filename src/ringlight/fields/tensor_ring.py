@@ -5,33 +5,17 @@
 The heads H are networks (``heads``), the channel core G is free. Nothing here knows what the features are for.
 """
 
-from dataclasses import dataclass
-
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.core.directions import octahedral_from_directions
 from ringlight.fields.heads import AxisHeads, DirectionHead
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.tables import between_map_nodes, between_nodes
-
-
-@dataclass(frozen=True)
-class RingTables:
-    """The heads at their nodes, and the channel core as the linear map that follows the product.
-
-    ``axes`` row k of axis d is H_d at node k; ``view`` row j * side + i is H_v at node (i, j) of the octahedral
-    map; ``core`` row c is the transpose of G_c, rows first, so that a = core . vec(H_x H_y H_z H_v). D = R^2.
-    """
-
-    axes: Float[Tensor, "3 K D"]
-    view: Float[Tensor, "V D"]
-    core: Float[Tensor, "C D"]
+from ringlight.fields.ring_tables import RingTables, contracted, linear_core, ring_features
 
 
 class TensorRing(nn.Module):
-    """Features [N C] of points in [-1, 1]^3 and unit directions."""
+    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``."""
 
     def __init__(self, settings: RingSettings, generator: torch.Generator):
         super().__init__()
@@ -44,11 +28,11 @@ class TensorRing(nn.Module):
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
         """Every head run at every point: slow, and the limit of :meth:`tabulated` for many nodes."""
         x, y, z = self.axes(points).unbind()
-        return self._contracted(x, y, z, self.view(directions), self._linear_core())
+        return contracted(x, y, z, self.view(directions), linear_core(self.core))
 
     def tables(self) -> RingTables:
         """The heads at their nodes; differentiable, so that gradients reach the heads through the tables."""
-        return RingTables(self.axes.table(), self.view.table(), self._linear_core())
+        return RingTables(self.axes.table(), self.view.table(), linear_core(self.core))
 
     def tabulated(
         self,
@@ -57,22 +41,4 @@ class TensorRing(nn.Module):
         tables: RingTables | None = None,
     ) -> Float[Tensor, "N C"]:
         """The heads interpolated between their nodes; ``tables`` made earlier by :meth:`tables` are reused."""
-        tables = tables or self.tables()
-        x, y, z = (between_nodes(table, at) for table, at in zip(tables.axes, points.unbind(-1), strict=True))
-        view = between_map_nodes(tables.view, octahedral_from_directions(directions))
-        return self._contracted(x, y, z, view, tables.core)
-
-    def _linear_core(self) -> Float[Tensor, "C D"]:
-        return self.core.transpose(1, 2).flatten(1)
-
-    def _contracted(
-        self,
-        x: Float[Tensor, "N D"],
-        y: Float[Tensor, "N D"],
-        z: Float[Tensor, "N D"],
-        view: Float[Tensor, "N D"],
-        core: Float[Tensor, "C D"],
-    ) -> Float[Tensor, "N C"]:
-        rank = self.core.shape[-1]
-        x, y, z, view = (matrix.unflatten(-1, (rank, rank)) for matrix in (x, y, z, view))
-        return (x @ y @ z @ view).flatten(1) @ core.T
+        return ring_features(tables or self.tables(), points, directions)

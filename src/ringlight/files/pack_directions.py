@@ -22,7 +22,8 @@ SMALLEST_THREE = 0.5**0.5
 
 
 def pack_directions(vectors: Float[Tensor, "N 3"]) -> Parts:
-    """2.5 bytes each, at most a quarter of a degree off: low bytes of the two codes, and both high pairs of bits in a nibble."""
+    """2.5 bytes each, at most a quarter of a degree off: low bytes of the two codes, and both high pairs of bits in a
+    nibble."""
     square = octahedral_from_directions(normalize(vectors.double()))
     codes = ((square + 1) * (OCTAHEDRAL_STEPS / 2)).round().long().clamp(0, OCTAHEDRAL_STEPS)
     nibbles = (codes[:, 0] >> 8) | (codes[:, 1] >> 8) << 2

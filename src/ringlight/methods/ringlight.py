@@ -125,7 +125,7 @@ class RingLightRecipe:
 
     @property
     def _first_lit_step(self) -> int:
-        return max(int(self.warmup * self.steps), 1)
+        return max(int(self.warmup * self.steps), 1) if self.light.base_color else 1
 
     def _groups(self, extent: float) -> dict[str, Adam]:
         lit = self._first_lit_step

@@ -1,0 +1,59 @@
+"""A tensor ring on fixed nodes, and what it gives in between: the form that every ring comes down to, and the kernel
+reads.
+
+a_c(x, y, z, v) = Trace(H_x(x) H_y(y) H_z(z) H_v(v) G_c)
+"""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.directions import octahedral_from_directions
+from ringlight.fields.tables import between_map_nodes, between_nodes
+
+
+@dataclass(frozen=True)
+class RingTables:
+    """The heads at their nodes, and the channel core as the linear map that follows the product.
+
+    ``axes`` row k of axis d is H_d at node k; ``view`` row j * side + i is H_v at node (i, j) of the octahedral
+    map; ``core`` row c is the transpose of G_c, rows first, so that a = core . vec(H_x H_y H_z H_v). D = R^2.
+    """
+
+    axes: Float[Tensor, "3 K D"]
+    view: Float[Tensor, "V D"]
+    core: Float[Tensor, "C D"]
+
+
+def heads_between(
+    tables: RingTables, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]
+) -> tuple[Float[Tensor, "N D"], Float[Tensor, "N D"], Float[Tensor, "N D"], Float[Tensor, "N D"]]:
+    """What the tables hold for points in [-1, 1]^3 and unit directions, interpolated: x, y, z, v."""
+    x, y, z = (between_nodes(table, at) for table, at in zip(tables.axes, points.unbind(-1), strict=True))
+    return x, y, z, between_map_nodes(tables.view, octahedral_from_directions(directions))
+
+
+def linear_core(core: Float[Tensor, "C R R"]) -> Float[Tensor, "C D"]:
+    """The channel core G as the linear map that follows the product."""
+    return core.transpose(1, 2).flatten(1)
+
+
+def contracted(
+    x: Float[Tensor, "N D"],
+    y: Float[Tensor, "N D"],
+    z: Float[Tensor, "N D"],
+    view: Float[Tensor, "N D"],
+    core: Float[Tensor, "C D"],
+) -> Float[Tensor, "N C"]:
+    """The trace, by one product of matrices after the other; ``core`` is :func:`linear_core`'s."""
+    rank = round(x.shape[-1] ** 0.5)
+    x, y, z, view = (matrix.unflatten(-1, (rank, rank)) for matrix in (x, y, z, view))
+    return (x @ y @ z @ view).flatten(1) @ core.T
+
+
+def ring_features(
+    tables: RingTables, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]
+) -> Float[Tensor, "N C"]:
+    """Features at points in [-1, 1]^3 and unit directions: the slow twin of what the kernel makes of the tables."""
+    return contracted(*heads_between(tables, points, directions), tables.core)

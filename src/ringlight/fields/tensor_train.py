@@ -1,0 +1,52 @@
+"""The open ring: a tensor train (Oseledets 2011) with neural cores, whose first and last rank are one.
+
+    a_c(x, y, z, v) = h_x(x)^T H_y(y) H_z(z) H_v(v) g_c
+
+The ring with one row of H_x and one column of G_c only: no path leads from the last core back to the first.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.fields.heads import AXES, AxisHeads, DirectionHead
+from ringlight.fields.ring_settings import RingSettings
+from ringlight.fields.ring_tables import RingTables, contracted, ring_features
+
+
+class TensorTrain(nn.Module):
+    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. ``core`` is [C R].
+
+    As tables it is a ring with zeros in all other rows and columns, so the ring's kernel serves it.
+    """
+
+    def __init__(self, settings: RingSettings, generator: torch.Generator):
+        super().__init__()
+        self.first = AxisHeads(settings, generator, 1, settings.rank)
+        self.middle = AxisHeads(settings, generator, AXES - 1)
+        self.view = DirectionHead(settings, generator)
+        core = torch.empty(settings.features, settings.rank).normal_(0, settings.core_scale, generator=generator)
+        self.core = nn.Parameter(core)
+
+    def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
+        x = self._first_row(self.first(points[:, :1]))[0]
+        y, z = self.middle(points[:, 1:]).unbind()
+        return contracted(x, y, z, self.view(directions), self._first_row(self.core))
+
+    def tables(self) -> RingTables:
+        """The heads at their nodes, differentiable."""
+        axes = torch.cat([self._first_row(self.first.table()), self.middle.table()])
+        return RingTables(axes, self.view.table(), self._first_row(self.core))
+
+    def tabulated(
+        self,
+        points: Float[Tensor, "N 3"],
+        directions: Float[Tensor, "N 3"],
+        tables: RingTables | None = None,
+    ) -> Float[Tensor, "N C"]:
+        return ring_features(tables or self.tables(), points, directions)
+
+    def _first_row(self, vectors: Float[Tensor, "*rows R"]) -> Float[Tensor, "*rows D"]:
+        """R x R matrices, rows first, with the vectors as their first row; the transpose of the first column of G_c."""
+        rank = self.core.shape[1]
+        return nn.functional.pad(vectors, (0, rank * rank - rank))

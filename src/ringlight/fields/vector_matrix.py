@@ -1,0 +1,66 @@
+"""The vector-matrix field (TensoRF, Chen et al. 2022, section 3; as a light field in 3iGS, Tang and Cham 2024).
+
+    a = B concat_k(P_k(p) * l_k(p)) * d(v),   k over (xy, z), (xz, y), (yz, x)
+
+A grid of three dimensions as sums of planes times lines, linear in between. TensoRF and 3iGS give the direction to the
+network that follows; here, where the field itself depends on it, a map of directions weighs the components.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.core.directions import octahedral_from_directions
+from ringlight.fields.networks import fan_in_uniform
+from ringlight.fields.octahedral import sewn
+from ringlight.fields.ring_settings import VectorMatrixSettings
+from ringlight.fields.ring_tables import RingTables
+from ringlight.fields.tables import between_map_nodes, between_nodes
+
+PAIRS = (((0, 1), 2), ((0, 2), 1), ((1, 2), 0))
+"""Axes of each plane, and of the line that goes with it."""
+
+SPREAD = 0.1
+"""Standard deviation of planes, lines and directions at the start (TensoRF)."""
+
+
+class VectorMatrix(nn.Module):
+    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. M components for each of three
+    pairs.
+
+    ``planes`` [3 S S M], row j for the plane's second axis; ``lines`` [3 S M]; ``view`` [V V 3M], one at the start but
+    for noise, so that the field begins as one of position; ``basis`` [C 3M] mixes the components, without a bias.
+    """
+
+    def __init__(self, features: int, settings: VectorMatrixSettings, generator: torch.Generator):
+        super().__init__()
+        side, components, view = settings.side, settings.components, settings.view
+        joined = len(PAIRS) * components
+
+        def noise(*shape: int, mean: float = 0.0) -> nn.Parameter:
+            return nn.Parameter(torch.empty(shape).normal_(mean, SPREAD, generator=generator))
+
+        self.planes = noise(len(PAIRS), side, side, components)
+        self.lines = noise(len(PAIRS), side, components)
+        self.view = noise(view, view, joined, mean=1.0)
+        self.basis = fan_in_uniform((features, joined), joined, generator)
+
+    def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
+        products = [
+            between_map_nodes(plane.flatten(0, 1), points[:, pair]) * between_nodes(line, points[:, along])
+            for plane, line, (pair, along) in zip(self.planes, self.lines, PAIRS, strict=True)
+        ]
+        view = between_map_nodes(sewn(self.view).flatten(0, 1), octahedral_from_directions(directions))
+        return (torch.cat(products, -1) * view) @ self.basis.T
+
+    def tables(self) -> None:
+        """None: planes are no ring's."""
+
+    def tabulated(
+        self,
+        points: Float[Tensor, "N 3"],
+        directions: Float[Tensor, "N 3"],
+        tables: RingTables | None = None,
+    ) -> Float[Tensor, "N C"]:
+        """The same as :meth:`exact`: everything is a table already."""
+        return self.exact(points, directions)
