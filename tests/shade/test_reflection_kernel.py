@@ -79,6 +79,8 @@ def assert_equal(shader: ReflectionShader, blended: Channels, view: Camera) -> N
     assert found.color.dtype == torch.float32
     scale = expected.color.abs().max()
     assert (found.color - expected.color).abs().max() < VALUE_TOLERANCE * scale
+    if not shader.settings.depth_gradient and "depth" in found.gradients:
+        assert not found.gradients.pop("depth").any()
     assert found.gradients.keys() == expected.gradients.keys()
     for name, gradient in expected.gradients.items():
         error = (found.gradients[name] - gradient).abs().max().item() if gradient.numel() else 0.0

@@ -11,6 +11,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import OPACITY_FACTOR, Channels, Rendering
+from ringlight.models.parts import joined, parted
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.shade.contract import Shader
 
@@ -98,7 +99,7 @@ class SplatModel(nn.Module):
             return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
         widths = [values.shape[-1] for values in channels.values()]
         behind = [background if name == "rgb" else torch.zeros(w) for name, w in zip(channels, widths, strict=True)]
-        values = torch.cat(list(channels.values()), -1)
+        values = joined(list(channels.values()))
         raster = self.rasterize(gaussians, values, camera, torch.cat(behind), self.options, opacity_factor)
-        buffers = dict(zip(channels, raster.image.split(widths, -1), strict=True)) | {"alpha": raster.alpha}
+        buffers = dict(zip(channels, parted(raster.image, widths), strict=True)) | {"alpha": raster.alpha}
         return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)

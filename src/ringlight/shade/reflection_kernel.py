@@ -68,6 +68,10 @@ def _planar(values: Float[Tensor, "H W c"]) -> Float[Tensor, "c H W"]:
     return values.permute(2, 0, 1).contiguous()
 
 
+ALPHA = 3
+"""Its place among the kernel's planes: rgb, normal, latents, alpha and, where there are spheres, depth."""
+
+
 class _Reflect(torch.autograd.Function):
     @staticmethod
     def forward(
@@ -93,9 +97,17 @@ class _Reflect(torch.autograd.Function):
     def backward(ctx: Any, by_color: Tensor) -> tuple[Tensor | None, ...]:
         job, planes, parameters = ctx.job, ctx.saved_tensors[: ctx.count], ctx.saved_tensors[ctx.count :]
         gradients = [torch.empty_like(parameter) for parameter in parameters]
-        by_planes = [torch.empty_like(plane) for plane in (planes if job.depth_gradient else planes[:4])]
-        _kernels.reflection_backward(job.shape, parameters, job.view, planes, _planar(by_color), gradients, by_planes)
-        by_buffers: list[Tensor | None] = [plane.permute(1, 2, 0) for plane in by_planes]
-        if not job.depth_gradient:
-            by_buffers.append(None)
-        return None, *by_buffers, *gradients
+        # One block, in the order in which colour models blend: whoever parted the image can hand it on as it is.
+        blended = [plane for index, plane in enumerate(planes) if index != ALPHA]
+        block = by_color.new_empty(sum(map(len, blended)), *blended[0].shape[1:])
+        by_rgb, by_normal, by_latents, *by_depth = block.split([len(plane) for plane in blended])
+        by_alpha = torch.empty_like(planes[ALPHA])
+        by_planes = [by_rgb, by_normal, by_latents, by_alpha]
+        _kernels.reflection_backward(
+            job.shape, parameters, job.view, planes, _planar(by_color), gradients,
+            [*by_planes, *by_depth] if job.depth_gradient else by_planes,
+        )  # fmt: skip
+        if by_depth and not job.depth_gradient:
+            by_depth[0].zero_()
+        by_buffers = [plane.permute(1, 2, 0) for plane in [*by_planes, *by_depth]]
+        return None, *by_buffers, *([] if by_depth else [None]), *gradients
