@@ -68,7 +68,9 @@ std::uint64_t Workspace::number_slots() {
   }
   if (broken)
     throw std::domain_error("rasterizer: " + std::to_string(broken) + " rows hold a value that is not finite");
-  constexpr std::uint64_t MAX_SLOTS = 0xffff0000u;  // half an entry names its slot; some are left for bin.cpp
+  // Five times what six million Gaussians ask for at 4K, and half a minute of one core at worst: Gaussians that cover
+  // everything and hide nothing would otherwise keep it busy for hours. Half an entry must be able to name its slot.
+  constexpr std::uint64_t MAX_SLOTS = std::uint64_t{1} << 27;
   if (slots > MAX_SLOTS) throw std::bad_alloc();
   slots_in_use_ = slots;
   return drawn;

@@ -1,8 +1,10 @@
 """Photographs: lazy, 8 bit, one filter, and damage that raises one sentence."""
 
 import io
+import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +142,7 @@ def test_photographs_are_kept_while_their_memory_lasts_and_are_the_same_afterwar
 
 STREAMED = """
 import sys
+import zlib
 from pathlib import Path
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
@@ -168,3 +171,38 @@ def test_a_scene_larger_than_its_memory_streams(tmp_path: Path):
     total, used = map(float, done.stdout.split())
     assert total == 180
     assert used < 40, "MB: 20 are kept, and a photograph is decoded"
+
+
+def png(width: int, height: int, data: bytes) -> bytes:
+    """A PNG of 8-bit RGB that says so, with whatever data."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "reason"),
+    [(9_000, 9_000, "more than its bytes can hold"), (20_000, 20_000, "exceeds limit"), (2**31 - 1, 2**31 - 1, "")],
+)
+def test_a_decompression_bomb_is_refused_unread(tmp_path: Path, width: int, height: int, reason: str):
+    path = tmp_path / "bomb.png"
+    path.write_bytes(png(width, height, zlib.compress(bytes(100_000), 9)))
+    for action in (lambda: read_header(path), Photograph(path, 10, 10)):
+        with pytest.raises(SceneError, match=rf"bomb\.png: not a readable image \(.*{reason}"):
+            action()
+
+
+def test_a_plain_image_is_no_bomb(tmp_path: Path):
+    for suffix in ("png", "jpg", "bmp"):
+        Image.new("L", (3000, 3000), 255).save(tmp_path / f"plain.{suffix}", optimize=True)
+        assert read_header(tmp_path / f"plain.{suffix}").width == 3000
+
+
+@pytest.mark.parametrize("kind", ["EPS", "GIF", "PPM", "PDF"])
+def test_formats_that_are_no_photographs_are_not_opened(tmp_path: Path, kind: str):
+    Image.new("RGB", (8, 8)).save(tmp_path / "a.png", kind)
+    with pytest.raises(SceneError, match="of no known format"):
+        read_header(tmp_path / "a.png")

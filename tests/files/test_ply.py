@@ -187,3 +187,13 @@ def test_other_columns_types_and_elements_are_skipped(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match="no such file"):
         read_gaussian_ply(tmp_path / "nothing.ply")
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
+def test_a_number_that_is_not_finite_is_refused_by_its_place(tmp_path: Path, bad: float) -> None:
+    means = torch.zeros(5, 3)
+    means[3, 1] = bad
+    table = Gaussians(means, torch.zeros(5, 3), torch.ones(5, 4), torch.zeros(5))
+    write_gaussian_ply(tmp_path / "a.ply", table, torch.zeros(5, 3), torch.zeros(5, 0, 3))
+    with pytest.raises(ModelFileError, match=rf"column y holds {bad} in row 3"):
+        read_gaussian_ply(tmp_path / "a.ply")

@@ -114,6 +114,16 @@ def test_more_entries_than_can_be_counted_are_refused(rasterizer):
         rasterizer(table, torch.ones(count, 1), camera, torch.zeros(1))
 
 
+def test_a_render_bomb_is_refused_at_once(rasterizer):
+    """Gaussians that cover everything and hide nothing: no tile could stop early."""
+    count = 3_000
+    means = torch.tensor([0.0, 0, 1]).repeat(count, 1)
+    table = Gaussians(means, torch.full((count, 3), 3.0), torch.ones(count, 4), torch.full((count,), -5.0))
+    camera = Camera(torch.eye(4), (8192.0, 8192.0), (4096.0, 4096.0), 8192, 8192)
+    with pytest.raises(BackendError, match="more time, than a view may take"):
+        rasterizer(table, torch.ones(count, 1), camera, torch.zeros(1))
+
+
 def test_other_types_are_refused_with_the_remedy(rasterizer):
     case = random_case(0).to(torch.float64)
     with pytest.raises(BackendError, match="float32"):

@@ -7,6 +7,9 @@ from typing import Literal
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 
+LARGEST_HIDDEN = 1024
+"""Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
+
 MAX_LATENTS = 16
 """What the kernels take: RING_MAX_LATENTS in kernels/ring.hpp."""
 
@@ -49,8 +52,8 @@ class RingLightSettings:
 
     def __post_init__(self) -> None:
         for name in ("render_hidden", "modulation_hidden"):
-            if getattr(self, name) < 1:
-                raise RecipeError(f"light.{name} is {getattr(self, name)}; give at least 1")
+            if not 1 <= getattr(self, name) <= LARGEST_HIDDEN:
+                raise RecipeError(f"light.{name} is {getattr(self, name)}; give 1 to {LARGEST_HIDDEN}")
         if not 0 <= self.latents <= MAX_LATENTS:
             raise RecipeError(f"light.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian")
         if not 0 <= self.mask_threshold < 1:

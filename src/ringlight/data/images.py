@@ -11,7 +11,10 @@ not applied, because camera poses are solved on the pixels as stored.
 """
 
 import struct
+import warnings
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -35,6 +38,13 @@ BROKEN_IMAGE = (
 """What Pillow's decoders raise on damaged files."""
 
 
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF")
+"""What photographs come as; Pillow knows others, one of which runs a program to be read."""
+
+PIXELS_A_BYTE = 8 * 1032
+"""Deflate packs 1032 bytes into one at most, and a byte holds up to eight pixels: no file with more is whole."""
+
+
 @dataclass(frozen=True)
 class ImageHeader:
     """What an image file says of itself before it is decoded; sizes in pixels."""
@@ -51,7 +61,7 @@ def read_header(path: Path) -> ImageHeader:
         SceneError: not an image that can be read, or of more than 8 bits a channel.
     """
     try:
-        with Image.open(path) as image:
+        with _opened(path) as image:
             mode, has_alpha = image.mode, _has_alpha(image)
             width, height = image.size
     except BROKEN_IMAGE as error:
@@ -109,7 +119,7 @@ class Photograph:
 
     def _decode(self) -> UInt8[np.ndarray, "H W C"]:
         try:
-            with Image.open(self.path) as image:
+            with _opened(self.path) as image:
                 colors = image.convert("RGBA" if _has_alpha(image) else "RGB")
         except BROKEN_IMAGE as error:
             raise _unreadable(self.path, error) from error
@@ -117,6 +127,18 @@ class Photograph:
             # Pillow premultiplies RGBA by itself around every filter but NEAREST.
             colors = colors.resize((self.width, self.height), Image.Resampling.LANCZOS)
         return np.array(colors)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Image.Image]:
+    """The image, not decoded yet; ValueError or Pillow's own for one that promises absurdly many pixels."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Image.DecompressionBombWarning)  # its limit: 89 million pixels
+        with Image.open(path, formats=FORMATS) as image:
+            width, height = image.size
+            if width * height > PIXELS_A_BYTE * path.stat().st_size:
+                raise ValueError(f"promises {width}x{height} pixels, more than its bytes can hold")
+            yield image
 
 
 def _has_alpha(image: Image.Image) -> bool:

@@ -15,6 +15,9 @@ LARGEST = {
 }
 """Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
 
+LARGEST_TABLES = 1 << 28
+"""Floats of all heads at their nodes, which no shape in a model file shows."""
+
 
 @dataclass(frozen=True)
 class RingSettings:
@@ -51,6 +54,8 @@ class RingSettings:
         for name in ("position_nodes", "view_nodes"):
             if getattr(self, name) < 2:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; interpolation needs at least 2 nodes")
+        if (3 * self.position_nodes + self.view_nodes**2) * self.rank**2 > LARGEST_TABLES:
+            raise RecipeError("light.ring asks for tables of over a gigabyte; give a lower rank or fewer nodes")
 
 
 @dataclass(frozen=True)

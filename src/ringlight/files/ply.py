@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.core.finite import first_not_finite
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import ModelFileError
 from ringlight.files.atomic import written_atomically
@@ -73,7 +74,7 @@ def write_gaussian_ply(
 def read_gaussian_ply(path: str | Path) -> GaussianPly:
     """Read a binary little-endian 3DGS PLY; other columns are skipped. Raises ModelFileError.
 
-    Sizes are checked against the file before memory is allocated.
+    Sizes are checked against the file before memory is allocated; numbers that are not finite are refused by place.
     """
     path = Path(path)
     table = read_ply_header(path)
@@ -86,6 +87,7 @@ def read_gaussian_ply(path: str | Path) -> GaussianPly:
             "export one with 'ringlight export' or another 3DGS program"
         )
     values = _read_columns(path, table, wanted)
+    _refuse_not_finite(path, wanted, values)
     means, sh_dc, rest, opacity, log_scales, quats = values.split([3, 3, 3 * coefficients, 1, 3, 4], 1)
     gaussians = Gaussians(
         means=means.contiguous(),
@@ -129,6 +131,13 @@ def _read_columns(path: Path, table: PlyTable, names: list[str]) -> Float[Tensor
             for column, name in enumerate(names):
                 values[begin : begin + len(rows), column] = rows[name]
     return torch.from_numpy(values)
+
+
+def _refuse_not_finite(path: Path, names: list[str], values: Float[Tensor, "N c"]) -> None:
+    if values.isfinite().all():
+        return
+    broken = first_not_finite(dict(zip(names, values.unbind(1), strict=True)))
+    raise ModelFileError(f"{path}: column {broken}, and only finite numbers can be drawn; export it again without them")
 
 
 def _one_line(comment: str) -> str:

@@ -15,9 +15,10 @@ from ringlight.core.camera import Camera
 from ringlight.core.finite import first_not_finite
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import Scene
-from ringlight.errors import DivergedError, ModelFileError
+from ringlight.errors import DivergedError, ModelFileError, RecipeError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
 from ringlight.measure.size import bytes_by_part
+from ringlight.methods.outline import refuse_misfits
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import METHODS, method_of
 from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
@@ -25,6 +26,9 @@ from ringlight.rasterize.contract import Rasterizer
 
 CAMERAS_PREFIX = "cameras."
 """Tensors below this name hold the training cameras; rendering does not need them."""
+
+LARGEST_SIDE = 1 << 20
+"""Pixels of a camera in a model file; any more is a damaged number."""
 
 
 @dataclass(frozen=True)
@@ -132,12 +136,14 @@ def model_of_tensors(
         name.removeprefix(COLUMNS_PREFIX): tensor for name, tensor in tensors.items() if name.startswith(COLUMNS_PREFIX)
     }
     try:
-        gaussians = Gaussians.from_columns(columns)
-        model = recipe.model(gaussians, torch.tensor(header.scene.box), rasterize)
+        box = torch.tensor(header.scene.box)
+        of_model = {name: tensor for name, tensor in tensors.items() if not name.startswith(CAMERAS_PREFIX)}
+        refuse_misfits(recipe, box, rasterize, of_model)
         cameras = cameras_from_tensors(tensors)
-        model.load_state_dict({name: t for name, t in tensors.items() if not name.startswith(CAMERAS_PREFIX)})
-    except (KeyError, RuntimeError, ValueError) as error:
-        reason = str(error).splitlines()[-1].strip()
+        model = recipe.model(Gaussians.from_columns(columns), box, rasterize)
+        model.load_state_dict(of_model)
+    except (KeyError, RuntimeError, ValueError, RecipeError) as error:
+        reason = (str(error).strip("'").splitlines() or [type(error).__name__])[-1].strip()
         raise ModelFileError(f"{path}: its tensors do not fit its recipe ({reason}); copy the file again") from None
     return StoredModel(model.eval(), header, cameras)
 
@@ -154,7 +160,11 @@ def tensors_from_cameras(cameras: Sequence[Camera]) -> dict[str, torch.Tensor]:
 def cameras_from_tensors(tensors: Mapping[str, torch.Tensor]) -> tuple[Camera, ...]:
     """Inverse of :func:`tensors_from_cameras`. Raises KeyError or ValueError for tensors that are not that."""
     matrices, pinholes = tensors[f"{CAMERAS_PREFIX}world_to_camera"], tensors[f"{CAMERAS_PREFIX}pinholes"]
-    if matrices.shape != (len(matrices), 4, 4) or pinholes.shape != (len(matrices), 6):
+    count = matrices.shape[:1]
+    if matrices.shape != (*count, 4, 4) or pinholes.shape != (*count, 6):
         raise ValueError("the training cameras have another shape than [M 4 4] and [M 6]")
+    sides = pinholes[:, 4:]
+    if not bool(((sides >= 1) & (sides <= LARGEST_SIDE)).all()):
+        raise ValueError(f"a training camera has a side of other than 1 to {LARGEST_SIDE} pixels")
     rows = zip(matrices.unbind(0), pinholes.tolist(), strict=True)
     return tuple(Camera(m.contiguous(), (p[0], p[1]), (p[2], p[3]), int(p[4]), int(p[5])) for m, p in rows)

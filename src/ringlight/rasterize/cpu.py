@@ -149,7 +149,7 @@ class _Job:
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(footprint.radii)
             raise BackendError(
-                f"{count} Gaussians on {size} pixels need more memory than this machine has; "
+                f"{count} Gaussians on {size} pixels need more memory, or more time, than a view may take; "
                 "they cover too much of the image: make the scales, the image or their number smaller"
             ) from error
         return image, alpha

@@ -26,6 +26,21 @@ def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapp
         raise OutputError(f"{folder.checkpoint}: cannot be written: {error.strerror}; choose another folder") from error
 
 
+def refuse_misfits(state: Mapping[str, Tensor], own: Mapping[str, Tensor]) -> None:
+    """Raise KeyError or ValueError unless ``state`` can be restored where ``own`` is the state at the start.
+
+    Tables have grown since, and what a strategy counts for each row with them; everything else has its old shape.
+    """
+    rows, columns = len(state["model.columns.means"]), ("model.columns.", "mean.columns.", "square.columns.")
+    for name, tensor in own.items():
+        found = state[name]
+        of_row = name.removeprefix("optimizer.").startswith(columns)
+        shape = (rows, *tensor.shape[1:]) if of_row else tuple(tensor.shape)
+        counted = name.startswith("strategy.") and found.ndim == tensor.ndim
+        if found.dtype != tensor.dtype or not (counted or tuple(found.shape) == shape):
+            raise ValueError(f"{name} is {found.dtype} of shape {list(found.shape)}")
+
+
 def read_checkpoint(folder: RunFolder) -> tuple[TensorFile, tuple[str, ...]]:
     """The newest checkpoint that is whole, and a sentence on each newer one that is damaged.
 

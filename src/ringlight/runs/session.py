@@ -16,7 +16,7 @@ from ringlight.files.atomic import sweep
 from ringlight.fit.train import Progress, Training, train
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.checkpoints import read_checkpoint, write_checkpoint
+from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.limits import bounded, most_gaussians
 from ringlight.runs.record import RECORD_NAME, RunRecord
@@ -82,12 +82,13 @@ class Session:
         scene = load_scene(record.scene, record.options)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         try:
+            refuse_misfits(stored.tensors, training.state())
             training.restore(stored.tensors)
             clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
             views = int(stored.metadata["training_views"])
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
-                f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({type(error).__name__}); "
+                f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({error}); "
                 "it was written by another version of ringlight: start again with --out NEW"
             ) from None
         if views != len(scene.train):
