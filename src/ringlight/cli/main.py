@@ -35,6 +35,7 @@ VERBS = {
     "eval": Verb("evaluate", "measure a model on held-out photographs"),
     "render": Verb("render", "pictures or video: test views, an orbit, a path; base colour, residual, depth, ..."),
     "compare": Verb("compare", "several runs in one table and one contact sheet"),
+    "study": Verb("study", "repeat the paper's ablations: the whole matrix, its table and curves"),
     "info": Verb("info", "what a model file or run folder holds"),
     "compress": Verb("compress", "write a model in about a third of the bytes, and say what that costs"),
     "export": Verb("export", "write a PLY that other viewers open"),

@@ -1,0 +1,134 @@
+"""``ringlight study ablation|field|rank|feature|gamma|beta|warmup SCENE...``: the paper's tables, run after run."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from ringlight.cli.arguments import MaybeFolder, MaybeWhole, Net
+from ringlight.cli.fitting import ReaderOptions, fit
+from ringlight.cli.main import INTERRUPTED
+from ringlight.cli.parse import parse, refuse
+from ringlight.errors import RecipeError
+
+if TYPE_CHECKING:
+    from ringlight.methods.studies import Variant
+    from ringlight.runs.study import StudyRun
+
+
+@dataclass(frozen=True)
+class StudyArguments:
+    """Repeat a table of the paper: the same method with one thing changed at a time, on scenes and seeds of your
+    choice.
+
+    ablation (tables 2 and 3, with controls), field (other decompositions), rank and feature (appendix E), gamma, beta,
+    warmup. Each run gets its own folder OUT/SCENE/VARIANT/seed-N. The same command goes on after an interrupt: finished
+    runs are kept, and so are those that another study made in OUT. Ends with OUT/STUDY.md, .csv, .json and .png.
+    """
+
+    what: Annotated[
+        tyro.conf.Positional[Literal["ablation", "field", "rank", "feature", "gamma", "beta", "warmup"]],
+        tyro.conf.arg(metavar="STUDY"),
+    ]
+    """ablation, field, rank, feature, gamma, beta or warmup."""
+    scenes: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="SCENE [SCENE ...]", help_behavior_hint="(required)"),
+    ]
+    """Folders of photographs with cameras; toaster and carpaint are bundled."""
+    base: Literal["ringlight-paper", "ringlight"] = "ringlight-paper"
+    """What the variants change: the paper's settings, or ours."""
+    steps: MaybeWhole = None
+    """Training steps of each run; by default the method's own, 30000."""
+    seeds: int = 2
+    """Runs of each variant, with seeds 0, 1, ...; the table shows mean and standard deviation."""
+    out: MaybeFolder = None
+    """Folder of the study; by default runs/study-BASE."""
+    only: tuple[str, ...] = ()
+    """Variants to run and show, by name; --dry-run lists them."""
+    lpips: tuple[Net, ...] = ("alex",)
+    """Networks for LPIPS; their weights come by 'ringlight fetch-lpips'."""
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core."""
+    dry_run: bool = False
+    """List the runs, and which of them are finished; do nothing."""
+    json: bool = False
+    """Print the result as JSON instead of the table."""
+    quiet: bool = False
+    """No progress lines."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run what is missing, then show; returns the exit code."""
+    asked = parse(StudyArguments, "study", arguments)
+    if not asked.scenes:
+        refuse("study", "no scene is named; give folders of photographs, or toaster or carpaint")
+    _check(asked)
+    from ringlight.methods.studies import study_named
+
+    variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))
+    from ringlight.cli.threads import use_threads
+    from ringlight.runs.study import planned
+
+    out = asked.out or Path("runs") / f"study-{asked.base}"
+    runs = planned(variants, asked.scenes, asked.seeds, out)
+    if asked.dry_run:
+        sys.stdout.write(_listing(runs))
+        return 0
+    use_threads(asked.threads)
+    if not _run_all(asked, runs):
+        return INTERRUPTED
+    _show(asked, out, variants, runs)
+    return 0
+
+
+def _check(asked: StudyArguments) -> None:
+    for name in ("seeds", "steps"):
+        value = getattr(asked, name)
+        if value is not None and value < 1:
+            raise RecipeError(f"--{name} is {value}; give at least 1")
+
+
+def _chosen(asked: StudyArguments, variants: "tuple[Variant, ...]") -> "tuple[Variant, ...]":
+    names = [variant.name for variant in variants]
+    for name in asked.only:
+        if name not in names:
+            raise RecipeError(f"--only: study {asked.what} has no variant {name!r}; it has {', '.join(names)}")
+    return tuple(variant for variant in variants if not asked.only or variant.name in asked.only)
+
+
+def _listing(runs: "tuple[StudyRun, ...]") -> str:
+    width = max(len(str(run.folder)) for run in runs)
+    lines = [f"{run.folder!s:{width}}  {run.state:8}  {run.variant.about}" for run in runs]
+    missing = sum(run.state != "finished" for run in runs)
+    return "\n".join([*lines, f"{len(runs)} runs of {runs[0].variant.recipe.steps} steps, {missing} to do"]) + "\n"
+
+
+def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> bool:
+    """One run after the other; False where Ctrl-C stopped one, which is saved."""
+    options = ReaderOptions(threads=asked.threads, lpips=asked.lpips, quiet=asked.quiet)
+    again = f"ringlight study {asked.what} {' '.join(map(str, asked.scenes))} ... (the same command)"
+    missing = [run for run in runs if run.state != "finished"]
+    for number, run in enumerate(missing, 1):
+        if not asked.quiet:
+            sys.stderr.write(f"\nrun {number} of {len(missing)}: {run.variant.name}, {run.variant.about}\n")
+        if fit(run.session("auto"), options, again) is None:
+            return False
+    return True
+
+
+def _show(asked: StudyArguments, out: Path, variants: "tuple[Variant, ...]", runs: "tuple[StudyRun, ...]") -> None:
+    from rich.console import Console
+
+    from ringlight.runs.study_results import study_table, write_results
+
+    table = study_table(variants, runs)
+    written = write_results(out, asked.what, asked.base, runs, table)
+    if asked.json:
+        sys.stdout.write((out / f"{asked.what}.json").read_text(encoding="utf-8"))
+    else:
+        Console().print(table)
+    if not asked.quiet:
+        sys.stderr.write(f"written to {', '.join(map(str, written))}\n")

@@ -1,0 +1,203 @@
+"""The table of a study: mean and spread over seeds of what each variant measures, scene by scene and over all
+scenes."""
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean, stdev
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, ConsoleOptions
+from rich.table import Table
+from rich.text import Text
+
+from ringlight.measure.report import Report
+from ringlight.measure.size import FLOAT_BYTES
+
+ALL_SCENES = "all scenes"
+
+FIELD_PARTS = ("color.", "shader.")
+"""Parts of a model that Gaussians share."""
+
+NOT_LEARNED = ("color.box", "color.lit", "color.active_degree")
+"""Buffers among them."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Mean over seeds, and their standard deviation; None for a single seed."""
+
+    mean: float
+    deviation: float | None
+
+    @staticmethod
+    def of(values: Sequence[float]) -> "Spread":
+        """Of at least one value."""
+        return Spread(fmean(values), stdev(values) if len(values) > 1 else None)
+
+
+@dataclass(frozen=True)
+class StudyRow:
+    """One variant on one scene, or on all. ``at`` is the number that the study varies, ``paper`` dB on
+    Shiny-Blender."""
+
+    scene: str
+    variant: str
+    about: str
+    at: float | None
+    paper: float | None
+    seeds: int
+    psnr: Spread
+    ssim: Spread
+    lpips_alex: Spread | None
+    raw_megabytes: Spread
+    gaussians: Spread
+    train_seconds: Spread
+    shared_parameters: Spread
+    """Numbers that all Gaussians share: field, networks, maps."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """What a row says of its variant."""
+
+    name: str
+    about: str
+    at: float | None = None
+    paper: float | None = None
+
+
+Results = Mapping[str, Mapping[str, Mapping[int, Report]]]
+"""Reports by scene, variant and seed."""
+
+
+def study_rows(labels: Sequence[Label], results: Results) -> tuple[StudyRow, ...]:
+    """A row for each scene and variant that has a report; of several scenes also their mean, for variants that have the
+    same seeds on all."""
+    rows = [
+        _row(label, scene, [[report] for report in by_variant[label.name].values()])
+        for scene, by_variant in results.items()
+        for label in labels
+        if by_variant.get(label.name)
+    ]
+    if len(results) > 1:
+        for label in labels:
+            runs = [by_variant.get(label.name, {}) for by_variant in results.values()]
+            seeds = runs[0].keys()
+            if seeds and all(run.keys() == seeds for run in runs):
+                rows.append(_row(label, ALL_SCENES, [[run[seed] for run in runs] for seed in seeds]))
+    return tuple(rows)
+
+
+def _row(label: Label, scene: str, seeds: list[list[Report]]) -> StudyRow:
+    """``seeds`` holds for each seed the reports whose mean counts: one, or one for each scene."""
+
+    def spread(measure: str) -> Spread:
+        return Spread.of([fmean(float(getattr(report, measure) or 0) for report in reports) for reports in seeds])
+
+    has_lpips = all(report.lpips_alex is not None for reports in seeds for report in reports)
+    size = [fmean(report.bytes_raw / 1e6 for report in reports) for reports in seeds]
+    shared = [fmean(shared_parameters(report) for report in reports) for reports in seeds]
+    return StudyRow(
+        scene, label.name, label.about, label.at, label.paper, len(seeds),
+        spread("psnr"), spread("ssim_same"), spread("lpips_alex") if has_lpips else None,
+        Spread.of(size), spread("n_gaussians"), spread("train_seconds"), Spread.of(shared),
+    )  # fmt: skip
+
+
+def shared_parameters(report: Report) -> int:
+    """Learned numbers that the Gaussians of a model share."""
+    parts = report.bytes_by_part.items()
+    learned = (count for part, count in parts if part.startswith(FIELD_PARTS) and part not in NOT_LEARNED)
+    return sum(learned) // FLOAT_BYTES
+
+
+HEADINGS = ("variant", "", "PSNR", "SSIM", "LPIPS", "raw MB", "Gaussians", "train s", "shared", "paper*")
+LEAST_FIRST = ("", "LPIPS", "shared", "paper*", "train s", "Gaussians", "SSIM")
+"""Columns that a narrow terminal goes without, in this order: numbers are never cut."""
+GAP = 3
+"""Characters between columns: a blank on either side, and the box."""
+NOTE = "* PSNR that the paper reports, mean over Shiny-Blender: other scenes, another machine. ± is over seeds."
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """The rows, printed by rich or as markdown or CSV."""
+
+    rows: tuple[StudyRow, ...]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
+        """Rich's protocol: a table for each scene."""
+        for scene in dict.fromkeys(row.scene for row in self.rows):
+            yield Text(scene if scene == ALL_SCENES else f"scene {scene}", style="bold")
+            rows = [_cells(row) for row in self.rows if row.scene == scene]
+            table = Table(box=SIMPLE_HEAD, pad_edge=False)
+            shown = _fitting(rows, options.max_width)
+            for index in shown:
+                table.add_column(HEADINGS[index], justify="left" if index < 2 else "right", no_wrap=True)
+            for cells in rows:
+                table.add_row(*(cells[index] for index in shown))
+            yield table
+        yield Text(NOTE, style="dim")
+
+    def markdown(self) -> str:
+        """A GitHub table for each scene."""
+        lines = []
+        for scene in dict.fromkeys(row.scene for row in self.rows):
+            lines += [f"**{scene}**", "", _line(HEADINGS), _line([":--", ":--", *["--:"] * (len(HEADINGS) - 2)])]
+            shown = [_cells(row) for row in self.rows if row.scene == scene]
+            lines += [_line([text.replace("|", "\\|") for text in cells]) for cells in shown]
+            lines.append("")
+        return "\n".join([*lines, NOTE.replace("*", "\\*"), ""])
+
+    def csv(self) -> str:
+        """One line a row, mean and deviation in columns of their own; empty where there is none."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        first = vars(self.rows[0])
+        spreads = [name for name, value in first.items() if name == "lpips_alex" or isinstance(value, Spread)]
+        plain = [name for name in first if name not in spreads]
+        writer.writerow([*plain, *(column for name in spreads for column in (name, f"{name}_deviation"))])
+        for row in self.rows:
+            values = [getattr(row, name) for name in plain]
+            pairs = [getattr(row, name) or Spread(math.nan, None) for name in spreads]
+            values += [value for pair in pairs for value in (pair.mean, pair.deviation)]
+            writer.writerow(["" if value is None or value != value else value for value in values])
+        return text.getvalue()
+
+
+def _fitting(rows: Sequence[Sequence[str]], width: int) -> list[int]:
+    """The columns that fit into ``width`` characters, by their place among the headings."""
+    widths = [max(len(cells[index]) for cells in (HEADINGS, *rows)) for index in range(len(HEADINGS))]
+    shown = list(range(len(HEADINGS)))
+    for heading in LEAST_FIRST:
+        if sum(widths[index] for index in shown) + GAP * len(shown) > width:
+            shown.remove(HEADINGS.index(heading))
+    return shown
+
+
+def _cells(row: StudyRow) -> list[str]:
+    return [
+        row.variant,
+        row.about,
+        _written(row.psnr, 2),
+        _written(row.ssim, 4),
+        "-" if row.lpips_alex is None else _written(row.lpips_alex, 4),
+        f"{row.raw_megabytes.mean:.2f}",
+        f"{row.gaussians.mean:,.0f}",
+        f"{row.train_seconds.mean:.0f}",
+        f"{row.shared_parameters.mean:,.0f}",
+        "-" if row.paper is None else f"{row.paper:.2f}",
+    ]
+
+
+def _written(spread: Spread, digits: int) -> str:
+    if spread.deviation is None:
+        return f"{spread.mean:.{digits}f}"
+    return f"{spread.mean:.{digits}f} ± {spread.deviation:.{digits}f}"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"

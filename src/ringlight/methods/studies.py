@@ -1,0 +1,191 @@
+"""The paper's studies as matrices of recipes: what is changed, what the paper reports for it, what is held against it.
+
+Torch-free. A variant is a preset with settings changed, so its run is one that ``ringlight train`` could have made.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any
+
+from ringlight.errors import RecipeError
+from ringlight.fields.ring_settings import PerceptronSettings
+from ringlight.fit.photometric import PhotometricLoss
+from ringlight.methods.ringlight import RingLightRecipe
+from ringlight.methods.table import method_named
+
+FULL = "full"
+"""Name of the unchanged base in every study, so that studies in one folder share its runs."""
+
+RANKS, PAPER_RANK_PSNR = (4, 8, 16, 24), (27.71, 28.94, 29.01, 29.10)
+FEATURES, PAPER_FEATURE_PSNR = (12, 24, 48, 60), (28.42, 28.93, 29.01, 29.20)
+"""Appendix E of the paper, means over Shiny-Blender."""
+
+WARMUPS = (0.03, 0.1, 0.2, 0.3)
+SCALES = (1.0, 1e2, 1e4)
+SSIM_WEIGHTS = (0.0, 0.2, 0.5)
+
+GRID_RATE, GRID_RATE_END = 2e-2, 2e-3
+"""What TensoRF gives free values on a grid: a network's rate starves them, which is no fault of the decomposition."""
+
+EAGER_THRESHOLD = 1e-4
+"""Half of 3DGS's own: so that its number of Gaussians is bounded by what it is held against, not by the threshold."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One row of a study. ``paper`` is the PSNR that the paper reports for it, dB, mean over Shiny-Blender."""
+
+    name: str
+    preset: str
+    recipe: Any
+    about: str
+    at: float | None = None
+    """The number that the study varies, where it varies one."""
+    paper: float | None = None
+    as_many_as: str | None = None
+    """The variant whose number of Gaussians, at the end and with the same seed, bounds this one's."""
+
+
+def study_named(name: str, base: str, steps: int | None) -> tuple[Variant, ...]:
+    """The matrix of a study around ``base``, the unchanged base first; ``steps`` replaces the presets' own.
+
+    Raises RecipeError for an unknown study, or a base that has no light field.
+    """
+    if name not in STUDIES:
+        near = get_close_matches(name, STUDIES, n=1)
+        hint = f"perhaps you meant {near[0]!r}" if near else f"studies: {', '.join(STUDIES)}"
+        raise RecipeError(f"no study is called {name!r}; {hint}")
+    recipe = method_named(base)
+    if not isinstance(recipe, RingLightRecipe):
+        raise RecipeError(f"--base is {base}: it has no light field to study; give ringlight or ringlight-paper")
+    variants = STUDIES[name](base, recipe)
+    if steps is None:
+        return variants
+    return tuple(replace(variant, recipe=replace(variant.recipe, steps=steps)) for variant in variants)
+
+
+def _ablation(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """Tables 2 and 3, with the controls that they lack: grids at a grid's rate, a network of the ring's size."""
+    return (
+        Variant(FULL, base, recipe, "unchanged", paper=29.01),
+        Variant("discrete", base, _lit(recipe, field="discrete"), "w/o neural module: discrete cores", paper=27.73),
+        Variant("discrete-grid-rate", base, _grid_rates(_lit(recipe, field="discrete")), "the same at a grid's rate"),
+        Variant("mlp", base, _lit(recipe, field="mlp"), "w/o TR: one network", paper=26.13),
+        Variant("mlp-matched", base, _matched(recipe), "w/o TR: one network of the ring's size"),
+        Variant("no-base-color", base, _lit(recipe, base_color=False), "w/o base color", paper=22.85),
+        Variant("no-modulation", base, _lit(recipe, light_modulation=False), "w/o light modulation", paper=28.94),
+        *_controls(recipe),
+    )
+
+
+def _controls(recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """3DGS as it is; with the base's pixel term; and that with no more Gaussians than the base ends with."""
+    plain = method_named("3dgs")
+    loss = PhotometricLoss(pixel=recipe.loss.pixel, ssim_weight=recipe.loss.ssim_weight)
+    same_loss = replace(plain, loss=loss)
+    eager = replace(same_loss, densify=replace(plain.densify, threshold=EAGER_THRESHOLD))
+    return (
+        Variant("3dgs", "3dgs", plain, "3DGS", paper=28.87),
+        Variant("3dgs-loss", "3dgs", same_loss, f"3DGS with this loss ({loss.pixel.upper()})"),
+        Variant("3dgs-equal", "3dgs", eager, "3DGS with this loss, as many Gaussians", as_many_as=FULL),
+    )
+
+
+def _fields(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """The ring beside other decompositions, which the paper does not compare."""
+    return (
+        Variant(FULL, base, recipe, "neural tensor ring"),
+        Variant("discrete-grid-rate", base, _grid_rates(_lit(recipe, field="discrete")), "discrete ring, grid's rate"),
+        Variant("cp", base, _lit(recipe, field="cp"), "diagonal ring (CP), the ring's size"),
+        Variant("tt", base, _lit(recipe, field="tt"), "open ring (tensor train)"),
+        Variant("vm", base, _grid_rates(_lit(recipe, field="vm")), "planes and lines (VM), grid's rate"),
+        Variant("mlp-matched", base, _matched(recipe), "one network of the ring's size"),
+    )
+
+
+def _rank(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """Appendix E: rank of the ring."""
+    return _varied(
+        recipe, base, "rank", float(recipe.light.ring.rank), dict(zip(RANKS, PAPER_RANK_PSNR, strict=True)),
+        lambda value: _ringed(recipe, rank=int(value)),
+    )  # fmt: skip
+
+
+def _feature(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """Appendix E: channels of the appearance feature."""
+    return _varied(
+        recipe, base, "features", float(recipe.light.ring.features),
+        dict(zip(FEATURES, PAPER_FEATURE_PSNR, strict=True)),
+        lambda value: _ringed(recipe, features=int(value)),
+    )  # fmt: skip
+
+
+def _warmup(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """Share of the steps with base colour only."""
+    return _varied(
+        recipe, base, "warmup", recipe.warmup, dict.fromkeys(WARMUPS), lambda value: replace(recipe, warmup=value)
+    )
+
+
+def _gamma(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """The loss's scale; the densification threshold, a gradient, goes with it."""
+
+    def scaled(value: float) -> RingLightRecipe:
+        threshold = recipe.densify.threshold * value / recipe.loss.scale
+        densify = replace(recipe.densify, threshold=threshold)
+        return replace(recipe, loss=replace(recipe.loss, scale=value), densify=densify)
+
+    return _varied(recipe, base, "gamma", recipe.loss.scale, dict.fromkeys(SCALES), scaled)
+
+
+def _beta(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+    """The share of SSIM in the loss."""
+    return _varied(
+        recipe, base, "beta", recipe.loss.ssim_weight, dict.fromkeys(SSIM_WEIGHTS),
+        lambda value: replace(recipe, loss=replace(recipe.loss, ssim_weight=value)),
+    )  # fmt: skip
+
+
+STUDIES: dict[str, Callable[[str, RingLightRecipe], tuple[Variant, ...]]] = {
+    "ablation": _ablation,
+    "field": _fields,
+    "rank": _rank,
+    "feature": _feature,
+    "gamma": _gamma,
+    "beta": _beta,
+    "warmup": _warmup,
+}
+
+
+def _varied(
+    recipe: RingLightRecipe,
+    base: str,
+    what: str,
+    own: float,
+    values: dict[Any, float | None],
+    change: Callable[[float], RingLightRecipe],
+) -> tuple[Variant, ...]:
+    """The unchanged base at its own value, then one variant for each other value, ascending."""
+    others = [
+        Variant(f"{what}-{value:g}", base, change(value), f"{what} {value:g}", at=float(value), paper=values[value])
+        for value in sorted(values)
+        if value != own
+    ]
+    return (Variant(FULL, base, recipe, f"{what} {own:g}", at=float(own), paper=values.get(own)), *others)
+
+
+def _lit(recipe: RingLightRecipe, **changes: Any) -> RingLightRecipe:
+    return replace(recipe, light=replace(recipe.light, **changes))
+
+
+def _ringed(recipe: RingLightRecipe, **changes: Any) -> RingLightRecipe:
+    return _lit(recipe, ring=replace(recipe.light.ring, **changes))
+
+
+def _matched(recipe: RingLightRecipe) -> RingLightRecipe:
+    return _lit(recipe, field="mlp", mlp=PerceptronSettings(hidden=0))
+
+
+def _grid_rates(recipe: RingLightRecipe) -> RingLightRecipe:
+    return replace(recipe, field_rate=GRID_RATE, field_rate_end=GRID_RATE_END)

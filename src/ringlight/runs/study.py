@@ -1,0 +1,116 @@
+"""A study on disk: each run in its own folder of the usual kind, made where it is missing, kept where it is
+finished."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from ringlight.data.bundled import BUNDLED, bundled_scene
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RecipeError, RunError
+from ringlight.measure.report import REPORT_NAME, Report, read_report
+from ringlight.methods.studies import Variant
+from ringlight.runs.folder import RunFolder
+from ringlight.runs.record import RECORD_NAME, RunRecord
+from ringlight.runs.session import Session
+
+State = Literal["finished", "started", "to do"]
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """One run of a study: ``folder`` is FOLDER/SCENE/VARIANT/seed-SEED."""
+
+    scene: Path
+    variant: Variant
+    seed: int
+    folder: Path
+
+    @property
+    def report(self) -> Report | None:
+        """The report of the finished run; None before that. ``eval`` measures runs that were stopped, too."""
+        if not (self.folder / REPORT_NAME).is_file():
+            return None
+        report = read_report(self.folder)
+        return report if report.iterations == self.variant.recipe.steps else None
+
+    @property
+    def state(self) -> State:
+        """What is there already."""
+        if self.report is not None:
+            return "finished"
+        return "started" if (self.folder / RECORD_NAME).is_file() else "to do"
+
+    def checked(self) -> "StudyRun":
+        """Itself. Raises RunError where the folder holds a run of other settings, which would be taken for this one."""
+        if not (self.folder / RECORD_NAME).is_file():
+            return self
+        record = RunRecord.read(self.folder)
+        asked = (_comparable(self.variant.recipe), self.seed, self.scene.resolve())
+        if (_comparable(record.recipe), record.seed, record.scene) != asked:
+            raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
+        return self
+
+    def session(self, device: str) -> Session:
+        """The training, from its start or from where it stopped.
+
+        Raises RunError where it waits for another variant's number of Gaussians and that is not known.
+        """
+        self.checked()
+        if RunFolder(self.folder).checkpoints:
+            return Session.resume(self.folder)
+        if (self.folder / RECORD_NAME).is_file():
+            raise RunError(f"{self.folder}: was stopped before its first checkpoint; remove it and run the study again")
+        self.folder.parent.mkdir(parents=True, exist_ok=True)
+        recipe = self._bounded_recipe()
+        preset = self.variant.preset
+        session = Session.start(self.folder, self.scene, preset, recipe, SceneOptions(), self.seed, device)
+        # From here on there is something to resume from, whatever happens.
+        session.save()
+        return session
+
+    def _bounded_recipe(self) -> Any:
+        recipe, other = self.variant.recipe, self.variant.as_many_as
+        if other is None:
+            return recipe
+        folder = self.folder.parents[1] / other / self.folder.name
+        count = read_report(folder).n_gaussians
+        return replace(recipe, densify=replace(recipe.densify, max_gaussians=count))
+
+
+def planned(variants: Sequence[Variant], scenes: Sequence[Path], seeds: int, out: Path) -> tuple[StudyRun, ...]:
+    """All runs, scene by scene and seed by seed, each variant after those whose Gaussians it counts.
+
+    Raises RunError for two scenes of one name, or a folder that holds a run of other settings.
+    """
+    found = [_scene(path) for path in scenes]
+    names = [scene.resolve().name for scene in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise RunError(f"two scenes are called {name!r}; rename one of the folders, or study them one by one")
+    present = {variant.name for variant in variants}
+    for variant in variants:
+        if variant.as_many_as is not None and variant.as_many_as not in present:
+            raise RecipeError(f"{variant.name} is held to {variant.as_many_as}, which --only leaves out; name both")
+    ordered = sorted(variants, key=lambda variant: variant.as_many_as is not None)
+    return tuple(
+        StudyRun(scene, variant, seed, out / name / variant.name / f"seed-{seed}").checked()
+        for scene, name in zip(found, names, strict=True)
+        for seed in range(seeds)
+        for variant in ordered
+    )
+
+
+def _scene(path: Path) -> Path:
+    """A folder of photographs, or the bundled scene of that name. Raises RunError for what is neither."""
+    if path.is_dir():
+        return path
+    if str(path) in BUNDLED:
+        return bundled_scene(str(path))
+    raise RunError(f"{path}: there is no such folder; give a folder of photographs, or {' or '.join(BUNDLED)}")
+
+
+def _comparable(recipe: Any) -> Any:
+    """The recipe without the bound on Gaussians, which another run or this machine's memory may have set."""
+    return replace(recipe, densify=replace(recipe.densify, max_gaussians=0))

@@ -1,0 +1,69 @@
+"""What a study leaves behind: its table as markdown, CSV and JSON, and its curves as a picture."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ringlight.files.atomic import write_text
+from ringlight.measure.curves import Chart, Dot, Line, draw_charts
+from ringlight.measure.json_record import to_json
+from ringlight.measure.report import Report
+from ringlight.measure.study_table import ALL_SCENES, Label, Spread, StudyRow, StudyTable, study_rows
+from ringlight.methods.studies import Variant
+from ringlight.runs.sheet import write_sheet
+from ringlight.runs.study import StudyRun
+
+
+@dataclass(frozen=True)
+class StudyRecord:
+    """The study as JSON: every row, and where each run lies."""
+
+    study: str
+    base: str
+    steps: int
+    rows: tuple[StudyRow, ...]
+    runs: tuple[str, ...]
+
+
+def study_table(variants: Sequence[Variant], runs: Sequence[StudyRun]) -> StudyTable:
+    """The table of the runs that are finished; empty while none is."""
+    results: dict[str, dict[str, dict[int, Report]]] = {}
+    for run in runs:
+        report = run.report
+        if report is not None:
+            results.setdefault(report.scene, {}).setdefault(run.variant.name, {})[run.seed] = report
+    labels = [Label(variant.name, variant.about, variant.at, variant.paper) for variant in variants]
+    return StudyTable(study_rows(labels, results))
+
+
+def write_results(out: Path, study: str, base: str, runs: Sequence[StudyRun], table: StudyTable) -> tuple[Path, ...]:
+    """STUDY.md, STUDY.csv, STUDY.json and STUDY.png in the study's folder, in place of earlier ones. Raises
+    OutputError."""
+    steps = runs[0].variant.recipe.steps
+    record = StudyRecord(study, base, steps, table.rows, tuple(str(run.folder) for run in runs))
+    texts = {"md": table.markdown(), "csv": table.csv(), "json": to_json(record)}
+    for suffix, text in texts.items():
+        write_text(out / f"{study}.{suffix}", text)
+    picture = draw_charts(study_charts(table.rows), f"{study}: {base}, {steps} steps")
+    write_sheet(picture, out / f"{study}.png")
+    return tuple(out / f"{study}.{suffix}" for suffix in (*texts, "png"))
+
+
+def study_charts(rows: Sequence[StudyRow]) -> tuple[Chart, ...]:
+    """PSNR, SSIM and training time over the number that is varied; or by variant, where a study varies no number."""
+    shown = [row for row in rows if row.scene != ALL_SCENES]
+    names = () if all(row.at is not None for row in shown) else tuple(dict.fromkeys(row.variant for row in shown))
+
+    def chart(title: str, measure: str) -> Chart:
+        lines = []
+        for scene in dict.fromkeys(row.scene for row in shown):
+            of_scene = [row for row in shown if row.scene == scene]
+            lines.append(Line(scene, tuple(_dot(row, getattr(row, measure), names) for row in of_scene)))
+        return Chart(title, tuple(lines), names)
+
+    return chart("PSNR, dB", "psnr"), chart("SSIM", "ssim"), chart("training, seconds", "train_seconds")
+
+
+def _dot(row: StudyRow, value: Spread, names: tuple[str, ...]) -> Dot:
+    place = names.index(row.variant) if names else row.at
+    return Dot(float(place or 0), value.mean, value.deviation)

@@ -1,0 +1,108 @@
+"""``ringlight study``: a matrix of runs in folders of the usual kind, that goes on where it stopped."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command import Command
+from refusal import refused, snapshot
+
+from ringlight.cli import progress
+from ringlight.measure.report import read_report
+from ringlight.runs.record import RunRecord
+
+WORDS = ("--steps", "3", "--base", "ringlight", "--quiet", "--lpips")
+ONLY = ("--only", "full", "3dgs", "3dgs-equal")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory, tiny: Path) -> Path:
+    """Two scenes' worth of a finished study would say no more than one."""
+    from ringlight.cli.main import run
+
+    out = tmp_path_factory.mktemp("study") / "made" / "here"
+    assert run(["study", "ablation", str(tiny), "--out", str(out), *WORDS, *ONLY]) == 0
+    return out
+
+
+def test_each_run_has_its_folder_and_the_study_its_table(study: Path) -> None:
+    results = {f"ablation.{suffix}" for suffix in ("md", "csv", "json", "png")}
+    assert {path.name for path in study.iterdir()} == {"balls", *results}
+    runs = sorted(path.relative_to(study / "balls") for path in study.glob("balls/*/*"))
+    assert [str(path) for path in runs] == [f"{v}/seed-{s}" for v in ("3dgs", "3dgs-equal", "full") for s in (0, 1)]
+    record = json.loads((study / "ablation.json").read_text())
+    assert (record["study"], record["base"], record["steps"]) == ("ablation", "ringlight", 3)
+    assert [row["variant"] for row in record["rows"]] == ["full", "3dgs", "3dgs-equal"]
+    full = record["rows"][0]
+    measured = [read_report(study / "balls" / "full" / f"seed-{seed}").psnr for seed in (0, 1)]
+    assert full["psnr"]["mean"] == pytest.approx(sum(measured) / 2)
+    assert full["seeds"] == 2
+
+
+def test_equal_means_no_more_gaussians_than_the_full_method(study: Path) -> None:
+    for seed in (0, 1):
+        full = read_report(study / "balls" / "full" / f"seed-{seed}")
+        record = RunRecord.read(study / "balls" / "3dgs-equal" / f"seed-{seed}")
+        assert record.recipe.densify.max_gaussians == full.n_gaussians
+        assert record.recipe.loss.pixel == "l2"
+        assert record.preset == "3dgs"
+        assert record.seed == seed
+
+
+def test_the_same_command_again_trains_nothing(study: Path, tiny: Path, ringlight: Command) -> None:
+    before = snapshot(study / "balls")
+    done = ringlight("study", "ablation", tiny, "--out", study, *WORDS, *ONLY)
+    assert done.code == 0
+    assert "full" in done.out
+    assert snapshot(study / "balls") == before
+    told = ringlight("study", "ablation", tiny, "--out", study, *WORDS, *ONLY, "--json")
+    assert json.loads(told.out)["rows"][0]["variant"] == "full"
+
+
+def test_studies_in_one_folder_share_the_full_method(study: Path, tiny: Path, ringlight: Command) -> None:
+    listed = ringlight("study", "rank", tiny, "--out", study, *WORDS, "--dry-run").out.splitlines()
+    states = {line.split()[0]: "finished" in line for line in listed[:-1]}
+    assert states.pop(str(study / "balls" / "full" / "seed-0"))
+    assert states.pop(str(study / "balls" / "full" / "seed-1"))
+    assert not any(states.values())
+    assert listed[-1] == "8 runs of 3 steps, 6 to do"
+
+
+def test_an_interrupted_study_goes_on_to_the_same_numbers(
+    study: Path, tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("study", "ablation", tiny, "--out", tmp_path / "out", *WORDS, *ONLY)
+    show_steps = progress.show_steps
+    monkeypatch.setattr(progress, "show_steps", lambda session, options, flags: show_steps(session, options, [True]))
+    stopped = ringlight(*words)
+    assert stopped.code == 130
+    assert "the same command" in stopped.err
+    assert "started" in ringlight(*words, "--dry-run").out
+    monkeypatch.setattr(progress, "show_steps", show_steps)
+    assert ringlight(*words).code == 0
+    for run in study.glob("balls/*/*"):
+        assert read_report(run).psnr == read_report(tmp_path / "out" / run.relative_to(study)).psnr
+
+
+def test_a_dry_run_makes_nothing(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    listed = ringlight("study", "field", tiny, "carpaint", "--out", tmp_path / "out", "--dry-run")
+    assert listed.code == 0
+    assert "carpaint/cp/seed-1" in listed.out
+    assert "24 runs of 30000 steps, 24 to do" in listed.out
+    assert not any(tmp_path.iterdir())
+
+
+def test_refusals(study: Path, tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    out = ("--out", tmp_path / "out")
+    refused(ringlight("study", "ablation", *out), 2, "scene")
+    refused(ringlight("study", "ablation", tmp_path / "missing", *out), 1, tmp_path / "missing", "carpaint")
+    refused(ringlight("study", "rank", tiny, *out, "--only", "rank-5"), 1, "rank-5", "rank-4")
+    refused(ringlight("study", "ablation", tiny, *out, "--only", "3dgs-equal"), 1, "3dgs-equal", "full")
+    refused(ringlight("study", "rank", tiny, *out, "--seeds", "0"), 1, "--seeds")
+    refused(ringlight("study", "rank", tiny, *out, "--steps", "-1"), 1, "--steps")
+    refused(ringlight("study", "rank", tiny, tiny, *out), 1, tiny.name)
+    assert not any(tmp_path.iterdir())
+    before = snapshot(study)
+    longer = ("study", "ablation", tiny, "--out", study, "--base", "ringlight", "--steps", "4")
+    refused(ringlight(*longer), 1, study, "--out")
+    assert snapshot(study) == before
