@@ -3,3 +3,5 @@
 
 // declare(namespace) for each of them.
 #define RINGLIGHT_EVERY_ISA(declare) declare(generic) declare(v3) declare(v4)
+// The same for kernels that gain by bfloat16 products, which have one copy more.
+#define RINGLIGHT_EVERY_ISA_AND_BF16(declare) RINGLIGHT_EVERY_ISA(declare) declare(v4_bf16)

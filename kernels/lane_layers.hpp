@@ -1,6 +1,9 @@
 // Dense layers for a group of Gaussians, one per lane: x[feature] is a vector over the group, weights are broadcast.
 // A layer of O outputs and I inputs is O x I fused multiply-adds on full vectors with sums in registers, which runs
-// near the peak of the processor. Include from kernels/isa/*.cpp alone, see simd.hpp.
+// near the peak of the processor.
+//
+// `Terms` is the type of the factors: Vec, or Bf16Pairs, whose lanes hold two inputs (or two Gaussians) each and halve
+// the work. Sums are floats in any case. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "simd.hpp"
 
@@ -19,20 +22,49 @@ struct Panels {
   int outputs, inputs;
 };
 
-// The weight of output o and input i is at weights[o * output_stride + i * input_stride].
+// Terms that hold so many numbers; the last one is filled up with a zero.
+template <class Terms>
+constexpr int terms_of(int numbers) {
+  return (numbers + numbers_of<Terms> - 1) / numbers_of<Terms>;
+}
+
+// The weight of output o and input i is at weights[o * output_stride + i * input_stride]. Takes outputs times
+// terms_of(inputs) floats.
+template <class Terms = Vec>
 static inline Panels pack(const float* weights, int output_stride, int input_stride, const float* bias, int outputs,
                           int inputs, float* to) {
   const Panels packed{to, bias, outputs, inputs};
   for (int first = 0; first < outputs; first += PANEL) {
     const int width = outputs - first < PANEL ? outputs - first : PANEL;
-    for (int i = 0; i < inputs; i++)
-      for (int k = 0; k < width; k++) *to++ = weights[(first + k) * output_stride + i * input_stride];
+    for (int i = 0; i < inputs; i += numbers_of<Terms>)
+      for (int k = 0; k < width; k++) {
+        const float* weight = weights + (first + k) * output_stride + i * input_stride;
+        if constexpr (numbers_of<Terms> == 1)
+          *to++ = *weight;
+        else
+          *to++ = Terms::one(*weight, i + 1 < inputs ? weight[input_stride] : 0.f);
+      }
   }
   return packed;
 }
 
-template <int Outputs>
-static void panel(const float* weights, const float* bias, int inputs, const float* x, float* y) {
+// x[count][GROUP] as terms, [terms_of(count)][GROUP]: x itself, or written to `buffer`.
+template <class Terms>
+static inline const float* feature_terms(const float* x, int count, float* buffer) {
+  if constexpr (numbers_of<Terms> == 1) {
+    return x;
+  } else {
+    for (int i = 0; i < count; i += 2)
+      for (int v = 0; v < GROUP; v += LANES) {
+        const Vec odd = i + 1 < count ? load(x + (i + 1) * GROUP + v) : Vec(0.f);
+        store(buffer + i / 2 * GROUP + v, Terms::of(load(x + i * GROUP + v), odd));
+      }
+    return buffer;
+  }
+}
+
+template <class Terms, int Outputs>
+static void panel(const float* weights, const float* bias, int terms, const float* x, float* y) {
   for (int first = 0; first < GROUP; first += PANEL_VECS * LANES) {
     Vec sums[Outputs][PANEL_VECS];
 #pragma GCC unroll 16
@@ -41,13 +73,13 @@ static void panel(const float* weights, const float* bias, int inputs, const flo
       for (int v = 0; v < PANEL_VECS; v++) sums[k][v] = Vec(bias ? bias[k] : 0.f);
     const float* weight = weights;
     const float* value = x + first;
-    for (int i = 0; i < inputs; i++, weight += Outputs, value += GROUP) {
-      Vec values[PANEL_VECS];
+    for (int i = 0; i < terms; i++, weight += Outputs, value += GROUP) {
+      Terms values[PANEL_VECS];
 #pragma GCC unroll 2
       for (int v = 0; v < PANEL_VECS; v++) values[v] = load(value + v * LANES);
 #pragma GCC unroll 16
       for (int k = 0; k < Outputs; k++) {
-        const Vec factor(weight[k]);
+        const Terms factor(weight[k]);
 #pragma GCC unroll 2
         for (int v = 0; v < PANEL_VECS; v++) sums[k][v] = fma(factor, values[v], sums[k][v]);
       }
@@ -60,23 +92,25 @@ static void panel(const float* weights, const float* bias, int inputs, const flo
 }
 
 // The last panel, narrower than the others.
-template <int Outputs>
-static void narrow_panel(int outputs, const float* weights, const float* bias, int inputs, const float* x, float* y) {
+template <class Terms, int Outputs>
+static void narrow_panel(int outputs, const float* weights, const float* bias, int terms, const float* x, float* y) {
   if (outputs == Outputs)
-    panel<Outputs>(weights, bias, inputs, x, y);
+    panel<Terms, Outputs>(weights, bias, terms, x, y);
   else if constexpr (Outputs > 1)
-    narrow_panel<Outputs - 1>(outputs, weights, bias, inputs, x, y);
+    narrow_panel<Terms, Outputs - 1>(outputs, weights, bias, terms, x, y);
 }
 
-// y[outputs][GROUP] = weights x[inputs][GROUP] + bias.
+// y[outputs][GROUP] = weights x[inputs][GROUP] + bias, x as feature_terms.
+template <class Terms = Vec>
 static inline void dense(const Panels& layer, const float* x, float* y) {
   const float *weights = layer.weights, *bias = layer.bias;
+  const int terms = terms_of<Terms>(layer.inputs);
   int left = layer.outputs;
-  for (; left >= PANEL; left -= PANEL, weights += PANEL * layer.inputs, y += PANEL * GROUP) {
-    panel<PANEL>(weights, bias, layer.inputs, x, y);
+  for (; left >= PANEL; left -= PANEL, weights += PANEL * terms, y += PANEL * GROUP) {
+    panel<Terms, PANEL>(weights, bias, terms, x, y);
     if (bias) bias += PANEL;
   }
-  narrow_panel<PANEL - 1>(left, weights, bias, layer.inputs, x, y);
+  narrow_panel<Terms, PANEL - 1>(left, weights, bias, terms, x, y);
 }
 
 static inline void rectify(float* values, int count) {
@@ -91,13 +125,36 @@ static inline void rectify_gradient(float* gradient, const float* rectified, int
 
 constexpr int padded(int inputs) { return (inputs + LANES - 1) / LANES * LANES; }
 
-// x[inputs][GROUP] to blocks of sixteen inputs, [padded / 16][GROUP][16]; the padding is zero.
+// The sum over the Gaussians of a group has this many terms.
+template <class Terms>
+constexpr int GROUP_TERMS = GROUP / numbers_of<Terms>;
+
+// x[count][GROUP] as terms over the Gaussians, [count][GROUP_TERMS]: x itself, or written to `buffer`. Which two
+// Gaussians make a pair does not matter, for to_rows makes the same.
+template <class Terms>
+static inline const float* lane_terms(const float* x, int count, float* buffer) {
+  if constexpr (numbers_of<Terms> == 1) {
+    return x;
+  } else {
+    for (int i = 0; i < count; i++)
+      store(buffer + i * LANES, Terms::in_any_order(load(x + i * GROUP), load(x + i * GROUP + LANES)));
+    return buffer;
+  }
+}
+
+// x[inputs][GROUP] to blocks of sixteen inputs, [padded / 16][GROUP_TERMS][16]; the padding is zero.
+template <class Terms = Vec>
 static inline void to_rows(const float* x, int inputs, float* rows) {
   for (int first = 0; first < inputs; first += LANES)
-    for (int half = 0; half < GROUP; half += LANES, rows += LANES * LANES) {
+    for (int half = 0; half < GROUP_TERMS<Terms>; half += LANES, rows += LANES * LANES) {
       Vec square[LANES];
-      for (int i = 0; i < LANES; i++)
-        square[i] = first + i < inputs ? load(x + (first + i) * GROUP + half) : Vec(0.f);
+      for (int i = 0; i < LANES; i++) {
+        const float* from = x + (first + i) * GROUP + half;
+        if constexpr (numbers_of<Terms> == 1)
+          square[i] = first + i < inputs ? load(from) : Vec(0.f);
+        else
+          square[i] = first + i < inputs ? Terms::in_any_order(load(from), load(from + LANES)).bits() : Vec(0.f);
+      }
       transpose(square);
       for (int i = 0; i < LANES; i++) store(rows + i * LANES, square[i]);
     }
@@ -109,20 +166,20 @@ struct LayerSums {
   int outputs, inputs;
 };
 
-template <int Rows, int Vecs>
+template <class Terms, int Rows, int Vecs>
 static void outer_block(float* sums, int stride, const float* gradient, const float* rows) {
   Vec block[Rows][Vecs];
 #pragma GCC unroll 8
   for (int r = 0; r < Rows; r++)
 #pragma GCC unroll 4
     for (int v = 0; v < Vecs; v++) block[r][v] = load(sums + r * stride + v * LANES);
-  for (int lane = 0; lane < GROUP; lane++) {
-    Vec values[Vecs];
+  for (int term = 0; term < GROUP_TERMS<Terms>; term++) {
+    Terms values[Vecs];
 #pragma GCC unroll 4
-    for (int v = 0; v < Vecs; v++) values[v] = load(rows + (v * GROUP + lane) * LANES);
+    for (int v = 0; v < Vecs; v++) values[v] = load(rows + (v * GROUP_TERMS<Terms> + term) * LANES);
 #pragma GCC unroll 8
     for (int r = 0; r < Rows; r++) {
-      const Vec factor(gradient[r * GROUP + lane]);
+      const Terms factor(gradient[r * GROUP_TERMS<Terms> + term]);
 #pragma GCC unroll 4
       for (int v = 0; v < Vecs; v++) block[r][v] = fma(factor, values[v], block[r][v]);
     }
@@ -133,32 +190,36 @@ static void outer_block(float* sums, int stride, const float* gradient, const fl
     for (int v = 0; v < Vecs; v++) store(sums + r * stride + v * LANES, block[r][v]);
 }
 
-template <int Rows>
+template <class Terms, int Rows>
 static void outer_rows(float* sums, int stride, const float* gradient, const float* rows) {
   int done = 0;
   for (; done + OUTER_VECS * LANES <= stride; done += OUTER_VECS * LANES)
-    outer_block<Rows, OUTER_VECS>(sums + done, stride, gradient, rows + done * GROUP);
+    outer_block<Terms, Rows, OUTER_VECS>(sums + done, stride, gradient, rows + done * GROUP_TERMS<Terms>);
   if constexpr (OUTER_VECS > 1)
-    for (; done < stride; done += LANES) outer_block<Rows, 1>(sums + done, stride, gradient, rows + done * GROUP);
+    for (; done < stride; done += LANES)
+      outer_block<Terms, Rows, 1>(sums + done, stride, gradient, rows + done * GROUP_TERMS<Terms>);
 }
 
-template <int Rows>
+template <class Terms, int Rows>
 static void outer_last_rows(int count, float* sums, int stride, const float* gradient, const float* rows) {
   if (count == Rows)
-    outer_rows<Rows>(sums, stride, gradient, rows);
+    outer_rows<Terms, Rows>(sums, stride, gradient, rows);
   else if constexpr (Rows > 1)
-    outer_last_rows<Rows - 1>(count, sums, stride, gradient, rows);
+    outer_last_rows<Terms, Rows - 1>(count, sums, stride, gradient, rows);
 }
 
 // Adds the group's part of dL/dweight and dL/dbias: gradient[outputs][GROUP] of the layer's result, and its input as
-// `to_rows` left it.
-static inline void add_layer_gradient(const LayerSums& sums, const float* gradient, const float* rows) {
+// `to_rows` left it. `buffer` has room for the gradient, unless Terms are floats.
+template <class Terms = Vec>
+static inline void add_layer_gradient(const LayerSums& sums, const float* gradient, const float* rows,
+                                      float* buffer = nullptr) {
   const int stride = padded(sums.inputs);
+  const float* terms = lane_terms<Terms>(gradient, sums.outputs, buffer);
   int done = 0;
   for (; done + OUTER_ROWS <= sums.outputs; done += OUTER_ROWS)
-    outer_rows<OUTER_ROWS>(sums.weight + done * stride, stride, gradient + done * GROUP, rows);
-  outer_last_rows<OUTER_ROWS - 1>(sums.outputs - done, sums.weight + done * stride, stride, gradient + done * GROUP,
-                                  rows);
+    outer_rows<Terms, OUTER_ROWS>(sums.weight + done * stride, stride, terms + done * GROUP_TERMS<Terms>, rows);
+  outer_last_rows<Terms, OUTER_ROWS - 1>(sums.outputs - done, sums.weight + done * stride, stride,
+                                         terms + done * GROUP_TERMS<Terms>, rows);
   if (!sums.bias) return;
   for (int o = 0; o < sums.outputs; o++) {
     float* bias = sums.bias + o * LANES;

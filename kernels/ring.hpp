@@ -88,7 +88,7 @@ static inline int ring_shards(std::size_t active_count) {
                      const RingRowGradients& row_gradients, float* workspace); \
   std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count); \
   }
-RINGLIGHT_EVERY_ISA(RINGLIGHT_RING)
+RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_RING)
 #undef RINGLIGHT_RING
 
 }  // namespace ringlight

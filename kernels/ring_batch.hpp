@@ -22,8 +22,8 @@ struct RingPanels {
 
 static inline RingPanels pack_layers(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
   const auto packed = [&](const RingLayer<const float>& layer, int outputs, int inputs) {
-    float* to = arena.take(static_cast<std::size_t>(outputs) * inputs);
-    return to ? pack(layer.weight, inputs, 1, layer.bias, outputs, inputs, to) : Panels{};
+    float* to = arena.take(static_cast<std::size_t>(outputs) * terms_of<FastTerms>(inputs));
+    return to ? pack<FastTerms>(layer.weight, inputs, 1, layer.bias, outputs, inputs, to) : Panels{};
   };
   const int matrix = static_cast<int>(matrix_size(shape)), hidden = shape.render_hidden;
   RingPanels panels;
@@ -55,7 +55,17 @@ struct Batch {
   float *activated, *modulation, *base, *latents;  // a, m, b and latents therein
   float *modulation_hidden, *render_hidden[2];
   float* residual;
+  float* terms;  // a layer's input as its multiply-adds take it
 };
+
+// The most values of one Gaussian that enter a layer, or leave one.
+static inline int widest_layer(const RingShape& shape) {
+  int widest = static_cast<int>(matrix_size(shape));
+  const int widths[] = {shape.render_hidden, shape.modulation_hidden, 3 + render_inputs(shape), shape.features};
+  for (const int width : widths)
+    widest = width > widest ? width : widest;
+  return widest;
+}
 
 // With keep_ring, both halves keep their matrices; else they share the memory.
 static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring, Arena& arena) {
@@ -81,6 +91,7 @@ static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring,
   batch.modulation_hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.modulation_hidden);
   for (float*& hidden : batch.render_hidden) hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.render_hidden);
   batch.residual = arena.take(GROUP * 3);
+  batch.terms = arena.take(static_cast<std::size_t>(GROUP) * terms_of<FastTerms>(widest_layer(shape)));
 }
 
 // Gathers the rows: base colour, latents and viewing direction into the networks' inputs, places in the tables.
@@ -144,8 +155,13 @@ static inline void multiply_ring(Batch& batch, const RingShape& shape, const Rin
   }
 }
 
+static inline void apply(const Panels& layer, const float* from, float* terms, float* to) {
+  dense<FastTerms>(layer, feature_terms<FastTerms>(from, layer.inputs, terms), to);
+}
+
 // From the ring's product to the residual colour.
 static inline void shade(Batch& batch, const RingShape& shape, const RingPanels& panels) {
+  const auto dense = [&batch](const Panels& layer, const float* from, float* to) { apply(layer, from, batch.terms, to); };
   dense(panels.core, batch.product, batch.activated);
   for (int i = 0; i < shape.features * GROUP; i += LANES)
     store(batch.activated + i, tanh(load(batch.activated + i)));

@@ -282,4 +282,32 @@ RINGLIGHT_INLINE int list_set_bits(std::uint64_t word, int first, std::uint8_t* 
   return __builtin_popcountll(word);
 }
 
+#ifdef __AVX512BF16__
+// Sixteen lanes of two bfloat16 each (8 bits of mantissa): one multiply-add takes both, and adds them up in floats.
+struct Bf16Pairs {
+  __m512bh v;
+  Bf16Pairs() = default;
+  __attribute__((always_inline)) Bf16Pairs(Vec words) : v((__m512bh)words.v) {}
+  __attribute__((always_inline)) explicit Bf16Pairs(float word) : v((__m512bh)_mm512_set1_ps(word)) {}
+  __attribute__((always_inline)) Vec bits() const { return (__m512)v; }
+
+  // Lane i holds first[i] and second[i].
+  __attribute__((always_inline)) static Bf16Pairs of(Vec first, Vec second) {
+    const __m512i order = _mm512_add_epi32(_mm512_set1_epi32(0x00100000), detail::every(0, 0x00010001));
+    return Vec((__m512)_mm512_permutexvar_epi16(order, (__m512i)_mm512_cvtne2ps_pbh(second.v, first.v)));
+  }
+  // The same 32 numbers, paired in a way that depends on nothing but their lanes.
+  __attribute__((always_inline)) static Bf16Pairs in_any_order(Vec first, Vec second) {
+    return Vec((__m512)_mm512_cvtne2ps_pbh(second.v, first.v));
+  }
+  // One lane: the bits of both as a float, to be copied only.
+  static float one(float first, float second) {
+    return _mm512_cvtss_f32(of(Vec(first), Vec(second)).bits().v);
+  }
+};
+RINGLIGHT_INLINE void store(float* to, Bf16Pairs a) { store(to, a.bits()); }
+// a b + c, both products of a lane.
+RINGLIGHT_INLINE Vec fma(Bf16Pairs a, Bf16Pairs b, Vec c) { return _mm512_dpbf16_ps(c.v, a.v, b.v); }
+#endif
+
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -3,6 +3,17 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
+// What the fastest multiply-add of this instruction set takes, and how many numbers a lane of it holds.
+template <class Terms>
+constexpr int numbers_of = 1;
+#ifdef __AVX512BF16__
+using FastTerms = Bf16Pairs;
+template <>
+constexpr int numbers_of<Bf16Pairs> = 2;
+#else
+using FastTerms = Vec;
+#endif
+
 RINGLIGHT_INLINE Vec operator-(Vec a) { return Vec(0.f) - a; }
 RINGLIGHT_INLINE Vec& operator+=(Vec& a, Vec b) { return a = a + b; }
 

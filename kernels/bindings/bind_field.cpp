@@ -105,7 +105,7 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
   const RingOutputs outputs{color.data(), residual ? residual->data() : nullptr,
                             modulation ? modulation->data() : nullptr};
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(ring_forward)(shape, weights, scene, outputs);
+  RINGLIGHT_CHOSEN_WITH_BF16(ring_forward)(shape, weights, scene, outputs);
 }
 
 void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
@@ -118,17 +118,17 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   require(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
         "ring: gradients of color and base must be [N 3]");
   require(latents_gradient.size() == latents.size(), "ring: the gradient of latents must be [N L]");
-  require(workspace.size() >= RINGLIGHT_CHOSEN(ring_workspace)(shape, scene.visible_count),
+  require(workspace.size() >= RINGLIGHT_CHOSEN_WITH_BF16(ring_workspace)(shape, scene.visible_count),
         "ring: the workspace is too small");
   const RingRowGradients row_sums{base_gradient.data(), latents_gradient.data()};
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(ring_backward)(shape, weights, scene, color_gradient.data(), sums, row_sums, workspace.data());
+  RINGLIGHT_CHOSEN_WITH_BF16(ring_backward)(shape, weights, scene, color_gradient.data(), sums, row_sums, workspace.data());
 }
 
 std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
   const RingShape shape = shape_from(sizes);
   require(visible_count <= std::numeric_limits<std::int32_t>::max(), "ring: too many rows");
-  return RINGLIGHT_CHOSEN(ring_workspace)(shape, visible_count);
+  return RINGLIGHT_CHOSEN_WITH_BF16(ring_workspace)(shape, visible_count);
 }
 
 }  // namespace

@@ -22,8 +22,8 @@ struct GradientPanels {
 
 GradientPanels pack_transposed(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
   const auto packed = [&](const float* weight, int outputs, int inputs, int skipped) {
-    float* to = arena.take(static_cast<std::size_t>(outputs) * (inputs - skipped));
-    return to ? pack(weight + skipped, 1, inputs, nullptr, inputs - skipped, outputs, to) : Panels{};
+    float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(outputs)) * (inputs - skipped));
+    return to ? pack<FastTerms>(weight + skipped, 1, inputs, nullptr, inputs - skipped, outputs, to) : Panels{};
   };
   const int hidden = shape.render_hidden;
   GradientPanels panels;
@@ -42,6 +42,7 @@ GradientPanels pack_transposed(const RingShape& shape, const RingParameters<cons
 // Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
 struct BatchGradient {
   float *color, *base, *hidden[2], *inputs, *features, *product, *rows;
+  float* terms;  // a gradient as multiply-adds take it
   float *left, *right, *result;  // matrices of the ring, [R^2][16]
 };
 
@@ -49,9 +50,7 @@ void lay_out_gradient(BatchGradient& gradient, const RingShape& shape, Arena& ar
   const std::size_t matrix = matrix_size(shape);
   const std::size_t hidden = shape.render_hidden > shape.modulation_hidden ? shape.render_hidden
                                                                            : shape.modulation_hidden;
-  std::size_t widest = matrix > hidden ? matrix : hidden;
-  const std::size_t inputs = 3 + render_inputs(shape);
-  if (inputs > widest) widest = inputs;
+  const std::size_t inputs = 3 + render_inputs(shape), widest = widest_layer(shape);
   gradient.color = arena.take(3 * GROUP);
   gradient.base = arena.take(3 * GROUP);
   for (float*& place : gradient.hidden) place = arena.take(hidden * GROUP);
@@ -59,6 +58,7 @@ void lay_out_gradient(BatchGradient& gradient, const RingShape& shape, Arena& ar
   gradient.features = arena.take(static_cast<std::size_t>(shape.features) * GROUP);
   gradient.product = arena.take(matrix * GROUP);
   gradient.rows = arena.take(padded(static_cast<int>(widest)) * static_cast<std::size_t>(GROUP));
+  gradient.terms = arena.take(widest * GROUP);
   float** const matrices[] = {&gradient.left, &gradient.right, &gradient.result};
   for (float** place : matrices) *place = arena.take(matrix * LANES);
 }
@@ -72,6 +72,14 @@ struct Backward {
   const float* color_gradient;
   RingRowGradients row_gradients;
 };
+
+// Adds to a layer's sums, given dL/d(its result) and its input, and leaves dL/d(its input) in `of_input`.
+void layer_gradient(const LayerSums& sums, const Panels& transposed, const float* of_result, const float* input,
+                    const BatchGradient& gradient, float* of_input) {
+  to_rows<FastTerms>(input, sums.inputs, gradient.rows);
+  add_layer_gradient<FastTerms>(sums, of_result, gradient.rows, gradient.terms);
+  apply(transposed, of_result, gradient.terms, of_input);
+}
 
 // dL/dcolor of the group, zero in lanes that do not count, to dL/d(base), the sum's part, and dL/d(render's output).
 void start_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient) {
@@ -92,15 +100,12 @@ void render_gradient(const Backward& pass, const Batch& batch, BatchGradient& gr
   const int hidden = pass.shape.render_hidden;
   const float* of_output = gradient.color;
   for (int layer = 2; layer > 0; layer--) {
-    to_rows(batch.render_hidden[layer - 1], hidden, gradient.rows);
-    add_layer_gradient(sums.render[layer], of_output, gradient.rows);
-    dense(pass.transposed.render[layer], of_output, gradient.hidden[layer - 1]);
+    layer_gradient(sums.render[layer], pass.transposed.render[layer], of_output, batch.render_hidden[layer - 1],
+                   gradient, gradient.hidden[layer - 1]);
     rectify_gradient(gradient.hidden[layer - 1], batch.render_hidden[layer - 1], hidden);
     of_output = gradient.hidden[layer - 1];
   }
-  to_rows(batch.activated, render_inputs(pass.shape), gradient.rows);
-  add_layer_gradient(sums.render[0], of_output, gradient.rows);
-  dense(pass.transposed.render[0], of_output, gradient.inputs);
+  layer_gradient(sums.render[0], pass.transposed.render[0], of_output, batch.activated, gradient, gradient.inputs);
 }
 
 // Adds the light modulation's part to dL/da in gradient.inputs.
@@ -112,13 +117,11 @@ void modulation_gradient(const Backward& pass, const Batch& batch, BatchGradient
     store(of_scalar + i, load(of_scalar + i) * m * (Vec(1.f) - m));
   }
   float* of_hidden = gradient.hidden[0];
-  to_rows(batch.modulation_hidden, shape.modulation_hidden, gradient.rows);
-  add_layer_gradient(sums.modulation[1], of_scalar, gradient.rows);
-  dense(pass.transposed.modulation[1], of_scalar, of_hidden);
+  layer_gradient(sums.modulation[1], pass.transposed.modulation[1], of_scalar, batch.modulation_hidden, gradient,
+                 of_hidden);
   rectify_gradient(of_hidden, batch.modulation_hidden, shape.modulation_hidden);
-  to_rows(batch.inputs, modulation_inputs(shape), gradient.rows);
-  add_layer_gradient(sums.modulation[0], of_hidden, gradient.rows);
-  dense(pass.transposed.modulation[0], of_hidden, gradient.features);
+  layer_gradient(sums.modulation[0], pass.transposed.modulation[0], of_hidden, batch.inputs, gradient,
+                 gradient.features);
   for (int i = 0; i < shape.features * GROUP; i += LANES)
     store(gradient.inputs + i, load(gradient.inputs + i) + load(gradient.features + i));
 }
@@ -174,9 +177,7 @@ void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, 
     const Vec activated = load(batch.activated + i);
     store(gradient.features + i, load(gradient.inputs + i) * fnma(activated, activated, Vec(1.f)));
   }
-  to_rows(batch.product, static_cast<int>(matrix_size(shape)), gradient.rows);
-  add_layer_gradient(sums.core, gradient.features, gradient.rows);
-  dense(pass.transposed.core, gradient.features, gradient.product);
+  layer_gradient(sums.core, pass.transposed.core, gradient.features, batch.product, gradient, gradient.product);
   if (by_rows(shape))
     for (int half = 0; half < 2; half++)
       ring_gradient_rows(batch.halves[half], shape, gradient.product + half * LANES, sums, gradient.left,
