@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from ringlight import _kernels
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
@@ -129,7 +130,9 @@ def test_every_field_lights_and_learns(field):
         assert parameter.grad is not None, name
         assert parameter.grad.any(), name
     with torch.no_grad():
-        torch.testing.assert_close(rgb, model.twin(gaussians, camera()).color, rtol=0, atol=1e-5)
+        in_bfloat16 = _kernels.isa() == "avx512_bf16"
+        twin = model.twin(gaussians, camera())
+        torch.testing.assert_close(rgb, twin.color, rtol=0, atol=2e-3 if in_bfloat16 else 1e-5)
 
 
 @pytest.mark.parametrize("field", ["ring", "cp"])
