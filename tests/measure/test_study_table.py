@@ -105,6 +105,18 @@ def test_dots_lie_where_their_values_are() -> None:
     assert top[1] < right[1] < left[1], "30 above 25 above 20"
 
 
+def test_a_wide_range_is_shown_in_decades() -> None:
+    """Neighbours at equal ratios are equally far apart."""
+    chart = Chart("PSNR", (Line("car", (Dot(1.0, 20.0), Dot(100.0, 30.0), Dot(10_000.0, 20.0))),))
+    picture = draw_charts([chart], "gamma")
+    color = (0x0B, 0x5F, 0xA5)
+    places = [
+        (x, y) for x in range(picture.width) for y in range(picture.height - 40) if picture.getpixel((x, y)) == color
+    ]
+    top = min(places, key=lambda place: place[1])[0]
+    assert top == pytest.approx((min(places)[0] + max(places)[0]) / 2, abs=3)
+
+
 def test_rows_of_dots_have_a_name_each() -> None:
     lines = (Line("car", (Dot(0.0, 20.0, 0.1), Dot(1.0, 21.0))), Line("ball", (Dot(0.0, 25.0), Dot(1.0, 26.0))))
     one = draw_charts([Chart("PSNR", lines, ("full", "mlp"))], "ablation")

@@ -18,6 +18,8 @@ TITLE, TEXT = 17, 13
 DOT, CAP = 4, 5
 """Radius of a dot, half width of the bars' ends."""
 MOST_TICKS = 6
+WIDE = 50.0
+"""Largest over smallest number beyond which the axis is logarithmic."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,11 @@ def _curves(chart: Chart) -> Image.Image:
     places = sorted({dot.x for line in chart.lines for dot in line.dots})
     first, last = places[0], places[-1] if len(places) > 1 else places[0] + 1
     right, bottom = WIDTH - GAP, HEIGHT - MARGIN
+    logarithmic = first > 0 and last > WIDE * first
 
     def across(x: float) -> float:
-        return MARGIN + GAP / 2 + (x - first) / (last - first) * (right - MARGIN - GAP)
+        share = math.log(x / first) / math.log(last / first) if logarithmic else (x - first) / (last - first)
+        return MARGIN + GAP / 2 + share * (right - MARGIN - GAP)
 
     def down(y: float) -> float:
         return bottom - (y - low) / (high - low) * (bottom - GAP)

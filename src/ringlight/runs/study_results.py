@@ -50,7 +50,7 @@ def write_results(out: Path, study: str, base: str, runs: Sequence[StudyRun], ta
 
 
 def study_charts(rows: Sequence[StudyRow]) -> tuple[Chart, ...]:
-    """PSNR, SSIM and training time over the number that is varied; or by variant, where a study varies no number."""
+    """PSNR, SSIM and CPU time over the number that is varied; or by variant, where a study varies no number."""
     shown = [row for row in rows if row.scene != ALL_SCENES]
     names = () if all(row.at is not None for row in shown) else tuple(dict.fromkeys(row.variant for row in shown))
 
@@ -61,7 +61,7 @@ def study_charts(rows: Sequence[StudyRow]) -> tuple[Chart, ...]:
             lines.append(Line(scene, tuple(_dot(row, getattr(row, measure), names) for row in of_scene)))
         return Chart(title, tuple(lines), names)
 
-    return chart("PSNR, dB", "psnr"), chart("SSIM", "ssim"), chart("training, seconds", "train_seconds")
+    return chart("PSNR, dB", "psnr"), chart("SSIM", "ssim"), chart("training, CPU seconds", "train_cpu_seconds")
 
 
 def _dot(row: StudyRow, value: Spread, names: tuple[str, ...]) -> Dot:
