@@ -1,6 +1,7 @@
 // RingLight's light field: from a Gaussian's centre and base colour to its colour (RingLight-GS, eq. 5, 7 and 8).
 //
 //   a = tanh(core . vec(H_x H_y H_z H_v)), H_x, H_y, H_z between nodes on [-1, 1], H_v on an octahedral map
+//   (the diagonal ring: products of R^2 components instead of R x R matrices)
 //   m = sigmoid(modulation(v, a)),  r = tanh(render(a, m, b, l)),  color = clamp(b + r, 0, 1),  b = sigmoid(base)
 //
 // and l the Gaussian's latents, values of its own that have no other meaning; the paper has none.
@@ -23,6 +24,7 @@ struct RingShape {
   int render_hidden, modulation_hidden;  // modulation_hidden 0: no light modulation
   int nodes, view_nodes;                 // of each axis; on each side of the octahedral map
   int latents;                           // of each Gaussian; may be 0
+  bool diagonal;                         // the matrices are diagonal, with R^2 components
 };
 
 // static: every instruction set has its own copy, see simd.hpp.

@@ -13,7 +13,7 @@ namespace ringlight::RINGLIGHT_ISA {
 constexpr int ROW_RANK = LANES;
 constexpr int MATRIX = ROW_RANK * ROW_RANK;
 
-static inline bool by_rows(const RingShape& shape) { return shape.rank == ROW_RANK; }
+static inline bool by_rows(const RingShape& shape) { return shape.rank == ROW_RANK && !shape.diagonal; }
 
 // The dense layers in the order of use.
 struct RingPanels {
@@ -38,7 +38,8 @@ static inline RingPanels pack_layers(const RingShape& shape, const RingParameter
   return panels;
 }
 
-// Sixteen Gaussians' ring: where they fall in the tables, and the matrices [R^2][16], or [16][R^2] by rows.
+// Sixteen Gaussians' ring: where they fall in the tables, and the matrices [R^2][16], or [16][R^2] by rows, or the
+// components [16][padded(R^2)] of diagonal ones.
 struct RingHalf {
   Cells axes[3], across, down;
   float *x, *y, *z, *view;  // H_x, H_y, H_z, H_v
@@ -69,7 +70,7 @@ static inline int widest_layer(const RingShape& shape) {
 
 // With keep_ring, both halves keep their matrices; else they share the memory.
 static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring, Arena& arena) {
-  const std::size_t matrix = matrix_size(shape) * LANES;
+  const std::size_t matrix = padded(static_cast<int>(matrix_size(shape))) * LANES;
   batch.keep_ring = keep_ring;
   for (int half = 0; half < 2; half++) {
     RingHalf& ring = batch.halves[half];
@@ -82,7 +83,7 @@ static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring,
     float** const matrices[] = {&ring.x, &ring.y, &ring.z, &ring.view, &ring.xy, &ring.xyz};
     for (float** place : matrices) *place = arena.take(matrix);
   }
-  batch.product = arena.take(matrix * 2);
+  batch.product = arena.take(matrix_size(shape) * GROUP);
   batch.inputs = arena.take(static_cast<std::size_t>(GROUP) * (3 + render_inputs(shape)));
   batch.activated = batch.inputs + 3 * GROUP;
   batch.modulation = batch.activated + shape.features * GROUP;

@@ -69,10 +69,6 @@ static inline void multiply_ring_rows(Batch& batch, const RingShape& shape,
   }
 }
 
-static inline void multiply(Batch& batch, const RingShape& shape, const RingParameters<const float>& parameters) {
-  by_rows(shape) ? multiply_ring_rows(batch, shape, parameters) : multiply_ring(batch, shape, parameters);
-}
-
 // Elements first, first + step, ... of dL/d(product), sixteen of them for each Gaussian of a half.
 static inline void gather_rows(const float* product, int first, int step, float* to) {
   Vec square[LANES];

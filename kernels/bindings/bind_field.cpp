@@ -18,9 +18,9 @@ namespace {
 using Rows = Tensor<const std::int32_t, -1>;
 
 RingShape shape_from(const std::vector<int>& sizes) {
-  require(sizes.size() == 7,
-        "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents");
-  const RingShape shape{sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6]};
+  require(sizes.size() == 8,
+        "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents, diagonal");
+  const RingShape shape{sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6], sizes[7] != 0};
   require(shape.rank >= 1 && shape.rank <= RING_MAX_RANK, "ring: rank out of range");
   require(shape.features >= 1 && shape.features <= RING_MAX_FEATURES, "ring: features out of range");
   require(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");

@@ -2,7 +2,7 @@
 
 #include "parallel.hpp"
 #include "ring_batch.hpp"
-#include "ring_rows.hpp"
+#include "ring_diagonal.hpp"
 #include "scratch.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {

@@ -6,7 +6,7 @@
 #include "parallel.hpp"
 #include "ring.hpp"
 #include "ring_batch.hpp"
-#include "ring_rows.hpp"
+#include "ring_diagonal.hpp"
 #include "ring_sums.hpp"
 #include "scratch.hpp"
 
@@ -178,12 +178,14 @@ void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, 
     store(gradient.features + i, load(gradient.inputs + i) * fnma(activated, activated, Vec(1.f)));
   }
   layer_gradient(sums.core, pass.transposed.core, gradient.features, batch.product, gradient, gradient.product);
-  if (by_rows(shape))
-    for (int half = 0; half < 2; half++)
-      ring_gradient_rows(batch.halves[half], shape, gradient.product + half * LANES, sums, gradient.left,
-                         gradient.right);
-  else
-    ring_gradient(pass, batch, gradient, sums);
+  if (!shape.diagonal && !by_rows(shape)) return ring_gradient(pass, batch, gradient, sums);
+  for (int half = 0; half < 2; half++) {
+    const float* of_product = gradient.product + half * LANES;
+    if (shape.diagonal)
+      ring_gradient_diagonal(batch.halves[half], shape, pass.parameters, of_product, sums);
+    else
+      ring_gradient_rows(batch.halves[half], shape, of_product, sums, gradient.left, gradient.right);
+  }
 }
 
 // As if nothing were lit: right for every row that is not, and zero where the colour got no gradient.

@@ -28,7 +28,7 @@ BF16 = _kernels.isa() == "avx512_bf16"
 KINK = 0.02 if BF16 else 2e-6
 VALUE_TOLERANCE = 0.02 if BF16 else 1e-5
 """Absolute, of colours in [0, 1]; single precision through seven chained products gives some 1e-6."""
-GRADIENT_TOLERANCE = 0.15 if BF16 else 1e-3
+GRADIENT_TOLERANCE = 0.3 if BF16 else 1e-3
 """Of the largest entry of each gradient: the sums cancel, most at large ranks (1e-4 seen at rank 32)."""
 FAR_BIAS = 3.0
 """More than a hidden unit's inputs add up to, and four times as much in the next layer."""
@@ -64,7 +64,7 @@ def model_and_table(chosen: RingLightSettings, count: int, seed: int) -> tuple[R
     model = RingLight(chosen, BOX, seed)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
-        for head in (model.ring.axes, model.ring.view):
+        for head in (model.field.axes, model.field.view):
             head.networks.weights[-1].mul_(4)
         if BF16:
             leave_kinks(model)
@@ -136,15 +136,16 @@ def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     hidden=st.integers(1, 27),
     modulated=st.booleans(),
     nodes=st.integers(2, 20),
+    field=st.sampled_from(("ring", "cp")),
     latents=st.sampled_from((0, 3, 4, 16)),
     count=st.integers(1, 70),
     seed=st.integers(0, 10_000),
 )
-def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, latents, count, seed):
+def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, field, latents, count, seed):
     ring = RingSettings(
         rank=rank, features=features, bands=3, view_bands=2, head_hidden=8, position_nodes=nodes, view_nodes=nodes
     )
-    chosen = RingLightSettings(ring, hidden, hidden + 3, modulated, latents)
+    chosen = RingLightSettings(ring, hidden, hidden + 3, modulated, latents, field=field)
     assume(is_smooth(chosen, count, seed))
     compare(chosen, count, seed)
 
@@ -153,11 +154,12 @@ def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, latents, c
     ("rank", "features", "hidden", "latents"),
     [(8, 24, 64, 0), (16, 24, 64, 4), (16, 48, 128, 0), (16, 48, 128, 3), (24, 60, 96, 4), (32, 64, 128, 0)],
 )
-def test_kernel_equals_twin_at_the_papers_sizes(rank, features, hidden, latents):
+@pytest.mark.parametrize("field", ["ring", "cp"])
+def test_kernel_equals_twin_at_the_papers_sizes(rank, features, hidden, latents, field):
     ring = RingSettings(
         rank=rank, features=features, head_hidden=16, bands=4, view_bands=3, position_nodes=32, view_nodes=8
     )
-    chosen = RingLightSettings(ring, hidden, hidden, latents=latents)
+    chosen = RingLightSettings(ring, hidden, hidden, latents=latents, field=field)
     compare(chosen, 48, next(seed for seed in range(20) if is_smooth(chosen, 48, seed)))
 
 
@@ -174,7 +176,8 @@ SMALL = RingLightSettings(
     RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8), 16, 12
 )
 LATENT = replace(SMALL, latents=3)
-both = pytest.mark.parametrize("chosen", [SMALL, LATENT], ids=["no latents", "latents"])
+DIAGONAL = replace(LATENT, field="cp")
+both = pytest.mark.parametrize("chosen", [SMALL, LATENT, DIAGONAL], ids=["no latents", "latents", "diagonal"])
 
 
 @both

@@ -152,7 +152,7 @@ def test_tables_are_the_tabulated_field(kind: str) -> None:
     field = field_of(kind)
     rays = some_rays(50)
     tables = field.tables()
-    assert (tables is not None) == (kind in ("ring", "discrete", "tt")), "what the kernel can read"
+    assert (tables is not None) == (kind in ("ring", "discrete", "cp", "tt")), "what the kernel can read"
     direct = field.tabulated(*rays)
     torch.testing.assert_close(field.tabulated(*rays, tables), direct, rtol=1e-12, atol=1e-14)
     if kind in NEURAL:

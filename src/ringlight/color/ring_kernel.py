@@ -53,7 +53,7 @@ def ring_parameters(tables: RingTables, shading: RenderModule) -> RingParameters
     modulation_hidden = len(modulation[0]) if modulation else 0
     view_nodes = round(len(tables.view) ** 0.5)
     sizes = [round(matrix**0.5), len(tables.core), len(render[0]), modulation_hidden, nodes, view_nodes]
-    shape = [*sizes, shading.latents]
+    shape = [*sizes, shading.latents, int(tables.diagonal)]
     return RingParameters(shape, [tables.axes, tables.view, tables.core, *modulation, *render])
 
 

@@ -12,14 +12,11 @@ from torch import Tensor, nn
 
 from ringlight.fields.heads import AxisHeads, DirectionHead
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, heads_between
+from ringlight.fields.ring_tables import RingTables, ring_features
 
 
 class DiagonalRing(nn.Module):
-    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. ``core`` is [C D], D = R^2.
-
-    The ring's kernel multiplies R x R matrices, so this runs in torch, from tables of its own.
-    """
+    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. ``core`` is [C D], D = R^2."""
 
     def __init__(self, settings: RingSettings, generator: torch.Generator):
         super().__init__()
@@ -32,8 +29,9 @@ class DiagonalRing(nn.Module):
         x, y, z = self.axes(points).unbind()
         return (x * y * z * self.view(directions)) @ self.core.T
 
-    def tables(self) -> None:
-        """None: its components are no matrices."""
+    def tables(self) -> RingTables:
+        """The heads at their nodes; differentiable, so that gradients reach the heads through the tables."""
+        return RingTables(self.axes.table(), self.view.table(), self.core, diagonal=True)
 
     def tabulated(
         self,
@@ -41,7 +39,5 @@ class DiagonalRing(nn.Module):
         directions: Float[Tensor, "N 3"],
         tables: RingTables | None = None,
     ) -> Float[Tensor, "N C"]:
-        """The heads interpolated between their nodes, as the ring's."""
-        heads = RingTables(self.axes.table(), self.view.table(), self.core)
-        x, y, z, view = heads_between(heads, points, directions)
-        return (x * y * z * view) @ self.core.T
+        """The heads interpolated between their nodes; ``tables`` made earlier by :meth:`tables` are reused."""
+        return ring_features(tables or self.tables(), points, directions)

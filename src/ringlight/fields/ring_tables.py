@@ -24,6 +24,8 @@ class RingTables:
     axes: Float[Tensor, "3 K D"]
     view: Float[Tensor, "V D"]
     core: Float[Tensor, "C D"]
+    diagonal: bool = False
+    """Whether rows are the D components of diagonal matrices instead, whose product is taken one by one."""
 
 
 def heads_between(
@@ -56,4 +58,5 @@ def ring_features(
     tables: RingTables, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]
 ) -> Float[Tensor, "N C"]:
     """Features at points in [-1, 1]^3 and unit directions: the slow twin of what the kernel makes of the tables."""
-    return contracted(*heads_between(tables, points, directions), tables.core)
+    x, y, z, view = heads_between(tables, points, directions)
+    return (x * y * z * view) @ tables.core.T if tables.diagonal else contracted(x, y, z, view, tables.core)
