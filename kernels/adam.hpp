@@ -11,6 +11,13 @@ struct AdamStep {
   long step;  // 1 for the first update
 };
 
+// What an update changes.
+struct AdamRows {
+  float *value, *mean, *square;
+
+  AdamRows from(std::size_t first) const { return {value + first, mean + first, square + first}; }
+};
+
 // One parameter: rows of `width` floats, of which `value`, `mean` and `square` change.
 struct AdamColumn {
   float* value;
@@ -18,6 +25,8 @@ struct AdamColumn {
   float *mean, *square;
   std::size_t rows, width;
   AdamStep step;
+
+  AdamRows rows_memory() const { return {value, mean, square}; }
 };
 
 // All columns in one parallel loop. With `radii` ([rows 2]) only rows whose first radius is positive are updated: those

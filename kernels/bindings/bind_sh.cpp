@@ -1,3 +1,9 @@
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+
+#include <optional>
+#include <tuple>
+
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
@@ -14,45 +20,76 @@ using Position = Tensor<const float, 3>;
 using PointsOut = Tensor<float, -1, 3>;
 using RestOut = Tensor<float, -1, 15, 3>;
 
-Harmonics as_table(const Points& means, const Points& constant, const Rest& rest, const Position& position,
-                   int degree) {
-  require(constant.shape(0) == means.shape(0) && rest.shape(0) == means.shape(0),
-          "sh: all columns must have the same number of rows");
+std::size_t slope_count(std::size_t rows) { return (rows + 15) / 16 * 16 * SH_SLOPES; }
+
+Harmonics as_table(const Points& means, const Position& position, int degree) {
   require(degree >= 0 && degree <= 3, "sh: the degree must be 0 to 3");
   const float* p = position.data();
-  return {means.data(), constant.data(), rest.data(), means.shape(0), {p[0], p[1], p[2]}, degree};
+  return {means.data(), nullptr, nullptr, means.shape(0), {p[0], p[1], p[2]}, degree};
 }
 
 void colors(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
-            const PointsOut& out) {
-  const Harmonics table = as_table(means, constant, rest, position, degree);
-  require(out.shape(0) == table.count, "sh_colors: colors must have one row per Gaussian");
+            const PointsOut& out, const std::optional<Array>& slopes) {
+  Harmonics table = as_table(means, position, degree);
+  require(constant.shape(0) == table.count && rest.shape(0) == table.count && out.shape(0) == table.count,
+          "sh_colors: all columns must have the same number of rows");
+  require(!slopes || slopes->size() >= slope_count(table.count), "sh_colors: slopes must hold sh_slopes(rows) floats");
+  table.constant = constant.data();
+  table.rest = rest.data();
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(sh_colors)(table, out.data());
+  RINGLIGHT_CHOSEN(sh_colors)(table, out.data(), slopes ? slopes->data() : nullptr);
 }
 
-void gradient(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
-              const Points& upstream, const PointsOut& by_means, const PointsOut& by_constant,
-              const RestOut& by_rest) {
-  const Harmonics table = as_table(means, constant, rest, position, degree);
-  require(upstream.shape(0) == table.count && by_means.shape(0) == table.count &&
-              by_constant.shape(0) == table.count && by_rest.shape(0) == table.count,
+void gradient(const Points& upstream, const Points& colors, const Input& slopes, const PointsOut& by_means,
+              const PointsOut& by_constant, bool add) {
+  const std::size_t count = upstream.shape(0);
+  require(colors.shape(0) == count && by_means.shape(0) == count && by_constant.shape(0) == count,
           "sh_gradient: all gradients must have one row per Gaussian");
-  const HarmonicsGradient out{by_means.data(), by_constant.data(), by_rest.data()};
+  require(slopes.size() >= slope_count(count), "sh_gradient: slopes must be those of sh_colors");
+  const HarmonicsUpstream from{upstream.data(), colors.data(), slopes.data(), count};
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(sh_gradient)(table, upstream.data(), out);
+  RINGLIGHT_CHOSEN(sh_gradient)(from, {by_means.data(), by_constant.data(), add});
+}
+
+void rest_gradient(const Points& means, const Position& position, int degree, const Points& by_constant,
+                   const RestOut& by_rest) {
+  const Harmonics table = as_table(means, position, degree);
+  require(by_constant.shape(0) == table.count && by_rest.shape(0) == table.count,
+          "sh_rest_gradient: all columns must have the same number of rows");
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(sh_rest_gradient)(table, by_constant.data(), by_rest.data());
+}
+
+std::size_t rest_adam(const Points& means, const Position& position, int degree, const Points& by_constant,
+               const RestOut& rest, const RestOut& mean, const RestOut& square,
+               const std::tuple<float, float, float, float, long>& step) {
+  const Harmonics table = as_table(means, position, degree);
+  require(by_constant.shape(0) == table.count && rest.shape(0) == table.count && mean.shape(0) == table.count &&
+              square.shape(0) == table.count,
+          "sh_rest_adam: value, moments and gradient must have the same number of rows");
+  const auto [rate, beta1, beta2, epsilon, number] = step;
+  require(number >= 1, "sh_rest_adam: steps count from 1");
+  const nb::gil_scoped_release unlocked;
+  const auto run = RINGLIGHT_CHOSEN(sh_rest_adam);
+  return run(table, by_constant.data(), {rest.data(), mean.data(), square.data()}, {rate, beta1, beta2, epsilon, number});
 }
 
 }  // namespace
 
 void bind_sh(nb::module_& module) {
-  module.def("sh_colors", &colors, nb::arg("means"), nb::arg("constant"),
-             nb::arg("rest"), nb::arg("position"), nb::arg("degree"),
-             nb::arg("colors"), "Fill colors [N 3], clamped at black, towards a camera at position [3].");
-  module.def("sh_gradient", &gradient, nb::arg("means"), nb::arg("constant"),
-             nb::arg("rest"), nb::arg("position"), nb::arg("degree"),
-             nb::arg("upstream"), nb::arg("by_means"), nb::arg("by_constant"),
-             nb::arg("by_rest"), "Overwrite by_* with the gradients of sh_colors, every row.");
+  module.def("sh_slopes", &slope_count, nb::arg("rows"), "Floats that sh_colors leaves for sh_gradient.");
+  module.def("sh_colors", &colors, nb::arg("means"), nb::arg("constant"), nb::arg("rest"), nb::arg("position"),
+             nb::arg("degree"), nb::arg("colors"), nb::arg("slopes").none() = nb::none(),
+             "Fill colors [N 3], clamped at black (a clamped one is -0), towards a camera at position [3].");
+  module.def("sh_gradient", &gradient, nb::arg("upstream"), nb::arg("colors"), nb::arg("slopes"), nb::arg("by_means"),
+             nb::arg("by_constant"), nb::arg("add"),
+             "Fill by_constant with the gradient of sh_colors; by_means too, or add to it.");
+  module.def("sh_rest_gradient", &rest_gradient, nb::arg("means"), nb::arg("position"), nb::arg("degree"),
+             nb::arg("by_constant"), nb::arg("by_rest"),
+             "Fill by_rest from what sh_gradient left in by_constant; zero above the degree.");
+  module.def("sh_rest_adam", &rest_adam, nb::arg("means"), nb::arg("position"), nb::arg("degree"),
+             nb::arg("by_constant"), nb::arg("rest"), nb::arg("mean"), nb::arg("square"), nb::arg("step"),
+             "adam of rest with the gradient of sh_rest_gradient, in place.");
 }
 
 }  // namespace ringlight

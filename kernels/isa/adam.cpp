@@ -1,5 +1,4 @@
-#include "adam.hpp"
-
+#include "adam_rows.hpp"
 #include "parallel.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -20,40 +19,13 @@ std::size_t pieces_of(const AdamColumn& column) {
   return (column.rows + rows - 1) / rows;
 }
 
-// What all elements of a parameter share.
-struct Factors {
-  float rate, correction, keep1, keep2, epsilon;
-
-  explicit Factors(const AdamStep& step) : keep1(step.beta1), keep2(step.beta2), epsilon(step.epsilon) {
-    const double number = static_cast<double>(step.step);
-    rate = step.rate / static_cast<float>(1 - __builtin_pow(step.beta1, number));
-    correction = static_cast<float>(1 / __builtin_sqrt(1 - __builtin_pow(step.beta2, number)));
-  }
-};
-
 // The floats [begin, end) of one column; returns how many were left as they were.
-std::size_t update(const AdamColumn& column, const Factors& factors, std::size_t begin, std::size_t end) {
-  const auto [rate, correction, keep1, keep2, epsilon] = factors;
-  float *value = column.value, *mean = column.mean, *square = column.square;
-  const float* gradient = column.gradient;
-  int kept = 0;
-#pragma GCC ivdep
-  for (std::size_t i = begin; i < end; i++) {
-    const float g = gradient[i];
-    const float m = mean[i] + (1 - keep1) * (g - mean[i]);
-    const float v = keep2 * square[i] + (1 - keep2) * g * g;
-    const float x = value[i] - rate * m / (__builtin_sqrtf(v) * correction + epsilon);
-    const bool is_finite = (m - m) + (v - v) + (x - x) == 0;
-    mean[i] = is_finite ? m : mean[i];
-    square[i] = is_finite ? v : square[i];
-    value[i] = is_finite ? x : value[i];
-    kept += is_finite ? 0 : 1;
-  }
-  return static_cast<std::size_t>(kept);
+std::size_t update(const AdamColumn& column, const AdamFactors& factors, std::size_t begin, std::size_t end) {
+  return adam_update(column.rows_memory().from(begin), column.gradient + begin, factors, end - begin);
 }
 
 // Runs of drawn rows: with the table in Morton order what is seen lies together.
-std::size_t update_drawn(const AdamColumn& column, const Factors& factors, const float* radii,
+std::size_t update_drawn(const AdamColumn& column, const AdamFactors& factors, const float* radii,
                          std::size_t begin, std::size_t end) {
   std::size_t kept = 0;
   for (std::size_t row = begin; row < end;) {
@@ -76,7 +48,7 @@ std::size_t adam(const AdamColumn* columns, std::size_t count, const float* radi
     for (; piece >= pieces_of(*column); column++) piece -= pieces_of(*column);
     const std::size_t rows = rows_per_piece(*column), begin = piece * rows;
     const std::size_t end = begin + rows < column->rows ? begin + rows : column->rows;
-    const Factors factors(column->step);
+    const AdamFactors factors(column->step);
     const std::size_t kept = radii ? update_drawn(*column, factors, radii, begin, end)
                                    : update(*column, factors, begin * column->width, end * column->width);
     if (kept) __atomic_fetch_add(sum, kept, __ATOMIC_RELAXED);

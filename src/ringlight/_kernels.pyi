@@ -34,17 +34,31 @@ def photometric(
     squared: bool,
     value: Tensor | None = None,
 ) -> float: ...
-def sh_colors(means: Tensor, constant: Tensor, rest: Tensor, position: Tensor, degree: int, colors: Tensor) -> None: ...
-def sh_gradient(
+def sh_slopes(rows: int) -> int: ...
+def sh_colors(
     means: Tensor,
     constant: Tensor,
     rest: Tensor,
     position: Tensor,
     degree: int,
-    upstream: Tensor,
-    by_means: Tensor,
+    colors: Tensor,
+    slopes: Tensor | None = None,
+) -> None: ...
+def sh_gradient(
+    upstream: Tensor, colors: Tensor, slopes: Tensor, by_means: Tensor, by_constant: Tensor, add: bool
+) -> None: ...
+def sh_rest_gradient(
+    means: Tensor, position: Tensor, degree: int, by_constant: Tensor, by_rest: Tensor
+) -> None: ...
+def sh_rest_adam(
+    means: Tensor,
+    position: Tensor,
+    degree: int,
     by_constant: Tensor,
-    by_rest: Tensor,
+    rest: Tensor,
+    mean: Tensor,
+    square: Tensor,
+    step: tuple[float, float, float, float, int],
 ) -> None: ...
 def ring_forward(
     shape: Sequence[int],

@@ -82,16 +82,17 @@ class _NativeColors(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, position: Tensor, degree: int) -> Tensor:
-        colors = torch.empty_like(means)
-        _kernels.sh_colors(means, dc, rest, position, degree, colors)
-        ctx.save_for_backward(means, dc, rest, position)
+        colors, slopes = torch.empty_like(means), means.new_empty(_kernels.sh_slopes(len(means)))
+        _kernels.sh_colors(means, dc, rest, position, degree, colors, slopes)
+        ctx.save_for_backward(means, rest, position, colors, slopes)
         ctx.degree = degree
         return colors
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, Tensor, Tensor, None, None]:
-        means, dc, rest, position = ctx.saved_tensors
-        by_means, by_dc, by_rest = torch.empty_like(means), torch.empty_like(dc), torch.empty_like(rest)
-        _kernels.sh_gradient(means, dc, rest, position, ctx.degree, upstream.contiguous(), by_means, by_dc, by_rest)
+        means, rest, position, colors, slopes = ctx.saved_tensors
+        by_means, by_dc, by_rest = torch.empty_like(means), torch.empty_like(means), torch.empty_like(rest)
+        _kernels.sh_gradient(upstream.contiguous(), colors, slopes, by_means, by_dc, False)
+        _kernels.sh_rest_gradient(means, position, ctx.degree, by_dc, by_rest)
         return by_means, by_dc, by_rest, None, None
