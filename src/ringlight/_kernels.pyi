@@ -47,9 +47,7 @@ def sh_colors(
 def sh_gradient(
     upstream: Tensor, colors: Tensor, slopes: Tensor, by_means: Tensor, by_constant: Tensor, add: bool
 ) -> None: ...
-def sh_rest_gradient(
-    means: Tensor, position: Tensor, degree: int, by_constant: Tensor, by_rest: Tensor
-) -> None: ...
+def sh_rest_gradient(means: Tensor, position: Tensor, degree: int, by_constant: Tensor, by_rest: Tensor) -> None: ...
 def sh_rest_adam(
     means: Tensor,
     position: Tensor,
@@ -59,7 +57,7 @@ def sh_rest_adam(
     mean: Tensor,
     square: Tensor,
     step: tuple[float, float, float, float, int],
-) -> None: ...
+) -> int: ...
 def ring_forward(
     shape: Sequence[int],
     parameters: Sequence[Tensor],

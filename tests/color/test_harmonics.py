@@ -6,10 +6,12 @@ from torch import Tensor
 
 from ringlight.color import harmonics
 from ringlight.color.contract import ColorModel
-from ringlight.color.harmonics import SphericalHarmonics, sh_colors_reference
+from ringlight.color.harmonics import DirectHarmonics, RestGradient, SphericalHarmonics, sh_colors_reference
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
+from ringlight.fit.adam import Update, adam_
+from ringlight.fit.rates import Adam, Rate
 
 DEGREES = (0, 1, 2, 3)
 # One full block of 16 lanes, a tail, less than a block, several pieces for several threads, nothing.
@@ -154,3 +156,42 @@ def test_without_the_compiled_module_the_twin_is_used(monkeypatch):
     rgb = SphericalHarmonics().channels(table, CAMERA)["rgb"]
     columns = table.means, table.appearance["sh_dc"], table.appearance["sh_rest"]
     assert torch.equal(rgb, sh_colors_reference(*columns, CAMERA.position, 3))
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+@pytest.mark.parametrize("count", COUNTS)
+def test_adam_by_factors_equals_adam_by_the_gradient_written_down(kernels, degree: int, count: int):
+    table, upstream = random_table(count), torch.randn(count, 3, generator=torch.Generator().manual_seed(1))
+    factors = rest_gradient(table, degree, upstream)
+    used = (degree + 1) ** 2 - 1
+    moments = torch.rand(2, count, 15, 3, generator=torch.Generator().manual_seed(2))
+    moments[:, :, used:] = 0  # as they are for harmonics that were never in use
+    group, rest = Adam(Rate.constant(0.01)), table.appearance["sh_rest"]
+    ends = []
+    for gradient in (factors, factors.dense()):
+        value, mean, square = rest.clone(), moments[0].clone(), moments[1].clone()
+        adam_([Update(value, gradient, mean, square, group, 0.01, 7)])
+        ends.append((value, mean, square))
+    assert all(torch.equal(a, b) for a, b in zip(*ends, strict=True))
+    assert count == 0 or used == 0 or not torch.equal(ends[0][0], rest)
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_the_gradient_in_factors_is_autograds(kernels, degree: int):
+    table, upstream = random_table(37), torch.randn(37, 3, generator=torch.Generator().manual_seed(1))
+    _, by_means, by_dc, by_rest = colors_and_gradients(table, CAMERA, degree, upstream)
+    model, before = DirectHarmonics(torch.tensor(degree)), torch.ones(37, 3)
+    colors = model.draw(table, CAMERA)
+    found = model.differentiate(upstream, before)
+    assert torch.equal(colors, colors_and_gradients(table, CAMERA, degree, upstream)[0])
+    assert torch.equal(before, 1 + by_means)
+    assert torch.equal(found["sh_dc"], by_dc)
+    assert torch.equal(found["sh_rest"].dense(), by_rest)
+
+
+def rest_gradient(table: Gaussians, degree: int, upstream: Tensor) -> RestGradient:
+    model = DirectHarmonics(torch.tensor(degree))
+    model.draw(table, CAMERA)
+    found = model.differentiate(upstream, torch.zeros(len(table), 3))["sh_rest"]
+    assert isinstance(found, RestGradient)
+    return found

@@ -7,7 +7,7 @@ import torch
 
 from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.train import train
+from ringlight.fit.train import direct_model, train
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
@@ -101,3 +101,20 @@ def test_the_light_field_waits_for_the_warm_up():
     assert all(torch.equal(dict(training.model.named_parameters())[n], t) for n, t in before.items())
     next(steps)
     assert any(not torch.equal(dict(training.model.named_parameters())[n], t) for n, t in before.items())
+
+
+@pytest.mark.parametrize("visible_only", [False, True])
+@pytest.mark.parametrize("method", METHODS)
+def test_without_autograd_the_same_bits(method: str, visible_only: bool):
+    recipe = dataclasses.replace(quick(method, steps=40), visible_only=visible_only)
+    ends = []
+    for direct in (True, False):
+        training = recipe.build(tiny_scene(), rasterizer_for("auto"), seed=5)
+        losses = [progress.loss for progress in train(training, direct)]
+        ends.append(training.state() | {"losses": torch.tensor(losses)})
+    assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
+
+
+def test_harmonics_are_trained_without_autograd_on_the_cpu():
+    assert direct_model(quick("3dgs").build(tiny_scene(), rasterizer_for("cpu"), seed=0)) is not None
+    assert direct_model(quick("3dgs").build(tiny_scene(), rasterizer_for("reference"), seed=0)) is None

@@ -2,11 +2,12 @@
 
 from typing import Protocol, runtime_checkable
 
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradient
 from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
 
@@ -32,4 +33,20 @@ class ColorModel(Protocol):
 
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Rows that this colour model still shows; densifiers remove the others."""
+        ...
+
+
+@runtime_checkable
+class DirectColor(Protocol):
+    """Colours and their gradient without autograd, of a model that emits "rgb" and nothing else.
+
+    A colour model that can may have a method ``direct()`` that returns one of these, or None.
+    """
+
+    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
+        """The colours."""
+        ...
+
+    def differentiate(self, by_colors: Float[Tensor, "N 3"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
+        """Gradients of the colour's columns for the last view drawn; adds to ``by_means``."""
         ...

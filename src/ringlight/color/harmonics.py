@@ -1,5 +1,6 @@
 """Spherical harmonics per Gaussian: the colour of 3DGS (Kerbl et al. 2023, section 5 and appendix)."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -10,6 +11,7 @@ from torch.autograd.function import once_differentiable
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import AdamStep, Gradient
 from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_sh, sh_basis, sh_from_rgb
@@ -58,6 +60,10 @@ class SphericalHarmonics(nn.Module):
         """Every row is shown."""
         return torch.ones(len(gaussians), dtype=torch.bool)
 
+    def direct(self) -> "DirectHarmonics | None":
+        """The same without autograd, by the kernels; None where these are missing."""
+        return None if _kernels is None else DirectHarmonics(self.active_degree)
+
 
 def sh_colors_reference(
     means: Float[Tensor, "N 3"],
@@ -96,3 +102,44 @@ class _NativeColors(torch.autograd.Function):
         _kernels.sh_gradient(upstream.contiguous(), colors, slopes, by_means, by_dc, False)
         _kernels.sh_rest_gradient(means, position, ctx.degree, by_dc, by_rest)
         return by_means, by_dc, by_rest, None, None
+
+
+@dataclass(frozen=True)
+class RestGradient:
+    """dL/d(sh_rest) as it comes: the harmonics' values, made anew from means and camera, times dL/d(sh_dc)."""
+
+    means: Float[Tensor, "N 3"]
+    position: Float[Tensor, "3"]
+    degree: int
+    by_dc: Float[Tensor, "N 3"]
+
+    def dense(self) -> Float[Tensor, "N 15 3"]:
+        """Written down; zero above the degree."""
+        by_rest = self.means.new_empty(len(self.means), REST_COUNT, 3)
+        _kernels.sh_rest_gradient(self.means, self.position, self.degree, self.by_dc, by_rest)
+        return by_rest
+
+    def adam_(self, value: Tensor, mean: Tensor, square: Tensor, step: AdamStep) -> int:
+        """One update with :meth:`dense`, which is never written. Harmonics that were never in use are left alone."""
+        return _kernels.sh_rest_adam(self.means, self.position, self.degree, self.by_dc, value, mean, square, step)
+
+
+class DirectHarmonics:
+    """One view at a time: :meth:`draw`, then :meth:`differentiate`."""
+
+    def __init__(self, active_degree: Tensor):
+        self._active_degree = active_degree
+
+    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
+        """What :meth:`SphericalHarmonics.channels` calls "rgb"."""
+        means, dc, rest = gaussians.means, gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
+        self._seen = means, camera.position, int(self._active_degree)
+        self._colors, self._slopes = torch.empty_like(means), means.new_empty(_kernels.sh_slopes(len(means)))
+        _kernels.sh_colors(means, dc, rest, *self._seen[1:], self._colors, self._slopes)
+        return self._colors
+
+    def differentiate(self, by_colors: Float[Tensor, "N 3"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
+        """Gradients of the colour's columns by name; adds to ``by_means``."""
+        by_dc = torch.empty_like(by_colors)
+        _kernels.sh_gradient(by_colors, self._colors, self._slopes, by_means, by_dc, True)
+        return {"sh_dc": by_dc, "sh_rest": RestGradient(*self._seen, by_dc)}

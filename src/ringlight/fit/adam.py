@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
+from ringlight.core.gradients import AdamStep, Gradient
 from ringlight.fit.rates import Adam
 
 
@@ -15,7 +16,7 @@ class Update(NamedTuple):
     """One parameter's update: ``value`` and both moments change in place."""
 
     value: Tensor
-    gradient: Tensor
+    gradient: Gradient
     mean: Tensor
     square: Tensor
     group: Adam
@@ -23,36 +24,47 @@ class Update(NamedTuple):
     number: int
     """Counts this parameter's updates; the first is 1."""
 
+    @property
+    def step(self) -> AdamStep:
+        """As the kernels take it."""
+        return (self.rate, *self.group.betas, self.group.epsilon, self.number)
+
 
 def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) -> int:
     """Do all updates. With ``radii`` only in rows that were drawn, those with a radius above 0; all must have N rows.
 
     Rows that are left out keep value and moments; nothing decays. So does an element of which any would not be finite
-    afterwards, because its gradient is not or is too large to be squared; returns how many those are.
+    afterwards, because its gradient is not or is too large to be squared; returns how many those are. Gradients in
+    factors come first: their factors may be parameters that others update.
     """
     kept = 0
-    native = [update for update in updates if _runs_native(update.value)]
+    native: list[tuple[Tensor, Tensor, Tensor, Tensor, AdamStep]] = []
+    others: list[Update] = []
+    for update in updates:
+        gradient = update.gradient
+        if not _runs_native(update.value):
+            others.append(update)
+        elif isinstance(gradient, Tensor):
+            native.append((update.value, gradient.contiguous(), update.mean, update.square, update.step))
+        elif radii is not None:
+            native.append((update.value, gradient.dense(), update.mean, update.square, update.step))
+        else:
+            kept += gradient.adam_(update.value, update.mean, update.square, update.step)
+            torch.autograd.graph.increment_version(update.value)
     if native:
-        kept += _kernels.adam(
-            [update.value for update in native],
-            [update.gradient.contiguous() for update in native],
-            [update.mean for update in native],
-            [update.square for update in native],
-            [(update.rate, *update.group.betas, update.group.epsilon, update.number) for update in native],
-            radii,
-        )
+        values, gradients, means, squares, steps = zip(*native, strict=True)
+        kept += _kernels.adam(values, gradients, means, squares, steps, radii)
         # The kernel writes behind torch's back: a graph that still needs the old values must notice.
-        torch.autograd.graph.increment_version([update.value for update in native])
-    if len(native) < len(updates):
-        for update in updates:
-            if not _runs_native(update.value):
-                kept += adam_reference_(update, radii)
+        torch.autograd.graph.increment_version(values)
+    for update in others:
+        kept += adam_reference_(update, radii)
     return kept
 
 
 def adam_reference_(update: Update, radii: Float[Tensor, "N 2"] | None = None) -> int:
     """The slow twin of the kernel, for any device and type."""
     value, gradient, mean, square, group, rate, number = update
+    gradient = gradient if isinstance(gradient, Tensor) else gradient.dense()
     beta1, beta2 = group.betas
     if radii is not None:
         drawn = (radii[:, 0] > 0).to(value.device).nonzero()[:, 0]

@@ -5,11 +5,14 @@ is not finite, or too large for Adam's moments, leaves its own element as it was
 parameter ever becomes NaN or infinite; a parameter that is (set so by a strategy or by hand) ends the run at once.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
+from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.core.camera import Camera
 from ringlight.core.finite import first_not_finite
+from ringlight.core.gradients import Gradient
 from ringlight.core.rendering import Rendering
 from ringlight.data.batches import ImageBatch
 from ringlight.errors import BackendError, DivergedError
@@ -40,10 +43,14 @@ class FaultCounter:
         return sentence
 
 
-def drawn(model: SplatModel, step: int, batch: ImageBatch) -> Rendering:
+Render = Callable[[Camera, Float[Tensor, "3"]], Rendering]
+"""A model's picture over a background: its own ``render``, or that of its direct form."""
+
+
+def drawn(render: Render, model: SplatModel, step: int, batch: ImageBatch) -> Rendering:
     """The batch's view. Raises DivergedError naming the parameter that cannot be drawn because it is not finite."""
     try:
-        return model.render(batch.camera, batch.background)
+        return render(batch.camera, batch.background)
     except BackendError:
         refuse_broken(model, step, batch)
         raise
@@ -61,9 +68,9 @@ def bad_loss(terms: Mapping[str, Tensor]) -> str | None:
     return next((f"the {name} loss is {term.item()}" for name, term in terms.items() if not term.isfinite()), None)
 
 
-def bad_gradient(gradients: Mapping[str, Tensor], left: int) -> str:
+def bad_gradient(gradients: Mapping[str, Gradient], left: int) -> str:
     """Why ``left`` elements were left as they were."""
-    broken = first_not_finite(gradients)
+    broken = first_not_finite({name: g if isinstance(g, Tensor) else g.dense() for name, g in gradients.items()})
     if broken is not None:
         return f"the gradient of {broken} ({left} elements left as they were)"
     return f"gradients too large to be squared ({left} elements left as they were)"

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradient
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.faults import bad_gradient
@@ -40,24 +41,27 @@ class Optimizer:
             self._attributes.setdefault(owner, []).append((name, attribute))
 
     @torch.no_grad()
-    def step(self, step: int, radii: Float[Tensor, "N 2"] | None = None) -> str | None:
+    def step(
+        self, step: int, radii: Float[Tensor, "N 2"] | None = None, gradients: Mapping[str, Gradient] | None = None
+    ) -> str | None:
         """Update every parameter that has a gradient, and drop the gradients; returns what was wrong with them, if any.
 
         ``radii`` are the footprint's of this step; RecipeError if ``visible_only`` wants them and there are none.
+        ``gradients`` are by column, of those columns alone; without them, what each parameter holds as ``grad``.
         """
         if self.visible_only and radii is None:
             raise RecipeError(
                 "visible_only wants to know which Gaussians this step drew, and the rendering does not say; "
                 "switch visible_only off for this method"
             )
-        gradients: dict[str, Tensor] = {}
+        used: dict[str, Gradient] = {}
         columns: list[Update] = []
         shared: list[Update] = []
         for name, parameter in self._parameters():
-            gradient = parameter.grad
+            gradient = parameter.grad if gradients is None else gradients.get(name.removeprefix(COLUMNS_PREFIX))
+            parameter.grad = None
             if gradient is None:
                 continue
-            parameter.grad = None
             group = self.groups[name]
             self._updates[name] += 1
             progress = (step - group.begins) / max(self.steps - group.begins, 1)
@@ -66,9 +70,9 @@ class Optimizer:
                 group, group.rate.at(progress), self._updates[name],
             )  # fmt: skip
             (columns if self.visible_only and name.startswith(COLUMNS_PREFIX) else shared).append(update)
-            gradients[name] = gradient
+            used[name] = gradient
         left = adam_(shared) + (adam_(columns, radii) if columns else 0)
-        return None if left == 0 else bad_gradient(gradients, left)
+        return None if left == 0 else bad_gradient(used, left)
 
     @torch.no_grad()
     def edit_rows(self, keep: Int[Tensor, "K"], added: Gaussians | None = None) -> None:

@@ -1,6 +1,6 @@
 """The training loop. Read this first."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import torch
@@ -14,6 +14,7 @@ from ringlight.fit.losses import PhotometricLoss, Target, photometric_gradient
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.targets import Targets
+from ringlight.models.direct import DirectModel
 from ringlight.models.splats import SplatModel
 
 Penalty = Callable[[SplatModel], Float[Tensor, ""]]
@@ -73,31 +74,47 @@ class Progress:
         return float(sum(term.item() for term in self.losses.values()))
 
 
-def train(training: Training) -> Iterator[Progress]:
+def train(training: Training, direct: bool = True) -> Iterator[Progress]:
     """Fit the model in place, yielding after every step; to pause or stop is to stop asking.
 
+    Where the model can differentiate itself, autograd is left out: the same bits, sooner. ``direct`` False keeps it.
     Raises DivergedError by the rules of :mod:`ringlight.fit.faults`; the model is then as the step before left it.
     """
     model, optimizer = training.model, training.optimizer
+    by_itself = direct_model(training) if direct else None
+    render = model.render if by_itself is None else by_itself.render
     fixed_background = training.batches.scene.background != "random"
     while training.step < training.steps:
         step = training.step + 1
         batch = training.batches.at(step)
         target = training.targets.of(batch, fixed_background)
-        rendering = drawn(model, step, batch)
+        rendering = drawn(render, model, step, batch)
         value, by_color = photometric_gradient(rendering.color, target, training.loss)
         penalties = {name: penalty(model) for name, penalty in training.penalties.items()}
-        sloped = [term for term in penalties.values() if term.requires_grad]  # one that is constant counts all the same
         terms = {"photometric": value} | {name: term.detach() for name, term in penalties.items()}
         fault = bad_loss(terms)
         if fault is None:
-            torch.autograd.backward([rendering.color, *sloped], [by_color, *(None for _ in sloped)])
-            fault = optimizer.step(step, None if rendering.raster is None else rendering.raster.footprint.radii)
+            gradients = None if by_itself is None else by_itself.differentiate(by_color)
+            if gradients is None:
+                _backward(rendering, by_color, penalties.values())
+            radii = None if rendering.raster is None else rendering.raster.footprint.radii
+            fault = optimizer.step(step, radii, gradients)
         fault = training.faults.note(model, step, batch, fault)
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, rendering)
         training.step = step
         yield Progress(step, terms, batch, rendering, target, fault)
+
+
+def direct_model(training: Training) -> DirectModel | None:
+    """The model without autograd, where it has that form and the loss has no term but the photometric one."""
+    return None if training.penalties else training.model.direct()
+
+
+def _backward(rendering: Rendering, by_color: Float[Tensor, "H W 3"], penalties: Iterable[Float[Tensor, ""]]) -> None:
+    """By autograd: the gradients lie in the parameters."""
+    sloped = [term for term in penalties if term.requires_grad]  # one that is constant counts all the same
+    torch.autograd.backward([rendering.color, *sloped], [by_color, *(None for _ in sloped)])
 
 
 def _below(state: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -11,6 +11,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import OPACITY_FACTOR, Channels, Rendering
+from ringlight.models.direct import DirectModel
 from ringlight.models.parts import joined, parted
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.shade.contract import Shader
@@ -60,6 +61,14 @@ class SplatModel(nn.Module):
         rendering = self._blend(gaussians, channels, factor, camera, background)
         color = self.shader.shade(rendering.buffers, camera, background)
         return Rendering(color, rendering.alpha, rendering.buffers, rendering.raster)
+
+    def direct(self) -> DirectModel | None:
+        """Pictures and gradients without autograd, or None where a part of this model has no such form."""
+        color, rasterize = getattr(self.color, "direct", None), getattr(self.rasterize, "direct", None)
+        if color is None or rasterize is None or not getattr(self.shader, "passes_through", False):
+            return None
+        light = color()
+        return None if light is None else DirectModel(self, light, rasterize())
 
     @torch.no_grad()
     def layers(self, camera: Camera) -> Channels:

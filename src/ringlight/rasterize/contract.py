@@ -49,3 +49,23 @@ class Rasterizer(Protocol):
         ``opacity_factor`` is in [0, 1]: a footprint ends where an opacity of at most 1 falls below 1/255.
         """
         ...
+
+
+@runtime_checkable
+class DirectRasterizer(Protocol):
+    """A picture and its gradient without autograd; a back end that can has a method ``direct()`` that makes one."""
+
+    def draw(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        options: RasterOptions,
+    ) -> Raster:
+        """As :class:`Rasterizer`."""
+        ...
+
+    def differentiate(self, by_image: Float[Tensor, "H W C"]) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
+        """Gradients of the geometry's columns by name, and of the channels; fills in the footprint."""
+        ...

@@ -10,5 +10,8 @@ from ringlight.core.rendering import Channels
 class PassThrough(nn.Module):
     """The blended "rgb" channel is the colour."""
 
+    passes_through = True
+    """Nothing to differentiate: what a loop without autograd asks before it leaves the shader out."""
+
     def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
         return buffers["rgb"]

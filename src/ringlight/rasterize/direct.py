@@ -1,0 +1,55 @@
+"""The CPU back end without autograd, for training loops: the same kernels, at a fraction of what surrounds them."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import GEOMETRY, Gaussians
+from ringlight.core.rendering import Raster
+from ringlight.rasterize.contract import RasterOptions
+from ringlight.rasterize.cpu_job import Job, as_raster, check, refusals_named
+
+try:
+    from ringlight import _kernels
+except ImportError:  # the rasterizer's constructor says what to do about it
+    _kernels = None  # type: ignore[assignment]
+
+
+class DirectRaster:
+    """One view at a time: :meth:`draw`, then :meth:`differentiate`, which fills in that view's footprint."""
+
+    def __init__(self) -> None:
+        self._workspace = _kernels.Workspace()
+
+    def draw(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        options: RasterOptions,
+    ) -> Raster:
+        """See :class:`ringlight.rasterize.contract.Rasterizer`; every column is contiguous."""
+        self._columns = [gaussians.means, gaussians.log_scales, gaussians.quats, gaussians.opacity_logits]
+        self._columns += [channels]
+        geometry = [*self._columns[:-1], None, channels]
+        check(geometry, camera)
+        with refusals_named(geometry, camera, background):
+            self._job = Job(camera, background, options, len(gaussians))
+            self._table = self._job.table(geometry)
+            self._image, alpha = self._job.draw(self._workspace, self._table)
+        return Raster(*as_raster(self._image, alpha), self._job.footprint)
+
+    def differentiate(self, by_image: Float[Tensor, "H W C"]) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
+        """Gradients of the geometry's columns by name, and of the channels; fills in the footprint."""
+        job = self._job
+        gradients = [torch.empty_like(column) for column in self._columns]
+        by_center = torch.empty_like(job.footprint.means2d)
+        absolute = torch.empty_like(by_center) if job.absgrad else None
+        means, log_scales, quats, opacity_logits, channels = gradients
+        into = _kernels.SplatGradients(means, log_scales, quats, opacity_logits, None, channels, by_center, absolute)
+        by_planes = by_image.permute(2, 0, 1).contiguous()
+        self._workspace.backward(self._table, self._image, by_planes, None, into)
+        job.note(by_center, absolute)
+        return dict(zip(GEOMETRY, gradients, strict=False)), channels
