@@ -10,7 +10,7 @@ from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import DivergedError, ModelFileError
 from ringlight.files.model_file import write_model_file
 from ringlight.fit.faults import MOST_IN_A_ROW
-from ringlight.fit.train import Training, train
+from ringlight.fit.train import Training, direct_model, train
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts, tensors_from_cameras
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
@@ -60,7 +60,7 @@ PARAMETERS = [
 @pytest.mark.parametrize(("method", "name"), PARAMETERS)
 def test_a_gradient_is_named_left_out_and_the_run_goes_on(method: str, name: str, bad: float) -> None:
     training = training_of(method, steps=12)
-    steps = train(training)
+    steps = train(training, direct=False)  # hooks are autograd's
     next(steps)
     while dict(training.model.named_parameters())[name].grad is None and training.step < 4:
         next(steps)  # the light field is switched on after a few steps
@@ -76,6 +76,34 @@ def test_a_gradient_is_named_left_out_and_the_run_goes_on(method: str, name: str
     assert torch.equal(after.view(len(after), -1)[row, 0], before.view(len(before), -1)[row, 0])
     assert all_finite(training)
     assert next(steps).fault is None
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("column", ["means", "quats", "sh_dc"])
+def test_without_autograd_a_gradient_is_named_and_left_out_too(monkeypatch, column: str, bad: float) -> None:
+    training = training_of("3dgs", steps=12)
+    model = direct_model(training)
+    if model is None:
+        pytest.skip("needs the compiled module")
+    steps = train(training)
+    next(steps)
+    right = type(model).differentiate
+
+    def spoiled(self, by_color):
+        gradients = right(self, by_color)
+        gradients[column][-1, 0] = bad
+        return gradients
+
+    monkeypatch.setattr(type(model), "differentiate", spoiled)
+    before = {name: p.detach().clone() for name, p in training.model.columns.items()}
+    progress = next(steps)
+    assert progress.fault is not None
+    assert f"columns.{column}" in progress.fault
+    assert f"row {len(before[column]) - 1}" in progress.fault
+    after = training.model.columns
+    assert torch.equal(after[column][-1, 0], before[column][-1, 0])
+    assert not torch.equal(after["opacity_logits"], before["opacity_logits"])
+    assert all_finite(training)
 
 
 def test_a_photograph_that_is_not_finite_is_named_each_time_and_changes_nothing() -> None:

@@ -40,7 +40,7 @@ class DirectSeams:
     @torch.no_grad()
     def colour_backward(self) -> None:
         by_means = self._by_geometry["means"]
-        self.gradients = self._by_geometry | self._direct.color.differentiate(self._by_colors, by_means)
+        self.gradients = {**self._by_geometry, **self._direct.color.differentiate(self._by_colors, by_means)}
 
 
 class AutogradSeams:
