@@ -115,6 +115,7 @@ struct Frame {
   Pinhole camera;
   RasterSettings settings;
   Splats splats;
+  int sloped_channels;  // backward: the last channels may have no gradient, and are left out
   int tiles_x, tiles_y;
 
   // By row of the table, with room for a whole group of LANES at the end.
@@ -140,11 +141,12 @@ struct Frame {
   float* scratch;              // [workers scratch_stride]
 };
 
-// Channels that the blending kernels are compiled for; narrower images are padded. Wider ones take the general kernel,
+// Channels that the blending kernels are compiled for; narrower images are padded. Ten and the six moments fill a slot
+// of one cache line. Wider ones take the general kernel,
 // which keeps the weights and adds up CHANNEL_GROUP channels at a time: more would not fit the registers.
 inline constexpr int WIDE = 0, CHANNEL_GROUP = 8;
 constexpr int kernel_channels(int channels) {
-  return channels == 1 ? 1 : channels <= 3 ? 3 : channels <= 4 ? 4 : channels <= 8 ? 8 : WIDE;
+  return channels == 1 ? 1 : channels <= 3 ? 3 : channels <= 4 ? 4 : channels <= 8 ? 8 : channels <= 10 ? 10 : WIDE;
 }
 constexpr int round_up_lanes(int floats) { return (floats + LANES - 1) / LANES * LANES; }
 constexpr int padded_channels(int channels) {

@@ -32,6 +32,22 @@ class Stopwatch {
   std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
 };
 
+bool all_zero(const float* values, std::size_t count) {
+  for (std::size_t i = 0; i < count; i++)
+    if (values[i] != 0) return false;
+  return true;
+}
+
+// The last channels whose gradient is zero everywhere are left out: a depth that only a shader looks at, say. Those of
+// few channels stay, for the kernels that expect them in the records cannot be had with others behind them.
+int sloped_channels(const Frame& frame, const float* image_gradient) {
+  const std::size_t plane = static_cast<std::size_t>(frame.camera.width) * static_cast<std::size_t>(frame.camera.height);
+  int channels = frame.splats.channel_count;
+  const auto last = [&] { return image_gradient + (static_cast<std::size_t>(channels) - 1) * plane; };
+  while (channels > RECORD_CHANNELS + 1 && all_zero(last(), plane)) channels--;
+  return channels;
+}
+
 }  // namespace
 
 void Workspace::make_room() {
@@ -104,7 +120,8 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
 void Workspace::backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to) {
   frame_.splats = splats;
   reserve_scratch();  // the number of threads may have changed
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(splats.channel_count, frame_.settings.absgrad));
+  frame_.sloped_channels = sloped_channels(frame_, from.image_gradient);
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(frame_.sloped_channels, frame_.settings.absgrad));
   frame_.slots = slots_.reserve(slots_in_use_ * stride);
   frame_.slot_used = slot_used_.reserve(slots_in_use_);
   if (slots_in_use_) std::memset(frame_.slot_used, 0, slots_in_use_);

@@ -218,6 +218,7 @@ void blend(const Frame& frame, const Images& images) {
     case 3: return blend_all<3>(frame, images);
     case 4: return blend_all<4>(frame, images);
     case 8: return blend_all<8>(frame, images);
+    case 10: return blend_all<10>(frame, images);
     default: return blend_all<WIDE>(frame, images);
   }
 }

@@ -46,7 +46,7 @@ RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const Imag
       for (int k = 0; k < STRIP; k++)
         rest[k] = -(upstream[k] * load(transmittance + (strip.first_block + k) * LANES));
     }
-    for (int c = 0; c < frame.splats.channel_count; c++) {
+    for (int c = 0; c < frame.sloped_channels; c++) {
       load_strip(from.image_gradient + static_cast<std::size_t>(c) * plane, stride, strip, upstream);
       load_strip(from.image + static_cast<std::size_t>(c) * plane, stride, strip, pixels);
       for (int k = 0; k < STRIP; k++) {
@@ -56,7 +56,7 @@ RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const Imag
     }
     for (int k = 0; k < STRIP; k++) {
       float* const state = first + k * floats;
-      for (int c = frame.splats.channel_count; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));
+      for (int c = frame.sloped_channels; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));
       store(state + RUNNING, Vec(1.f));
       store(state + REST, rest[k]);
     }
@@ -209,7 +209,7 @@ RINGLIGHT_INLINE const float* channels_of(const Frame& frame, const float* recor
   if constexpr (C != WIDE && C <= RECORD_CHANNELS) return record + FIRST_CHANNELS;
   const int channels = frame.splats.channel_count;
   const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
-  if (place.width == channels) return from;
+  if (place.width <= channels) return from;
   for (int c = 0; c < channels; c += LANES)
     store(place.channels + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
   return place.channels;
@@ -222,11 +222,11 @@ RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Tile
   if (end == tile.begin) return;
   open_tile(frame, tile, from, place);
   if (next) {
-    prefetch_pixels(frame, *next, from.image_gradient, frame.splats.channel_count);
-    prefetch_pixels(frame, *next, from.image, frame.splats.channel_count);
+    prefetch_pixels(frame, *next, from.image_gradient, frame.sloped_channels);
+    prefetch_pixels(frame, *next, from.image, frame.sloped_channels);
   }
   const std::size_t stride =
-      static_cast<std::size_t>(slot_stride(C == WIDE ? frame.splats.channel_count : C, Absolute));
+      static_cast<std::size_t>(slot_stride(C == WIDE ? frame.sloped_channels : C, Absolute));
   std::uint64_t alive = tile.inside;
   for (std::uint32_t at = tile.begin; at < end; at++) {
     const std::uint64_t mask = frame.block_masks[at] & alive;
@@ -251,7 +251,7 @@ template <int C, bool Absolute>
 void walk_all(const Frame& frame, const ImageGradients& from) {
   for_each_tile_ahead(frame, [&](const Tile& tile, const Tile* next, float* scratch) {
     Workplace place;
-    place.width = C == WIDE ? padded_channels(frame.splats.channel_count) : C;
+    place.width = C == WIDE ? padded_channels(frame.sloped_channels) : C;
     place.states = scratch;
     place.weights = scratch + BLOCKS * (2 + place.width) * LANES;
     place.channels = place.weights + BLOCKS * LANES;
@@ -267,11 +267,12 @@ void walk_all(const Frame& frame, const ImageGradients& from) {
 }  // namespace
 
 void blend_gradient(const Frame& frame, const ImageGradients& from) {
-  switch (kernel_channels(frame.splats.channel_count)) {
+  switch (kernel_channels(frame.sloped_channels)) {
     case 1: return walk_all<1>(frame, from);
     case 3: return walk_all<3>(frame, from);
     case 4: return walk_all<4>(frame, from);
     case 8: return walk_all<8>(frame, from);
+    case 10: return walk_all<10>(frame, from);
     default: return walk_all<WIDE>(frame, from);
   }
 }

@@ -46,7 +46,7 @@ RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int c
 RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::size_t stride, bool seen, float* to) {
   const SlotRange range = slots_of(frame, frame.pieces[row / ROWS_PER_PIECE], row);
   const float* const from = frame.slots + slot_moments(frame.settings.absgrad);
-  const int channels = frame.splats.channel_count;
+  const int channels = frame.sloped_channels;
   for (int c = 0; c < channels; c += LANES) {
     const int width = channels - c < LANES ? channels - c : LANES;
     Vec total(0.f);
@@ -59,10 +59,11 @@ RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::siz
 // Channel gradients of sixteen Gaussians row by row; `totals` as add_slots left them.
 RINGLIGHT_INLINE void write_channel_rows(const Frame& frame, float* to, std::size_t first, int count, std::size_t stride,
                                          unsigned seen, const Vec* totals) {
-  const int channels = frame.splats.channel_count, moments = slot_moments(frame.settings.absgrad);
+  const int channels = frame.sloped_channels, moments = slot_moments(frame.settings.absgrad);
   for (int i = 0; i < count; i++) {
     const std::size_t row = first + static_cast<std::size_t>(i);
-    float* const out = to + row * static_cast<std::size_t>(channels);
+    float* const out = to + row * static_cast<std::size_t>(frame.splats.channel_count);
+    for (int c = channels; c < frame.splats.channel_count; c++) out[c] = 0;
     if (moments + channels > LANES) {
       add_channels(frame, row, stride, seen >> i & 1, out);
       continue;
@@ -223,7 +224,7 @@ RINGLIGHT_INLINE void write_channel_columns(float* to, int channels, std::size_t
 void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t begin, std::size_t end) {
   const bool absgrad = frame.settings.absgrad;
   const int channels = frame.splats.channel_count;
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(channels, absgrad));
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(frame.sloped_channels, absgrad));
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
     Vec t[LANES];

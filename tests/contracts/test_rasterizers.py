@@ -64,7 +64,7 @@ def check_against_reference(rasterizer: Rasterizer, case: Case, seed: int = 0):
     assert all((gradient[unseen] == 0).all() for gradient in found.gradients.values())
 
 
-@pytest.mark.parametrize("channels", [1, 2, 3, 4, 5, 8, 9, 16, 17, 24, 33])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4, 5, 8, 9, 10, 11, 16, 17, 24, 33])
 @pytest.mark.parametrize("antialiased", [False, True])
 def test_equals_the_reference_for_any_number_of_channels(rasterizer, channels: int, antialiased: bool):
     check_against_reference(rasterizer, random_case(channels, channels=channels, antialiased=antialiased))

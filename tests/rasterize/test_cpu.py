@@ -192,6 +192,17 @@ def test_the_memory_order_of_the_upstream_gradient_does_not_matter(rasterizer):
     assert ours.raster.image.permute(2, 0, 1).is_contiguous()
 
 
+@pytest.mark.parametrize("sloped", [0, 1, 4, 5, 6, 10, 11, 12])
+def test_last_channels_without_gradient_are_left_out_and_nothing_else_changes(rasterizer, sloped: int):
+    case = random_case(6, channels=13)
+    by_image, by_alpha = random_cotangents(case, 0)
+    by_image[..., sloped:] = 0
+    found, expected = run(rasterizer, case, by_image, by_alpha), judge(case, by_image, by_alpha)
+    assert not found.gradients["channels"][:, sloped:].any()
+    for name in expected.gradients.keys() - ({"channels"} if sloped == 0 else set()):
+        assert off_by(found.gradients[name], expected.gradients[name]) < 1e-4, name
+
+
 def test_a_column_changed_in_place_before_backward_is_noticed(rasterizer):
     case = random_case(5)
     means = case.gaussians.means.clone().requires_grad_()
