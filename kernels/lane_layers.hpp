@@ -195,6 +195,10 @@ static void outer_rows(float* sums, int stride, const float* gradient, const flo
   int done = 0;
   for (; done + OUTER_VECS * LANES <= stride; done += OUTER_VECS * LANES)
     outer_block<Terms, Rows, OUTER_VECS>(sums + done, stride, gradient, rows + done * GROUP_TERMS<Terms>);
+  // Narrow layers: two columns of Vecs still keep the multipliers busy, one would wait for its own sums.
+  if constexpr (OUTER_VECS > 2)
+    for (; done + 2 * LANES <= stride; done += 2 * LANES)
+      outer_block<Terms, Rows, 2>(sums + done, stride, gradient, rows + done * GROUP_TERMS<Terms>);
   if constexpr (OUTER_VECS > 1)
     for (; done < stride; done += LANES)
       outer_block<Terms, Rows, 1>(sums + done, stride, gradient, rows + done * GROUP_TERMS<Terms>);

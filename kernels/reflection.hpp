@@ -14,10 +14,12 @@ namespace ringlight {
 // The largest sizes that the kernels take.
 constexpr int REFLECTION_MAX_HIDDEN = 128, REFLECTION_MAX_LATENTS = 16, REFLECTION_MAX_FEATURES = 16;
 constexpr int REFLECTION_MAX_LEVELS = 8, REFLECTION_MAX_SHELLS = 2, REFLECTION_MAX_SIDE = 1024;
+constexpr int REFLECTION_MAX_LAYERS = 3;
 constexpr int REFLECTION_QUAD = 4;  // features of a map are read in fours
 
 struct ReflectionShape {
-  int hidden, latents, shells, features;
+  int hidden, layers;  // width of the hidden layers; layers of weights, at least 2
+  int latents, shells, features;
   int levels, sides[REFLECTION_MAX_LEVELS];
   bool parallax, direction;  // whether there are spheres; whether the network sees the viewing direction
   bool depth_gradient;       // whether the reflecting point's gradient reaches depth and alpha
@@ -42,7 +44,7 @@ struct ReflectionParameters {
   Float* sphere;                                              // [shells 4]: centre, log of the inverse radius; or null
   struct {
     Float *weight, *bias;  // [outputs inputs], [outputs]
-  } mlp[3];
+  } mlp[REFLECTION_MAX_LAYERS];
 };
 
 // Planes [c height width], one after another. Values, or where gradients go; depth may be null without spheres, and its

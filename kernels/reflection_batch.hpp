@@ -7,18 +7,17 @@
 namespace ringlight::RINGLIGHT_ISA {
 
 constexpr int HALVES = GROUP / LANES;
-constexpr int LAYERS = 3;
 
 static inline int layer_inputs(const ReflectionShape& shape, int layer) {
   return layer ? shape.hidden : network_inputs(shape);
 }
 static inline int layer_outputs(const ReflectionShape& shape, int layer) {
-  return layer + 1 < LAYERS ? shape.hidden : 3;
+  return layer + 1 < shape.layers ? shape.hidden : 3;
 }
 
 // What a call prepares once: layers in the order of use, maps sewn, spheres' sizes.
 struct ReflectionTables {
-  Panels layers[LAYERS];
+  Panels layers[REFLECTION_MAX_LAYERS];
   float* maps[REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
   float scale[REFLECTION_MAX_SHELLS];
 };
@@ -26,7 +25,7 @@ struct ReflectionTables {
 static inline ReflectionTables prepare(const ReflectionShape& shape, const ReflectionParameters<const float>& from,
                                        Arena& arena) {
   ReflectionTables tables;
-  for (int layer = 0; layer < LAYERS; layer++) {
+  for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     float* to = arena.take(static_cast<std::size_t>(inputs) * outputs);
     if (to) tables.layers[layer] = pack(from.mlp[layer].weight, inputs, 1, from.mlp[layer].bias, outputs, inputs, to);
@@ -51,13 +50,14 @@ struct ReflectionBatch {
   Surface surfaces[HALVES];
   Exit exits[HALVES][REFLECTION_MAX_SHELLS];
   LevelPoints points[HALVES][REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
-  float *inputs, *hidden[LAYERS - 1], *added;   // [n][GROUP]
+  float *inputs, *hidden[REFLECTION_MAX_LAYERS - 1], *added;   // [n][GROUP]
   float *slopes_across, *slopes_down;           // [features][GROUP], or null in a pass without gradient
 };
 
 static inline void lay_out(ReflectionBatch& batch, const ReflectionShape& shape, bool slopes, Arena& arena) {
   batch.inputs = arena.take(static_cast<std::size_t>(GROUP) * network_inputs(shape));
-  for (float*& hidden : batch.hidden) hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.hidden);
+  for (int layer = 0; layer + 1 < shape.layers; layer++)
+    batch.hidden[layer] = arena.take(static_cast<std::size_t>(GROUP) * shape.hidden);
   batch.added = arena.take(GROUP * 3);
   const std::size_t features = static_cast<std::size_t>(GROUP) * feature_count(shape) * slopes;
   batch.slopes_across = slopes ? arena.take(features) : nullptr;
@@ -109,11 +109,11 @@ static inline void evaluate(const ReflectionScene& scene, const std::int32_t* co
     read_maps<Slopes>(scene, batch, half);
   }
   const float* from = batch.inputs;
-  for (int layer = 0; layer + 1 < LAYERS; from = batch.hidden[layer++]) {
+  for (int layer = 0; layer + 1 < shape.layers; from = batch.hidden[layer++]) {
     dense(scene.tables.layers[layer], from, batch.hidden[layer]);
     rectify(batch.hidden[layer], shape.hidden);
   }
-  dense(scene.tables.layers[LAYERS - 1], from, batch.added);
+  dense(scene.tables.layers[shape.layers - 1], from, batch.added);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -17,13 +17,15 @@ namespace {
 bool within(int value, int least, int most) { return least <= value && value <= most; }
 
 ReflectionShape shape_from(const std::vector<int>& sizes) {
-  constexpr std::size_t FIXED = 7;
+  constexpr std::size_t FIXED = 8;
   require(sizes.size() > FIXED && sizes.size() <= FIXED + REFLECTION_MAX_LEVELS,
-          "reflection: a shape is hidden, latents, shells, features, parallax, direction, depth_gradient, sides ...");
+          "reflection: a shape is hidden, layers, latents, shells, features, parallax, direction, depth_gradient, sides");
   ReflectionShape shape{};
-  shape.hidden = sizes[0], shape.latents = sizes[1], shape.shells = sizes[2], shape.features = sizes[3];
-  shape.parallax = sizes[4] != 0, shape.direction = sizes[5] != 0, shape.depth_gradient = sizes[6] != 0;
+  shape.hidden = sizes[0], shape.layers = sizes[1];
+  shape.latents = sizes[2], shape.shells = sizes[3], shape.features = sizes[4];
+  shape.parallax = sizes[5] != 0, shape.direction = sizes[6] != 0, shape.depth_gradient = sizes[7] != 0;
   require(within(shape.hidden, 1, REFLECTION_MAX_HIDDEN), "reflection: hidden out of range");
+  require(within(shape.layers, 2, REFLECTION_MAX_LAYERS), "reflection: layers out of range");
   require(within(shape.latents, 0, REFLECTION_MAX_LATENTS), "reflection: latents out of range");
   require(within(shape.shells, 1, REFLECTION_MAX_SHELLS), "reflection: shells out of range");
   require(within(shape.features, REFLECTION_QUAD, REFLECTION_MAX_FEATURES) && shape.features % REFLECTION_QUAD == 0,
@@ -39,7 +41,7 @@ ReflectionShape shape_from(const std::vector<int>& sizes) {
 // The levels of each shell, the spheres if there are any, then weight and bias of each layer.
 template <class Float, class Arrays>
 ReflectionParameters<Float> parameters_from(const ReflectionShape& shape, const Arrays& arrays) {
-  const std::size_t count = static_cast<std::size_t>(shape.shells) * shape.levels + shape.parallax + 6;
+  const std::size_t count = static_cast<std::size_t>(shape.shells) * shape.levels + shape.parallax + 2 * shape.layers;
   require(arrays.size() == count, "reflection: wrong number of parameters");
   std::size_t next = 0;
   const auto take = [&](std::size_t size) -> Float* {
@@ -50,11 +52,12 @@ ReflectionParameters<Float> parameters_from(const ReflectionShape& shape, const 
   for (int shell = 0; shell < shape.shells; shell++)
     for (int level = 0; level < shape.levels; level++) parameters.maps[shell][level] = take(level_size(shape, level));
   if (shape.parallax) parameters.sphere = take(4 * static_cast<std::size_t>(shape.shells));
-  const std::size_t hidden = shape.hidden;
-  const std::size_t widths[] = {static_cast<std::size_t>(network_inputs(shape)), hidden, hidden, 3};
-  for (int layer = 0; layer < 3; layer++) {
-    parameters.mlp[layer].weight = take(widths[layer] * widths[layer + 1]);
-    parameters.mlp[layer].bias = take(widths[layer + 1]);
+  std::size_t inputs = network_inputs(shape);
+  for (int layer = 0; layer < shape.layers; layer++) {
+    const std::size_t outputs = layer + 1 < shape.layers ? shape.hidden : 3;
+    parameters.mlp[layer].weight = take(inputs * outputs);
+    parameters.mlp[layer].bias = take(outputs);
+    inputs = outputs;
   }
   return parameters;
 }

@@ -17,7 +17,7 @@ int shard_count(std::size_t covered) { return covered <= 1024 ? 1 : covered <= 4
 struct ParameterSums {
   float* maps;              // all levels of all shells, one after another
   float* sphere;            // [shells 4] by lanes
-  LayerSums layers[LAYERS];
+  LayerSums layers[REFLECTION_MAX_LAYERS];
 };
 
 std::size_t maps_size(const ReflectionShape& shape) {
@@ -30,7 +30,7 @@ ParameterSums lay_out_sums(const ReflectionShape& shape, Arena& arena) {
   ParameterSums sums;
   sums.maps = arena.take(maps_size(shape));
   sums.sphere = arena.take(static_cast<std::size_t>(4 * LANES) * shape.shells);
-  for (int layer = 0; layer < LAYERS; layer++) {
+  for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     float* weight = arena.take(static_cast<std::size_t>(outputs) * padded(inputs));
     sums.layers[layer] = {weight, arena.take(static_cast<std::size_t>(outputs) * LANES), outputs, inputs};
@@ -40,13 +40,13 @@ ParameterSums lay_out_sums(const ReflectionShape& shape, Arena& arena) {
 
 // The transposed layers: from the gradient of what a layer returned to that of what it was given.
 struct Transposed {
-  Panels layers[LAYERS];
+  Panels layers[REFLECTION_MAX_LAYERS];
 };
 
 Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParameters<const float>& from,
                             Arena& arena) {
   Transposed transposed;
-  for (int layer = 0; layer < LAYERS; layer++) {
+  for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     const int wanted = layer ? inputs : direction_input(shape);  // the viewing direction's gradient is not
     float* to = arena.take(static_cast<std::size_t>(wanted) * outputs);
@@ -57,12 +57,13 @@ Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParame
 
 // Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
 struct BatchGradient {
-  float *added, *hidden[LAYERS - 1], *inputs, *rows;
+  float *added, *hidden[REFLECTION_MAX_LAYERS - 1], *inputs, *rows;
 };
 
 void lay_out_gradient(BatchGradient& gradient, const ReflectionShape& shape, Arena& arena) {
   gradient.added = arena.take(3 * GROUP);
-  for (float*& hidden : gradient.hidden) hidden = arena.take(static_cast<std::size_t>(shape.hidden) * GROUP);
+  for (int layer = 0; layer + 1 < shape.layers; layer++)
+    gradient.hidden[layer] = arena.take(static_cast<std::size_t>(shape.hidden) * GROUP);
   gradient.inputs = arena.take(static_cast<std::size_t>(network_inputs(shape)) * GROUP);
   const int widest = shape.hidden > network_inputs(shape) ? shape.hidden : network_inputs(shape);
   gradient.rows = arena.take(static_cast<std::size_t>(padded(widest)) * GROUP);
@@ -97,7 +98,7 @@ void network_gradient(const Backward& pass, const ReflectionBatch& batch, const 
                       const ParameterSums& sums) {
   const ReflectionShape& shape = pass.scene.shape;
   const float* of_output = gradient.added;
-  for (int layer = LAYERS - 1; layer > 0; layer--) {
+  for (int layer = shape.layers - 1; layer > 0; layer--) {
     float* of_input = gradient.hidden[layer - 1];
     to_rows(batch.hidden[layer - 1], shape.hidden, gradient.rows);
     add_layer_gradient(sums.layers[layer], of_output, gradient.rows);
@@ -205,7 +206,7 @@ void add_up_shards(const ReflectionShape& shape, const Shards& shards, const Ref
       to.sphere[i] = sum(lanes);
     }
   }
-  for (int layer = 0; layer < LAYERS; layer++)
+  for (int layer = 0; layer < shape.layers; layer++)
     add_up_layer(shards, sums.layers[layer], to.mlp[layer].weight, to.mlp[layer].bias);
 }
 

@@ -21,6 +21,7 @@ KINDS = {
     "two shells": replace(SMALL, shells=2),
     "no parallax": replace(SMALL, parallax=False),
     "no direction, no latents": replace(SMALL, raw_direction=False, latents=0),
+    "one hidden layer": replace(SMALL, hidden_layers=1),
     "depth": replace(SMALL, depth_gradient=True),
 }
 
@@ -107,6 +108,7 @@ def test_the_seed_decides_where_it_starts():
     ("settings", "word"),
     [
         ({"hidden": 0}, "hidden"),
+        ({"hidden_layers": 3}, "hidden_layers"),
         ({"levels": ()}, "levels"),
         ({"levels": (8, 1)}, "side of 1"),
         ({"features": 0}, "features"),

@@ -93,6 +93,7 @@ KINDS = {
     "no parallax": replace(SMALL, parallax=False),
     "no direction, no latents": replace(SMALL, raw_direction=False, latents=0),
     "depth": replace(SMALL, depth_gradient=True, shells=2),
+    "one hidden layer": replace(SMALL, hidden_layers=1),
     "default": ReflectionSettings(),
     "narrow": ReflectionSettings(hidden=32, levels=(16, 64), features=8),
     "widest": ReflectionSettings(hidden=128, levels=(2, 3, 4, 5, 6, 7, 8, 9), features=16, latents=16, shells=2),
@@ -110,6 +111,7 @@ def test_equals_the_twin(kind: str, size: tuple[int, int]):
 
 @given(
     hidden=st.integers(1, 40),
+    layers=st.integers(1, 2),
     latents=st.integers(0, 5),
     levels=st.lists(st.integers(2, 12), min_size=1, max_size=3),
     quads=st.integers(1, 3),
@@ -120,12 +122,12 @@ def test_equals_the_twin(kind: str, size: tuple[int, int]):
 )
 @settings(max_examples=40, deadline=None, derandomize=True)
 def test_equals_the_twin_for_any_shape(
-    hidden: int, latents: int, levels: list[int], quads: int, shells: int, flags: tuple[bool, bool],
+    hidden: int, layers: int, latents: int, levels: list[int], quads: int, shells: int, flags: tuple[bool, bool],
     size: tuple[int, int], seed: int,
 ):  # fmt: skip
     chosen = ReflectionSettings(
-        hidden=hidden, latents=latents, levels=tuple(levels), features=4 * quads, shells=max(shells, 1),
-        parallax=shells > 0, raw_direction=flags[0], depth_gradient=flags[1] and shells > 0,
+        hidden=hidden, hidden_layers=layers, latents=latents, levels=tuple(levels), features=4 * quads,
+        shells=max(shells, 1), parallax=shells > 0, raw_direction=flags[0], depth_gradient=flags[1] and shells > 0,
     )  # fmt: skip
     view = camera(*size)
     assert_equal(shader_with(chosen, seed), buffers(view, latents, seed), view)

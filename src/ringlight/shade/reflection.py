@@ -46,7 +46,7 @@ class ReflectionShader(nn.Module):
             self.sphere = nn.Parameter(torch.tensor([[0.0, 0.0, 0.0, FIRST_LOG_INVERSE_RADII[s]] for s in shells]))
         inputs = 1 + settings.latents + 3 + settings.shells * len(settings.levels) * settings.features
         inputs += 3 * settings.raw_direction
-        self.mlp = perceptron((inputs, settings.hidden, settings.hidden, 3), drawn)
+        self.mlp = perceptron((inputs, *[settings.hidden] * settings.hidden_layers, 3), drawn)
         last = self.mlp[-1]
         assert isinstance(last, nn.Linear)
         with torch.no_grad():

@@ -32,6 +32,7 @@ class ReflectionJob:
 
     shape: list[int]
     view: list[float]
+    parallax: bool
     depth_gradient: bool
 
 
@@ -41,7 +42,14 @@ def reflection_job(
     """What the kernel is told; the frame is that of ``ReflectionShader``, the box's longest side is [-1, 1]."""
     depth_gradient = settings.depth_gradient and settings.parallax
     kind = [settings.parallax, settings.raw_direction, depth_gradient]
-    sizes = [settings.hidden, settings.latents, settings.shells, settings.features, *map(int, kind)]
+    sizes = [
+        settings.hidden,
+        settings.hidden_layers + 1,
+        settings.latents,
+        settings.shells,
+        settings.features,
+        *map(int, kind),
+    ]
     low, high = box.double()
     scale = 2 / (high - low).max()
     origin = (camera.position.double() - 0.5 * (low + high)) * scale
@@ -50,14 +58,14 @@ def reflection_job(
         *origin.tolist(), scale.item(), *background.tolist(),
         FAINTEST_SHADED, SHORTEST_NORMAL, SMALLEST_HALF_CHORD_SQUARED,
     ]  # fmt: skip
-    return ReflectionJob([*sizes, *settings.levels], view, depth_gradient)
+    return ReflectionJob([*sizes, *settings.levels], view, settings.parallax, depth_gradient)
 
 
 def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Tensor]) -> Float[Tensor, "H W 3"]:
     """``parameters``: the maps by shell and level, the spheres if there are any, the layers' weights and biases."""
     rgb, alpha = buffers["rgb"], buffers["alpha"]
     nothing = rgb.new_empty(*rgb.shape[:2], 0)
-    depth = buffers["depth"] if job.shape[4] else None
+    depth = buffers["depth"] if job.parallax else None
     color: Tensor = _Reflect.apply(
         job, rgb, buffers["normal"], buffers.get("latents", nothing), alpha, depth, *parameters
     )

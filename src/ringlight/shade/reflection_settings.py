@@ -16,7 +16,9 @@ class ReflectionSettings:
     """A network that shades each pixel once, from its blended surface and maps of the reflected direction."""
 
     hidden: int = 64
-    """Width of the network's two hidden layers."""
+    """Width of the network's hidden layers."""
+    hidden_layers: int = 2
+    """Hidden layers of the network, 1 or 2."""
     levels: tuple[int, ...] = (8, 16, 32, 64)
     """Nodes on each side of the octahedral maps."""
     features: int = 4
@@ -35,6 +37,8 @@ class ReflectionSettings:
     def __post_init__(self) -> None:
         if not self.levels:
             raise RecipeError("shader.levels is empty; give at least one side, such as 32")
+        if self.hidden_layers not in (1, 2):
+            raise RecipeError(f"shader.hidden_layers is {self.hidden_layers}; give 1 or 2")
         for name, value in (("hidden", self.hidden), ("features", self.features), ("latents", self.latents)):
             least = 0 if name == "latents" else 1
             if not least <= value <= LARGEST[name]:
