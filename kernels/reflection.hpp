@@ -74,7 +74,7 @@ struct ReflectionView {
                            const ReflectionParameters<float>& gradients, \
                            const ReflectionBuffers<float>& buffer_gradients); \
   }
-RINGLIGHT_EVERY_ISA(RINGLIGHT_REFLECTION)
+RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_REFLECTION)
 #undef RINGLIGHT_REFLECTION
 
 }  // namespace ringlight

@@ -15,6 +15,14 @@ static inline int layer_outputs(const ReflectionShape& shape, int layer) {
   return layer + 1 < shape.layers ? shape.hidden : 3;
 }
 
+static inline int widest_layer(const ReflectionShape& shape) {
+  return shape.hidden > network_inputs(shape) ? shape.hidden : network_inputs(shape);
+}
+
+static inline void apply(const Panels& layer, const float* from, float* terms, float* to) {
+  dense<FastTerms>(layer, feature_terms<FastTerms>(from, layer.inputs, terms), to);
+}
+
 // What a call prepares once: layers in the order of use, maps sewn, spheres' sizes.
 struct ReflectionTables {
   Panels layers[REFLECTION_MAX_LAYERS];
@@ -27,8 +35,9 @@ static inline ReflectionTables prepare(const ReflectionShape& shape, const Refle
   ReflectionTables tables;
   for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
-    float* to = arena.take(static_cast<std::size_t>(inputs) * outputs);
-    if (to) tables.layers[layer] = pack(from.mlp[layer].weight, inputs, 1, from.mlp[layer].bias, outputs, inputs, to);
+    float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(inputs)) * outputs);
+    if (to) tables.layers[layer] = pack<FastTerms>(from.mlp[layer].weight, inputs, 1, from.mlp[layer].bias, outputs, inputs,
+                                                   to);
   }
   for (int shell = 0; shell < shape.shells; shell++) {
     for (int level = 0; level < shape.levels; level++) {
@@ -52,6 +61,7 @@ struct ReflectionBatch {
   LevelPoints points[HALVES][REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
   float *inputs, *hidden[REFLECTION_MAX_LAYERS - 1], *added;   // [n][GROUP]
   float *slopes_across, *slopes_down;           // [features][GROUP], or null in a pass without gradient
+  float* terms;                                 // a layer's input as its multiply-adds take it
 };
 
 static inline void lay_out(ReflectionBatch& batch, const ReflectionShape& shape, bool slopes, Arena& arena) {
@@ -62,6 +72,7 @@ static inline void lay_out(ReflectionBatch& batch, const ReflectionShape& shape,
   const std::size_t features = static_cast<std::size_t>(GROUP) * feature_count(shape) * slopes;
   batch.slopes_across = slopes ? arena.take(features) : nullptr;
   batch.slopes_down = slopes ? arena.take(features) : nullptr;
+  batch.terms = arena.take(static_cast<std::size_t>(GROUP) * widest_layer(shape));
 }
 
 // What does not change from group to group.
@@ -110,10 +121,10 @@ static inline void evaluate(const ReflectionScene& scene, const std::int32_t* co
   }
   const float* from = batch.inputs;
   for (int layer = 0; layer + 1 < shape.layers; from = batch.hidden[layer++]) {
-    dense(scene.tables.layers[layer], from, batch.hidden[layer]);
+    apply(scene.tables.layers[layer], from, batch.terms, batch.hidden[layer]);
     rectify(batch.hidden[layer], shape.hidden);
   }
-  dense(scene.tables.layers[shape.layers - 1], from, batch.added);
+  apply(scene.tables.layers[shape.layers - 1], from, batch.terms, batch.added);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

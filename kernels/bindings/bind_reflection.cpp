@@ -102,7 +102,7 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
   const ReflectionView view = view_from(numbers, color.shape(1), color.shape(2));
   const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(reflection_forward)(shape, weights, view, buffers, color.data());
+  RINGLIGHT_CHOSEN_WITH_BF16(reflection_forward)(shape, weights, view, buffers, color.data());
 }
 
 void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, const std::vector<float>& numbers,
@@ -115,7 +115,7 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
   const auto to = buffers_from<float>(shape, view, plane_gradients, shape.depth_gradient);
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(reflection_backward)(shape, weights, view, buffers, color_gradient.data(), sums, to);
+  RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)(shape, weights, view, buffers, color_gradient.data(), sums, to);
 }
 
 }  // namespace

@@ -49,8 +49,8 @@ Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParame
   for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     const int wanted = layer ? inputs : direction_input(shape);  // the viewing direction's gradient is not
-    float* to = arena.take(static_cast<std::size_t>(wanted) * outputs);
-    if (to) transposed.layers[layer] = pack(from.mlp[layer].weight, 1, inputs, nullptr, wanted, outputs, to);
+    float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(outputs)) * wanted);
+    if (to) transposed.layers[layer] = pack<FastTerms>(from.mlp[layer].weight, 1, inputs, nullptr, wanted, outputs, to);
   }
   return transposed;
 }
@@ -58,6 +58,7 @@ Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParame
 // Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
 struct BatchGradient {
   float *added, *hidden[REFLECTION_MAX_LAYERS - 1], *inputs, *rows;
+  float* terms;  // a gradient as multiply-adds take it
 };
 
 void lay_out_gradient(BatchGradient& gradient, const ReflectionShape& shape, Arena& arena) {
@@ -65,8 +66,8 @@ void lay_out_gradient(BatchGradient& gradient, const ReflectionShape& shape, Are
   for (int layer = 0; layer + 1 < shape.layers; layer++)
     gradient.hidden[layer] = arena.take(static_cast<std::size_t>(shape.hidden) * GROUP);
   gradient.inputs = arena.take(static_cast<std::size_t>(network_inputs(shape)) * GROUP);
-  const int widest = shape.hidden > network_inputs(shape) ? shape.hidden : network_inputs(shape);
-  gradient.rows = arena.take(static_cast<std::size_t>(padded(widest)) * GROUP);
+  gradient.rows = arena.take(static_cast<std::size_t>(padded(widest_layer(shape))) * GROUP);
+  gradient.terms = arena.take(static_cast<std::size_t>(widest_layer(shape)) * GROUP);
 }
 
 struct Backward {
@@ -93,6 +94,14 @@ Upstream start_gradient(const Backward& pass, const ReflectionBatch& batch, int 
   return upstream;
 }
 
+// Adds to a layer's sums, given dL/d(its result) and its input, and leaves dL/d(its input) in `of_input`.
+void layer_gradient(const LayerSums& sums, const Panels& transposed, const float* of_result, const float* input,
+                    const BatchGradient& gradient, float* of_input) {
+  to_rows<FastTerms>(input, sums.inputs, gradient.rows);
+  add_layer_gradient<FastTerms>(sums, of_result, gradient.rows, gradient.terms);
+  apply(transposed, of_result, gradient.terms, of_input);
+}
+
 // Through the network; leaves dL/d(inputs).
 void network_gradient(const Backward& pass, const ReflectionBatch& batch, const BatchGradient& gradient,
                       const ParameterSums& sums) {
@@ -100,15 +109,12 @@ void network_gradient(const Backward& pass, const ReflectionBatch& batch, const 
   const float* of_output = gradient.added;
   for (int layer = shape.layers - 1; layer > 0; layer--) {
     float* of_input = gradient.hidden[layer - 1];
-    to_rows(batch.hidden[layer - 1], shape.hidden, gradient.rows);
-    add_layer_gradient(sums.layers[layer], of_output, gradient.rows);
-    dense(pass.transposed.layers[layer], of_output, of_input);
+    layer_gradient(sums.layers[layer], pass.transposed.layers[layer], of_output, batch.hidden[layer - 1], gradient,
+                   of_input);
     rectify_gradient(of_input, batch.hidden[layer - 1], shape.hidden);
     of_output = of_input;
   }
-  to_rows(batch.inputs, network_inputs(shape), gradient.rows);
-  add_layer_gradient(sums.layers[0], of_output, gradient.rows);
-  dense(pass.transposed.layers[0], of_output, gradient.inputs);
+  layer_gradient(sums.layers[0], pass.transposed.layers[0], of_output, batch.inputs, gradient, gradient.inputs);
 }
 
 // Through the maps of half a group, which add their own; leaves the gradient of the reflected ray.

@@ -1,7 +1,8 @@
 """The fused reflection shader against its torch twin in float64, in value and in every gradient.
 
 ReLU, the cells of maps and the square's folds have kinks where float32 and float64 may take different sides; the
-comparison allows for a few such pixels where one wrong side shows at all.
+comparison allows for a few such pixels where one wrong side shows at all. Where layers multiply in bfloat16, tolerances
+are wider and hidden units are kept from their kinks by large biases; tests/test_isa.py runs the same code on floats.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import BOX, buffers, camera
-from torch import Tensor
+from torch import Tensor, nn
 
 from ringlight import _kernels
 from ringlight.core.camera import Camera
@@ -20,10 +21,17 @@ from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_kernel import kernel_takes
 from ringlight.shade.reflection_settings import ReflectionSettings
 
-VALUE_TOLERANCE = 2e-5
+BF16 = _kernels.isa() == "avx512_bf16"
+VALUE_TOLERANCE = 0.02 if BF16 else 2e-5
 """Of the largest value; single precision through base colours divided by a small alpha gives some 2e-6."""
-GRADIENT_TOLERANCE = 2e-4
+GRADIENT_TOLERANCE = 0.15 if BF16 else 2e-4
 """Of the largest entry of each gradient."""
+KINKED = 0.05 if BF16 else 2e-5
+"""Of the largest entry of a gradient: a pixel that differs by more stands on two sides of a kink."""
+FEWEST = 9 if BF16 else 1
+"""Hidden units, and pixels a side: sums of a few that cancel keep no digit of bfloat16."""
+FAR_BIAS = 30.0
+"""More than a hidden unit's inputs add up to, and four times as much in the next layer."""
 
 SMALL = ReflectionSettings(hidden=16, levels=(4, 7), features=4, latents=3)
 GREY = torch.tensor([0.5, 0.4, 0.3])
@@ -35,15 +43,25 @@ class Result:
     gradients: dict[str, Tensor]
 
 
-def shader_with(chosen: ReflectionSettings, seed: int = 0) -> ReflectionShader:
+def shader_with(chosen: ReflectionSettings, seed: int = 0, far_from_kinks: bool = True) -> ReflectionShader:
     """Larger features than new ones, so that directions count."""
     shader = ReflectionShader(chosen, BOX, seed)
     with torch.no_grad():
         for parameter in shader.maps.parameters():
             parameter.mul_(30)
+        if BF16 and far_from_kinks:
+            leave_kinks(shader)
         if chosen.parallax:
             shader.sphere.add_(torch.randn(shader.sphere.shape, generator=torch.Generator().manual_seed(seed)) * 0.1)
     return shader
+
+
+def leave_kinks(shader: ReflectionShader) -> None:
+    """Every second hidden unit on, the others off, whatever the input."""
+    *hidden, _ = [layer for layer in shader.mlp if isinstance(layer, nn.Linear)]
+    for depth, layer in enumerate(hidden):
+        signs = torch.where(torch.arange(len(layer.bias)) % 2 == 0, 1.0, -1.0)
+        layer.bias.copy_(FAR_BIAS * 4**depth * signs)
 
 
 def run(shader: ReflectionShader, blended: Channels, view: Camera, seed: int = 0) -> Result:
@@ -66,7 +84,7 @@ def smooth(shader: ReflectionShader, blended: Channels, view: Camera) -> Channel
     shader.float()
     name = "normal"
     gap = (single_result.gradients[name] - double_result.gradients[name]).abs().amax(-1)
-    kinked = gap > 0.1 * GRADIENT_TOLERANCE * double_result.gradients[name].abs().max()
+    kinked = gap > KINKED * double_result.gradients[name].abs().max()
     assert kinked.sum() <= max(0.05 * kinked.numel(), 2), "kinks are rare"
     return {n: torch.where(kinked[..., None], 0, values) for n, values in blended.items()}
 
@@ -110,14 +128,14 @@ def test_equals_the_twin(kind: str, size: tuple[int, int]):
 
 
 @given(
-    hidden=st.integers(1, 40),
+    hidden=st.integers(FEWEST, 40),
     layers=st.integers(1, 2),
     latents=st.integers(0, 5),
     levels=st.lists(st.integers(2, 12), min_size=1, max_size=3),
     quads=st.integers(1, 3),
     shells=st.integers(0, 2),
     flags=st.tuples(st.booleans(), st.booleans()),
-    size=st.tuples(st.integers(1, 40), st.integers(1, 20)),
+    size=st.tuples(st.integers(FEWEST, 40), st.integers(FEWEST, 20)),
     seed=st.integers(0, 1000),
 )
 @settings(max_examples=40, deadline=None, derandomize=True)
@@ -131,6 +149,18 @@ def test_equals_the_twin_for_any_shape(
     )  # fmt: skip
     view = camera(*size)
     assert_equal(shader_with(chosen, seed), buffers(view, latents, seed), view)
+
+
+def test_the_default_shader_differs_from_its_exact_twin_by_less_than_a_thousandth_of_the_range():
+    view, shader = camera(60, 40), shader_with(ReflectionSettings(), far_from_kinks=False)
+    blended = buffers(view)
+    blended["alpha"] = (blended["alpha"] > 0).to(blended["rgb"])
+    double = {name: values.double() for name, values in blended.items()}
+    with torch.no_grad():
+        shader.mlp[-1].weight.mul_(5)  # residuals as large as learned ones
+        fast, slow = shader.shade(blended, view, GREY), shader.double().shade(double, view, GREY)
+    assert (slow - double["rgb"]).square().mean().sqrt() > 0.02
+    assert (fast - slow).square().mean().sqrt() <= 1e-3
 
 
 def test_a_picture_without_surface_is_handed_on():
