@@ -46,6 +46,11 @@ RINGLIGHT_INLINE void store(float* to, Vec a) {
   _mm256_storeu_ps(to, a.low);
   _mm256_storeu_ps(to + 8, a.high);
 }
+// from[K .. K + 15]; the Vecs around it would take more to put together than a load.
+template <int K>
+RINGLIGHT_INLINE Vec load_shifted(const float* from, Vec, Vec, Vec) {
+  return load(from + K);
+}
 // The first `count` floats (0..16); the remaining lanes are 0 and their memory is not touched.
 RINGLIGHT_INLINE Vec load_first(const float* from, int count) {
   return {_mm256_maskload_ps(from, detail::first_lanes(count, 0)),

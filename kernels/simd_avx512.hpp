@@ -19,6 +19,13 @@ using Mask = __mmask16;
 
 RINGLIGHT_INLINE Vec load(const float* from) { return _mm512_loadu_ps(from); }
 RINGLIGHT_INLINE void store(float* to, Vec a) { _mm512_storeu_ps(to, a.v); }
+// from[K .. K + 15] of an aligned `from`, whose own sixteen, those before and those after are at hand: a load that
+// crosses a cache line takes twice as long as putting it together.
+template <int K>
+RINGLIGHT_INLINE Vec load_shifted(const float*, Vec before, Vec own, Vec after) {
+  const __m512i a = _mm512_castps_si512(K < 0 ? before.v : own.v), b = _mm512_castps_si512(K < 0 ? own.v : after.v);
+  return _mm512_castsi512_ps(_mm512_alignr_epi32(b, a, K < 0 ? 16 + K : K));
+}
 // The first `count` floats (0..16); the remaining lanes are 0 and their memory is not touched.
 RINGLIGHT_INLINE Vec load_first(const float* from, int count) {
   return _mm512_maskz_loadu_ps(static_cast<Mask>((1u << count) - 1), from);

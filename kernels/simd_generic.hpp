@@ -86,6 +86,11 @@ RINGLIGHT_INLINE void store(float* to, Vec a) {
 #pragma GCC unroll 4
   for (int i = 0; i < detail::PARTS; i++) *reinterpret_cast<detail::FloatsInMemory*>(to + 4 * i) = a.part[i];
 }
+// from[K .. K + 15]; the Vecs around it would take more to put together than a load.
+template <int K>
+RINGLIGHT_INLINE Vec load_shifted(const float* from, Vec, Vec, Vec) {
+  return load(from + K);
+}
 // The first `count` floats (0..16); the remaining lanes are 0 and their memory is not touched.
 RINGLIGHT_INLINE Vec load_first(const float* from, int count) {
   float lanes[LANES] = {};

@@ -1,5 +1,6 @@
 #include "ssim.hpp"
 
+#include "simd.hpp"
 #include "ssim_strips.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -20,6 +21,30 @@ constexpr float C1 = 0.01f * 0.01f, C2 = 0.03f * 0.03f;
 // Never inlined into a loop that does more: the compiler then keeps eleven shifted pointers in memory.
 [[gnu::noinline]] void blur_along(const float* __restrict row, float* __restrict out, long width) {
   for (long x = 0; x < width; x++) out[x] = window(row + x);
+}
+
+template <int K>
+RINGLIGHT_INLINE Vec tap(float weight, const float* row, Vec before, Vec own, Vec after, Vec sum) {
+  const Vec pair = load_shifted<-K>(row, before, own, after) + load_shifted<K>(row, before, own, after);
+  return fma(Vec(weight), pair, sum);
+}
+
+// The same over whole vectors of scratch rows, whose margins may be read.
+[[gnu::noinline]] void blur_scratch(const float* __restrict row, float* __restrict out, long padded_width) {
+  Vec before = load(row - LANES), own = load(row);
+  for (long x = 0; x < padded_width; x += LANES) {
+    const float* const at = row + x;
+    const Vec after = load(at + LANES);
+    Vec sum = Vec(T0) * own;
+    sum = tap<1>(T1, at, before, own, after, sum);
+    sum = tap<2>(T2, at, before, own, after, sum);
+    sum = tap<3>(T3, at, before, own, after, sum);
+    sum = tap<4>(T4, at, before, own, after, sum);
+    sum = tap<5>(T5, at, before, own, after, sum);
+    store(out + x, sum);
+    before = own;
+    own = after;
+  }
 }
 
 // Vertical blur of a (or of a * b) over SPAN rows into GROUP rows. Never inlined: x * x, x * y and y * y then round
@@ -87,7 +112,7 @@ void blur_group(const Strip& strip, int quantity, const float* const* a, const f
 // SSIM of one row, and its derivatives with respect to blur(x), blur(x x) and, halved, blur(x y).
 void compare_row(const Strip& strip, int group_row, int row, const PhotometricImages& images, float* similarity) {
   const float *b0 = strip.mean(0), *b1 = strip.mean(1), *b2 = strip.mean(2);
-  for (int q = 0; q < QUANTITIES; q++) blur_along(strip.blur(q, group_row), strip.mean(q), strip.padded_width());
+  for (int q = 0; q < QUANTITIES; q++) blur_scratch(strip.blur(q, group_row), strip.mean(q), strip.padded_width());
   const float *my = images.target_blur + strip.at(row), *eyy = images.target_square_blur + strip.at(row);
   float *q0 = strip.derivative(0, row), *q1 = strip.derivative(1, row), *q2 = strip.derivative(2, row);
   const int width = strip.width;
@@ -113,7 +138,7 @@ template <bool SQUARED>
 void gradient_row(const Strip& strip, int group_row, int row, const PhotometricImages& images, float pixel_weight,
                   float ssim_weight) {
   const float *b0 = strip.mean(0), *b1 = strip.mean(1), *b2 = strip.mean(2);
-  for (int q = 0; q < QUANTITIES; q++) blur_along(strip.blur(q, group_row), strip.mean(q), strip.padded_width());
+  for (int q = 0; q < QUANTITIES; q++) blur_scratch(strip.blur(q, group_row), strip.mean(q), strip.padded_width());
   const float *image = images.image + strip.at(row), *target = images.target + strip.at(row);
   float *gradient = images.gradient + strip.at(row), *pixel = strip.pixel;
   const int width = strip.width;

@@ -9,6 +9,7 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.randomness import generator
 from ringlight.core.scene import Scene, View
+from ringlight.data.shrunk import shrunk
 
 
 @dataclass(frozen=True)
@@ -25,11 +26,22 @@ class ImageBatch:
         return self.view.camera
 
 
-class ImageBatches:
-    """Every view once an epoch, in an order drawn anew each epoch; a pure function of (seed, step)."""
+COARSE = (4, 2)
+"""Photographs begin at a quarter of their size, then half (3DGS, section 7.1)."""
 
-    def __init__(self, scene: Scene, seed: int):
-        self.scene, self.seed = scene, seed
+SMALLEST_COARSE = 50
+"""Pixels. Photographs are never shrunk to less, where the loss's window of 11 would see little but borders."""
+
+
+class ImageBatches:
+    """Every view once an epoch, in an order drawn anew each epoch; a pure function of (seed, step).
+
+    The first ``coarse_steps`` steps see photographs at a quarter of their size, as many again at half.
+    """
+
+    def __init__(self, scene: Scene, seed: int, coarse_steps: int = 0):
+        self.scene, self.seed, self.coarse_steps = scene, seed, coarse_steps
+        self._shrunk: dict[tuple[int, int], View] = {}
         self._epoch, self._order = -1, list[int]()
 
     def at(self, step: int) -> ImageBatch:
@@ -39,7 +51,13 @@ class ImageBatches:
             draw = generator(self.seed, epoch, "order of views")
             self._epoch, self._order = epoch, torch.randperm(len(self.scene.train), generator=draw).tolist()
         index = self._order[position]
-        return ImageBatch(index, self.scene.train[index], self._background(step))
+        return ImageBatch(index, self._view(index, step), self._background(step))
+
+    def _view(self, index: int, step: int) -> View:
+        stage, view = (step - 1) // self.coarse_steps if self.coarse_steps else len(COARSE), self.scene.train[index]
+        if stage >= len(COARSE) or min(view.camera.width, view.camera.height) < SMALLEST_COARSE * COARSE[stage]:
+            return view
+        return self._shrunk.setdefault((index, stage), shrunk(view, COARSE[stage]))
 
     def _background(self, step: int) -> Float[Tensor, "3"]:
         if self.scene.background != "random":

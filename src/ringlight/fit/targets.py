@@ -21,22 +21,23 @@ class Targets:
     def __init__(self, budget_bytes: int | None = None):
         default = min(BUDGET_BYTES, machine_memory() // SMALLEST_SHARE)
         self.budget_bytes, self._bytes = default if budget_bytes is None else budget_bytes, 0
-        self._kept: OrderedDict[int, Target] = OrderedDict()
+        self._kept: OrderedDict[tuple[int, int, int], Target] = OrderedDict()
 
     def of(self, batch: ImageBatch, fixed_background: bool) -> Target:
         """The batch's photograph over its background; a background that changes each step is never kept."""
-        if batch.index in self._kept:
-            self._kept.move_to_end(batch.index)
-            return self._kept[batch.index]
+        key = (batch.index, batch.camera.width, batch.camera.height)
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
         target = Target(batch.view.image(batch.background))
         if fixed_background:
-            self._keep(batch.index, target, batch.camera.width * batch.camera.height * BYTES_PER_PIXEL)
+            self._keep(key, target, batch.camera.width * batch.camera.height * BYTES_PER_PIXEL)
         return target
 
-    def _keep(self, index: int, target: Target, size: int) -> None:
+    def _keep(self, key: tuple[int, int, int], target: Target, size: int) -> None:
         if size > self.budget_bytes:
             return
-        self._kept[index] = target
+        self._kept[key] = target
         self._bytes += size
         while self._bytes > self.budget_bytes:
             _, dropped = self._kept.popitem(last=False)

@@ -7,6 +7,7 @@ Written from the paper; the rasterizer's numbers are gsplat's (see rasterize/con
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
@@ -31,6 +32,8 @@ class ThreeDGSRecipe:
 
     steps: int = 30_000
     """Training steps, one photograph each."""
+    coarse_steps: int = 250
+    """Steps with photographs at a quarter of their size, and as many again at half (3DGS, section 7.1); 0 for none."""
     sh_degree: int = 3
     """Degree of the spherical harmonics, 0 to 3."""
     sh_every: int = 1000
@@ -51,6 +54,8 @@ class ThreeDGSRecipe:
     """What is compared with the photographs."""
 
     def __post_init__(self) -> None:
+        if self.coarse_steps < 0:
+            raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
         check_rates(sh_rate=self.sh_rate, sh_rest_rate=self.sh_rest_rate)
 
     def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
@@ -83,7 +88,7 @@ class ThreeDGSRecipe:
         white = scene.background == "white"
         return Training(
             model=model,
-            batches=ImageBatches(scene, seed),
+            batches=ImageBatches(scene, seed, self.coarse_steps),
             loss=self.loss,
             optimizer=Optimizer(model, groups, self.steps, self.visible_only),
             strategies=(
