@@ -11,7 +11,7 @@ BUILT_FROM := pyproject.toml constraints.txt CMakeLists.txt cmake/write_conventi
 	src/ringlight/rasterize/convention.py $(wildcard kernels/*.*pp kernels/isa/*.*pp kernels/bindings/*.*pp)
 WORKERS ?= 2
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo test lint bench unplug fuzz sanitize clean
 
 setup: $(STAMP)
 
@@ -29,6 +29,23 @@ lint: setup
 
 bench: setup
 	@$(BIN)/ringlight bench raster && $(BIN)/ringlight bench color && $(BIN)/ringlight bench step
+
+# The long tests of docs/reliability.md. Minutes to an hour each.
+KILLS ?= 200
+FILES ?= 1000000
+FUZZ_SECONDS ?= 600
+
+unplug: setup
+	@$(BIN)/python tests/unplugging.py --kills $(KILLS)
+
+fuzz: setup
+	@$(BIN)/python tests/fuzzing/run.py --count $(FILES)
+	@$(BIN)/python -m pip --disable-pip-version-check --quiet install atheris 2>/dev/null \
+		|| echo "atheris cannot be installed here: no coverage-guided run"
+	@$(BIN)/python tests/fuzzing/run.py --guided --count $(FILES) --seconds $(FUZZ_SECONDS)
+
+sanitize: setup
+	@PATH="$(CURDIR)/$(BIN):$$PATH" PYTHON="$(BIN)/python" sh scripts/sanitize.sh
 
 clean:
 	rm -rf $(VENV) build

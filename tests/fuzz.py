@@ -1,6 +1,7 @@
 """Numbers that break kernels, for hypothesis; and a watchdog, so that a kernel that hangs ends the run with a trace."""
 
 import faulthandler
+import os
 from collections.abc import Iterator
 
 import pytest
@@ -12,8 +13,8 @@ from torch import Tensor
 LARGEST = 3.4028234663852886e38
 EDGES = [0.0, -0.0, 1.4e-45, 1.2e-38, 1e-30, 1e-20, 1e-6, 0.01, 1.0, 1e4, 1e8, 1e15, 1e19, 1e20, 1e30, 3e38, LARGEST]
 
-PATIENCE = 120
-"""Seconds for all examples of one test, hundreds of times what they take on a busy machine."""
+PATIENCE = int(os.environ.get("RINGLIGHT_PATIENCE", "120"))
+"""Seconds for all examples of one test, hundreds of times what they take on a busy machine; sanitizers need more."""
 
 fuzzed = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 

@@ -1,0 +1,226 @@
+"""The loaders, each with small legal files of its kind. It may refuse a file by RinglightError and nothing else."""
+
+import atexit
+import dataclasses
+import io
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+from samples import sample_report
+from scene_folders import write_blender, write_colmap, write_nerfstudio
+
+from ringlight.core.gaussians import Gaussians
+from ringlight.data import colmap_binary, colmap_text
+from ringlight.data.images import Photograph, read_header
+from ringlight.data.load import load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.data.ply_points import read_ply_points
+from ringlight.data.synthetic import tiny_scene
+from ringlight.errors import RinglightError
+from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
+from ringlight.files.tensor_file import read_tensors, write_tensors
+from ringlight.fit.train import Training
+from ringlight.measure.report import REPORT_NAME, read_report
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts
+from ringlight.methods.table import METHODS
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
+from ringlight.runs.folder import RunFolder
+from ringlight.runs.record import RECORD_NAME, RunRecord
+
+REFUSALS = RinglightError
+
+HOME = Path(tempfile.mkdtemp(prefix="ringlight-fuzz-", dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None))
+atexit.register(shutil.rmtree, HOME, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Target:
+    """``seeds`` are legal files by kind; ``load`` reads the bytes of one of that kind, and may raise RinglightError."""
+
+    seeds: list[tuple[int, bytes]]
+    load: Callable[[int, bytes], object]
+
+
+def _reading(name: str, *readers: Callable[[Path], object]) -> Callable[[int, bytes], object]:
+    path = HOME / name
+
+    def load(kind: int, content: bytes) -> object:
+        path.write_bytes(content)
+        return readers[kind](path)
+
+    return load
+
+
+def _bytes(write: Callable[[Path], object]) -> bytes:
+    path = HOME / "seed"
+    write(path)
+    return path.read_bytes()
+
+
+def _without_checksum(content: bytes) -> bytes:
+    """As another program writes it: mutations then reach what the checksum would have refused."""
+    length = int.from_bytes(content[:8], "little")
+    header = json.loads(content[8 : 8 + length])
+    header["__metadata__"].pop("ringlight.checksum")
+    encoded = json.dumps(header, separators=(",", ":")).encode()
+    return len(encoded).to_bytes(8, "little") + encoded + content[8 + length :]
+
+
+def gaussian_ply() -> Target:
+    def table(path: Path, coefficients: int) -> None:
+        geometry = Gaussians(torch.rand(5, 3), torch.rand(5, 3), torch.rand(5, 4), torch.rand(5))
+        write_gaussian_ply(path, geometry, torch.rand(5, 3), torch.rand(5, coefficients, 3))
+
+    seeds = [(0, _bytes(lambda path, k=k: table(path, k))) for k in (0, 3)]
+    return Target(seeds, _reading("gaussians.ply", read_gaussian_ply))
+
+
+def ply_points() -> Target:
+    columns = b"property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
+    header = b"element vertex 3\n" + columns + b"property uchar blue\nend_header\n"
+    ascii_rows = b"0.5 1 2 255 0 9\n-1 -2e3 3 1 2 3\n4 5 6 7 8 9\n"
+    binary = b"".join(np.array([i, 2, -3], "<f4").tobytes() + bytes([i, 2, 3]) for i in range(3))
+    seeds = [
+        b"ply\nformat ascii 1.0\n" + header + ascii_rows,
+        b"ply\nformat binary_little_endian 1.0\n" + header + binary,
+    ]
+    return Target([(0, seed) for seed in seeds], _reading("points.ply", read_ply_points))
+
+
+def tensor_file() -> Target:
+    tensors = {"a": torch.rand(3, 2), "b": torch.arange(3), "c": torch.rand(2).half(), "d": torch.tensor([True])}
+    whole = _bytes(lambda path: write_tensors(path, tensors, {"note": "x", "other": "y"}))
+    return Target([(0, whole), (0, _without_checksum(whole))], _reading("tensors.safetensors", read_tensors))
+
+
+def _training(method: str) -> Training:
+    scene = tiny_scene(views=2, size=8)
+    scene = dataclasses.replace(scene, points=type(scene.points)(scene.points.positions[:6], scene.points.colors[:6]))
+    recipe = METHODS[method]
+    if hasattr(recipe, "light"):
+        ring = dataclasses.replace(recipe.light.ring, rank=2, features=2, head_hidden=4, position_nodes=8, view_nodes=4)
+        light = dataclasses.replace(recipe.light, ring=ring, render_hidden=4, modulation_hidden=4)
+        recipe = dataclasses.replace(recipe, light=light)
+    training: Training = recipe.build(scene, rasterizer_for("auto"), 0)
+    return training
+
+
+def _model(path: Path, method: str) -> None:
+    training = _training(method)
+    scene, recipe = training.batches.scene, METHODS[method]
+    if hasattr(recipe, "light"):
+        recipe = dataclasses.replace(recipe, light=training.model.color.settings)
+    header = model_header(method, recipe, 3, scene_facts(scene))
+    save_model(path, training.model, header, [view.camera for view in scene.train])
+
+
+def model() -> Target:
+    rasterize = rasterizer_for("auto")
+
+    def open_and_draw(path: Path) -> None:
+        stored = load_model(path, rasterize)
+        if stored.cameras:
+            with torch.no_grad():
+                stored.model.render(stored.cameras[0].resized(8, 8), torch.ones(3))
+
+    wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in ("3dgs", "ringlight")]
+    seeds = [(0, wholes[0]), *((0, _without_checksum(whole)) for whole in wholes)]
+    return Target(seeds, _reading("model.safetensors", open_and_draw))
+
+
+def checkpoint() -> Target:
+    training = _training("3dgs")
+    own = {name: tensor.clone() for name, tensor in training.state().items()}
+    folder = RunFolder(HOME / "run")
+    folder.path.mkdir(exist_ok=True)
+    facts = {"wall_seconds": "1.5", "cpu_seconds": "1.5", "training_views": "2"}
+    write_checkpoint(folder, own, facts)
+    whole = folder.checkpoint.read_bytes()
+
+    def restore(kind: int, content: bytes) -> None:
+        folder.checkpoint.write_bytes(content)
+        stored = read_checkpoint(folder)[0] if kind == 0 else read_tensors(folder.checkpoint)
+        try:
+            refuse_misfits(stored.tensors, own)
+        except (KeyError, ValueError, IndexError, TypeError):
+            return
+        training.restore(stored.tensors)
+
+    return Target([(0, whole), (1, _without_checksum(whole))], restore)
+
+
+def recipe() -> Target:
+    seeds = []
+    for method in ("3dgs", "ringlight"):
+        RunRecord(method, METHODS[method], Path("scene"), SceneOptions(), 0, "auto", "0.1").write(HOME)
+        seeds.append((0, (HOME / RECORD_NAME).read_bytes()))
+    return Target(seeds, _reading(RECORD_NAME, lambda path: RunRecord.read(path.parent)))
+
+
+def report() -> Target:
+    seed = sample_report().to_json().encode()
+    return Target([(0, seed)], _reading(REPORT_NAME, lambda path: read_report(path.parent)))
+
+
+def colmap() -> Target:
+    seeds: list[tuple[int, bytes]] = []
+    readers: list[Callable[[Path], object]] = []
+    for text, module in ((False, colmap_binary), (True, colmap_text)):
+        folder = write_colmap(HOME / f"colmap-{text}", count=3, text=text) / "sparse" / "0"
+        suffix = "txt" if text else "bin"
+        for name, reader in (("cameras", "read_cameras"), ("images", "read_images"), ("points3D", "read_points")):
+            seeds.append((len(readers), (folder / f"{name}.{suffix}").read_bytes()))
+            readers.append(getattr(module, reader))
+    return Target(seeds, _reading("colmap", *readers))
+
+
+def scene_json() -> Target:
+    blender, nerfstudio = write_blender(HOME / "blender", train=2, test=1), write_nerfstudio(HOME / "ns", count=3)
+    files = [blender / "transforms_train.json", nerfstudio / "transforms.json"]
+    options = SceneOptions(initial_points=10)
+    seeds = [(kind, file.read_bytes()) for kind, file in enumerate(files)]
+
+    def load(kind: int, content: bytes) -> object:
+        files[kind].write_bytes(content)
+        return load_scene(files[kind].parent, options)
+
+    return Target(seeds, load)
+
+
+def image() -> Target:
+    pixels = np.random.default_rng(0).integers(0, 256, (9, 11, 4), dtype=np.uint8)
+    seeds = []
+    for kind, mode in (
+        ("PNG", "RGBA"),
+        ("JPEG", "RGB"),
+        ("WEBP", "RGB"),
+        ("BMP", "RGB"),
+        ("TIFF", "RGB"),
+        ("PNG", "P"),
+    ):
+        buffer = io.BytesIO()
+        Image.fromarray(pixels).convert(mode).save(buffer, kind)
+        seeds.append((0, buffer.getvalue()))
+
+    def decode(path: Path) -> None:
+        header = read_header(path)
+        Photograph(path, min(header.width, 16), min(header.height, 16))()
+
+    return Target(seeds, _reading("photograph", decode))
+
+
+TARGETS: dict[str, Callable[[], Target]] = {
+    maker.__name__: maker
+    for maker in (
+        gaussian_ply, ply_points, tensor_file, model, checkpoint, recipe, report, colmap, scene_json, image,
+    )
+}  # fmt: skip

@@ -1,0 +1,26 @@
+"""Ten thousand damaged files for every loader; ``make fuzz`` takes a million."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RUN = Path(__file__).parent / "fuzzing" / "run.py"
+
+LOADERS = (
+    ("gaussian_ply", "ply_points", "tensor_file", "checkpoint", "recipe", "report", "colmap"),
+    ("model", "scene_json", "image"),
+)
+"""Two processes, of about the same length."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+@pytest.mark.parametrize("names", LOADERS)
+def test_no_damaged_file_does_anything_but_be_read_or_refused(names: tuple[str, ...], tmp_path: Path):
+    command = [sys.executable, str(RUN), *names, "--count", "10000", "--home", str(tmp_path)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr[-3000:]
+    assert [line.split()[0] for line in done.stdout.splitlines()] == list(names)
+    assert done.stdout.count(" 0 found") == len(names)
