@@ -78,7 +78,7 @@ struct RingRowGradients {
 // rows, because the sums of each hold a copy of the tables. A function of the number of rows alone: the order of
 // summation must not depend on the machine.
 static inline int ring_shards(std::size_t active_count) {
-  return active_count <= 1024 ? 1 : active_count <= 8192 ? 2 : active_count <= 32768 ? 4 : 8;
+  return active_count <= 1024 ? 1 : active_count <= 8192 ? 2 : active_count <= 65536 ? 4 : 8;
 }
 
 // Floats of workspace that ring_backward needs for this many visible rows.

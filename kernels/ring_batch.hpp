@@ -2,6 +2,7 @@
 // needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "arena.hpp"
+#include "diagonal_tables.hpp"
 #include "lane_layers.hpp"
 #include "lane_matrices.hpp"
 #include "lane_tables.hpp"
@@ -15,9 +16,10 @@ constexpr int MATRIX = ROW_RANK * ROW_RANK;
 
 static inline bool by_rows(const RingShape& shape) { return shape.rank == ROW_RANK && !shape.diagonal; }
 
-// The dense layers in the order of use.
+// The dense layers in the order of use, and the diagonal ring's tables.
 struct RingPanels {
   Panels core, modulation[2], render[3];
+  DiagonalTables tables;
 };
 
 static inline RingPanels pack_layers(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
@@ -27,6 +29,7 @@ static inline RingPanels pack_layers(const RingShape& shape, const RingParameter
   };
   const int matrix = static_cast<int>(matrix_size(shape)), hidden = shape.render_hidden;
   RingPanels panels;
+  if (shape.diagonal) panels.tables = pack_tables<FastTerms>(shape, from, arena);
   panels.core = packed({from.core, nullptr}, shape.features, matrix);
   if (modulated(shape)) {
     panels.modulation[0] = packed(from.modulation[0], shape.modulation_hidden, modulation_inputs(shape));
@@ -49,6 +52,7 @@ struct RingHalf {
 struct Batch {
   std::int32_t rows[GROUP];  // of the table of Gaussians; the last one is repeated in an incomplete group
   int count;                 // how many of them count
+  bool consecutive;          // whether they are neighbours in the table, as most are where nearly all are visible
   bool keep_ring;            // whether the matrices of all are kept, or overwritten by the next
   RingHalf halves[2];
   float* product;            // H_x H_y H_z H_v, [R^2][GROUP] like everything below
@@ -95,28 +99,45 @@ static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring,
   batch.terms = arena.take(static_cast<std::size_t>(GROUP) * terms_of<FastTerms>(widest_layer(shape)));
 }
 
+// The group's rows of table[][width] as columns, [width][GROUP].
+static inline void gather_columns(const Batch& batch, const float* table, int width, float* columns) {
+  if (batch.consecutive && (width == 3 || width == 4)) {
+    for (int first = 0; first < GROUP; first += LANES) {
+      const float* from = table + (static_cast<std::size_t>(batch.rows[0]) + first) * width;
+      Vec column[4];
+      if (width == 3)
+        load_columns(from, column[0], column[1], column[2]);
+      else
+        load_columns(from, column[0], column[1], column[2], column[3]);
+      for (int c = 0; c < width; c++) store(columns + c * GROUP + first, column[c]);
+    }
+    return;
+  }
+  for (int lane = 0; lane < GROUP; lane++)
+    for (int c = 0; c < width; c++)
+      columns[c * GROUP + lane] = table[static_cast<std::size_t>(batch.rows[lane]) * width + c];
+}
+
 // Gathers the rows: base colour, latents and viewing direction into the networks' inputs, places in the tables.
 static inline void start(Batch& batch, const RingShape& shape, const RingScene& scene, const std::int32_t* rows,
                          int count) {
   batch.count = count;
-  alignas(64) float means[3][GROUP];
+  batch.consecutive = true;
   for (int lane = 0; lane < GROUP; lane++) {
-    const std::int32_t row = rows[lane < count ? lane : count - 1];
-    batch.rows[lane] = row;
-    for (int c = 0; c < 3; c++) {
-      means[c][lane] = scene.means[3 * static_cast<std::size_t>(row) + c];
-      batch.base[c * GROUP + lane] = scene.base[3 * static_cast<std::size_t>(row) + c];
-    }
-    for (int i = 0; i < shape.latents; i++)
-      batch.latents[i * GROUP + lane] = scene.latents[shape.latents * static_cast<std::size_t>(row) + i];
+    batch.rows[lane] = rows[lane < count ? lane : count - 1];
+    batch.consecutive &= batch.rows[lane] == batch.rows[0] + lane;
   }
+  alignas(64) float means[3 * GROUP];
+  gather_columns(batch, scene.means, 3, means);
+  gather_columns(batch, scene.base, 3, batch.base);
+  gather_columns(batch, scene.latents, shape.latents, batch.latents);
   for (int half = 0; half < 2; half++) {
     const int first = half * LANES;
     Vec offset[3], squared(0.f), extent(0.f);
     for (int c = 0; c < 3; c++) {
       float* base = batch.base + c * GROUP + first;
       store(base, sigmoid(load(base)));
-      const Vec mean = load(means[c] + first);
+      const Vec mean = load(means + c * GROUP + first);
       const Vec scale(2.f / (scene.high[c] - scene.low[c]));
       locate((mean - Vec(scene.low[c])) * scale - Vec(1.f), shape.nodes, batch.halves[half].axes[c]);
       offset[c] = mean - Vec(scene.camera[c]);
@@ -165,7 +186,7 @@ static inline void shade(Batch& batch, const RingShape& shape, const RingPanels&
   const auto dense = [&batch](const Panels& layer, const float* from, float* to) { apply(layer, from, batch.terms, to); };
   dense(panels.core, batch.product, batch.activated);
   for (int i = 0; i < shape.features * GROUP; i += LANES)
-    store(batch.activated + i, tanh(load(batch.activated + i)));
+    store(batch.activated + i, tanh_fast(load(batch.activated + i)));
   if (modulated(shape)) {
     dense(panels.modulation[0], batch.inputs, batch.modulation_hidden);
     rectify(batch.modulation_hidden, shape.modulation_hidden);
@@ -177,7 +198,7 @@ static inline void shade(Batch& batch, const RingShape& shape, const RingPanels&
   dense(panels.render[1], batch.render_hidden[0], batch.render_hidden[1]);
   rectify(batch.render_hidden[1], shape.render_hidden);
   dense(panels.render[2], batch.render_hidden[1], batch.residual);
-  for (int i = 0; i < 3 * GROUP; i += LANES) store(batch.residual + i, tanh(load(batch.residual + i)));
+  for (int i = 0; i < 3 * GROUP; i += LANES) store(batch.residual + i, tanh_fast(load(batch.residual + i)));
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -63,6 +63,13 @@ RINGLIGHT_INLINE Vec tanh(Vec x) {
   return select(lt(square, Vec(0.390625f)), near, far);  // |x| < 0.625
 }
 
+// tanh(x) with an absolute error below 3e-7, in less than half the time: no relative accuracy near zero. NaN stays NaN.
+RINGLIGHT_INLINE Vec tanh_fast(Vec x) {
+  // e^2x within what a float holds; beyond, the result is 1 to the last bit.
+  const Vec power = exp2_fast(max(Vec(-30.f), min(Vec(30.f), x * Vec(2.88539008f))));
+  return fnma(Vec(2.f), reciprocal(power + Vec(1.f)), Vec(1.f));
+}
+
 // log2(x) to about 2 ulp (absolute error below 2e-7 near 1), for positive normal x.
 RINGLIGHT_INLINE Vec log2(Vec x) {
   const Vec raw = mantissa(x);

@@ -17,6 +17,12 @@ void write(const Batch& batch, const RingShape& shape, const RingOutputs& output
     const Vec sum = load(batch.base + i) + load(batch.residual + i);
     store(batch.base + i, min(Vec(1.f), max(Vec(0.f), sum)));
   }
+  if (batch.consecutive && !outputs.residual && !outputs.modulation) {
+    for (int first = 0; first < GROUP; first += LANES)
+      store_columns(outputs.color + 3 * (static_cast<std::size_t>(batch.rows[0]) + first), load(batch.base + first),
+                    load(batch.base + GROUP + first), load(batch.base + 2 * GROUP + first));
+    return;
+  }
   for (int lane = 0; lane < batch.count; lane++) {
     const std::size_t row = batch.rows[lane];
     for (int c = 0; c < 3; c++) outputs.color[3 * row + c] = batch.base[c * GROUP + lane];
@@ -55,7 +61,7 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
     for (std::size_t first = begin; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
       start(batch, shape, scene, scene.visible + first, count);
-      multiply(batch, shape, parameters);
+      multiply(batch, shape, parameters, panels.tables);
       shade(batch, shape, panels);
       write(batch, shape, outputs);
     }

@@ -182,7 +182,7 @@ void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, 
   for (int half = 0; half < 2; half++) {
     const float* of_product = gradient.product + half * LANES;
     if (shape.diagonal)
-      ring_gradient_diagonal(batch.halves[half], shape, pass.parameters, of_product, sums);
+      ring_gradient_diagonal(batch.halves[half], shape, pass.panels.tables, of_product, sums);
     else
       ring_gradient_rows(batch.halves[half], shape, of_product, sums, gradient.left, gradient.right);
   }
@@ -228,7 +228,7 @@ void run_shard(const Backward& pass, const std::int32_t* active, std::size_t beg
   for (std::size_t first = begin; first < end; first += GROUP) {
     const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
     start(batch, pass.shape, pass.scene, active + first, count);
-    multiply(batch, pass.shape, pass.parameters);
+    multiply(batch, pass.shape, pass.parameters, pass.panels.tables);
     shade(batch, pass.shape, pass.panels);
     backpropagate(pass, batch, gradient, sums);
   }

@@ -183,8 +183,8 @@ both = pytest.mark.parametrize("chosen", [SMALL, LATENT, DIAGONAL], ids=["no lat
 @both
 def test_the_same_bits_for_any_number_of_threads(chosen):
     """Enough rows for eight shards, the most there are."""
-    model, gaussians = model_and_table(chosen, 40_000, 0)
-    upstream = torch.randn(40_000, 3, generator=torch.Generator().manual_seed(1))
+    model, gaussians = model_and_table(chosen, 70_000, 0)
+    upstream = torch.randn(70_000, 3, generator=torch.Generator().manual_seed(1))
     before = _kernels.threads()
     try:
         results = []
