@@ -8,7 +8,7 @@ import torch
 
 from ringlight.core.scene import Scene, View
 from ringlight.data import hull
-from ringlight.data.hull import carve, masks_of, visual_hull
+from ringlight.data.hull import Mask, depths_inside, masks_of, visual_hull
 from ringlight.data.synthetic import tiny_scene
 
 RADIUS = 0.8
@@ -45,16 +45,33 @@ def test_the_hull_of_a_ball_is_the_ball(ball: Scene, monkeypatch: pytest.MonkeyP
     torch.testing.assert_close(found.normals.norm(dim=-1), torch.ones(len(radii)))
 
 
-def test_what_no_view_covers_is_kept_only_where_most_views_look(ball: Scene):
-    points = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 50.0], [1.1, 0.0, 0.0]])
-    assert carve(points, masks_of(ball.train)).tolist() == [True, False, False]
-
-
-def test_a_margin_keeps_what_lies_a_little_outside(ball: Scene):
-    points = torch.tensor([[RADIUS + 0.05, 0.0, 0.0]])
+def test_depths_inside_are_distances_to_the_silhouettes(ball: Scene):
     masks = masks_of(ball.train)
-    assert not carve(points, masks).any()
-    assert carve(points, masks, margin=0.1).all()
+    radii = torch.linspace(0.5, 1.0, 26)
+    # In the plane of the upper cameras' ring silhouettes are nearly tangent to the ball where it is seen edge on.
+    depths = depths_inside(torch.stack([radii, 0 * radii, 0 * radii], -1), masks, band=0.15)
+    torch.testing.assert_close(depths, (RADIUS - radii).clamp(-0.15, 0.15), atol=0.03, rtol=0)
+
+
+def test_what_too_few_views_look_at_is_outside(ball: Scene):
+    points = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 50.0]])
+    torch.testing.assert_close(depths_inside(points, masks_of(ball.train), 0.1), torch.tensor([0.1, -0.1]))
+
+
+def test_a_mask_knows_where_in_a_pixel_its_edge_runs():
+    alpha = np.zeros((20, 20), np.float32)
+    for share in (0.25, 0.75):
+        alpha[:, :10], alpha[:, 10] = 1, share
+        inside = Mask.from_alpha(tiny_scene(views=1, size=20).train[0].camera, alpha).inside[10]
+        edge = float(inside[9] / (inside[9] - inside[11]) * 2 + 9.5)  # where the distance is zero, in pixels
+        assert edge == pytest.approx(10 + share, abs=0.15)
+        assert float(inside[3]) == pytest.approx(10 + share - 3.5, abs=0.6)
+
+
+def test_masks_without_an_edge():
+    camera = tiny_scene(views=1, size=20).train[0].camera
+    assert (Mask.from_alpha(camera, np.ones((20, 20), np.float32)).inside > 0).all()
+    assert (Mask.from_alpha(camera, np.zeros((20, 20), np.float32)).inside < -100).all()
 
 
 def test_photographs_without_alpha_or_all_opaque_have_no_masks(ball: Scene):
@@ -66,7 +83,7 @@ def test_photographs_without_alpha_or_all_opaque_have_no_masks(ball: Scene):
 
 def test_masks_that_contradict_each_other_leave_nothing(ball: Scene):
     masks = masks_of(ball.train)
-    empty = dataclasses.replace(masks[0], subject=torch.zeros_like(masks[0].subject))
+    empty = dataclasses.replace(masks[0], inside=torch.full_like(masks[0].inside, -400.0))
     assert visual_hull([empty, *masks], ball.box) is None
 
 

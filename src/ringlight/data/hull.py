@@ -4,7 +4,6 @@ Laurentini, The Visual Hull Concept, 1994. A model that is shaded after blending
 step: through a faint one the backs of other Gaussians shine, and their normals blend to nothing.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,8 +33,21 @@ SEEN_SHARE = 0.7
 EMPTY_SHARE = 0.02
 """Share of transparent pixels below which photographs are taken to have no mask."""
 
+PARTLY = 0.02
+"""Pixels whose alpha is this far from 0 and 1 are cut by the silhouette."""
+
+SILHOUETTE_BLUR = 1.0
+"""Standard deviation, in pixels, of the blur that takes the staircase out of a silhouette."""
+
+BAND = 4.0
+"""Voxels on both sides of the surface within which depths are known; as far as the blur reaches."""
+
 SMOOTHING = 1.5
-"""Standard deviation, in voxels, of the blur whose gradient gives normals: a bare staircase has six of them."""
+"""Standard deviation, in voxels, of the blur whose gradient gives normals."""
+
+FLATTEST_SLOPE = 0.3
+"""Least slope of the depth that is believed where voxels are moved onto the surface: where cones of several views meet
+in a ridge the blur flattens it."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +62,32 @@ class Hull:
 
 @dataclass(frozen=True)
 class Mask:
-    """Where one photograph shows the subject."""
+    """Where one photograph shows the subject: ``inside`` is the signed distance to the silhouette in pixels, positive
+    on the subject, as a function of the pixel's centre."""
 
     camera: Camera
-    subject: Bool[Tensor, "H W"]
+    inside: Float[Tensor, "H W"]
+
+    @staticmethod
+    def from_alpha(camera: Camera, alpha: Float[np.ndarray, "H W"]) -> "Mask":
+        """From opacities in [0, 1]; those of the silhouette's own pixels tell where in the pixel it runs."""
+        inside, outside = alpha > 1 - PARTLY, alpha < PARTLY
+        if outside.all() or not outside.any():
+            return Mask(camera, torch.full(alpha.shape, float(alpha.size) * (-1 if outside.all() else 1)))
+        # From each pixel to the next one that is cut, and on to where the silhouette runs in that.
+        to_inside, from_inside = _to_nearest(~outside, alpha), _to_nearest(~inside, alpha)
+        distance = np.where(
+            inside, from_inside[0] + from_inside[1], np.where(outside, to_inside[1] - to_inside[0], alpha - 0.5)
+        )
+        return Mask(camera, torch.from_numpy(ndimage.gaussian_filter(distance, SILHOUETTE_BLUR).astype(np.float32)))
+
+
+def _to_nearest(
+    target: Bool[np.ndarray, "H W"], alpha: Float[np.ndarray, "H W"]
+) -> tuple[Float[np.ndarray, "H W"], Float[np.ndarray, "H W"]]:
+    """Pixels to the nearest pixel of ``target``, and how far beyond that one's centre the subject reaches."""
+    distances, (rows, columns) = ndimage.distance_transform_edt(~target, return_indices=True)
+    return distances, alpha[rows, columns] - 0.5
 
 
 def masks_of(views: Sequence[View]) -> list[Mask]:
@@ -61,9 +95,10 @@ def masks_of(views: Sequence[View]) -> list[Mask]:
     chosen = [views[index] for index in np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(int)]
     if not all(view.has_alpha for view in chosen):
         return []
-    masks = [Mask(view.camera, torch.from_numpy(view.load()[..., 3] > OPAQUE * 255)) for view in chosen]
-    empty = sum(float((~mask.subject).float().mean()) for mask in masks) / len(masks)
-    return masks if empty >= EMPTY_SHARE else []
+    alphas = [view.load()[..., 3].astype(np.float32) / 255 for view in chosen]
+    if sum(float((alpha <= OPAQUE).mean()) for alpha in alphas) < EMPTY_SHARE * len(alphas):
+        return []
+    return [Mask.from_alpha(view.camera, alpha) for view, alpha in zip(chosen, alphas, strict=True)]
 
 
 def visual_hull(masks: Sequence[Mask], box: Float[Tensor, "2 3"]) -> Hull | None:
@@ -71,44 +106,37 @@ def visual_hull(masks: Sequence[Mask], box: Float[Tensor, "2 3"]) -> Hull | None
     if not masks:
         return None
     coarse = _Grid.over(box, COARSE_CELLS)
-    subject = coarse.bounds(carve(coarse.centers(), masks, coarse.pitch))
+    subject = coarse.bounds(depths_inside(coarse.centers(), masks, coarse.pitch) > -coarse.pitch)
     if subject is None:
         return None
     fine = _Grid.over(subject, FINE_CELLS)
-    return _surface(fine, carve(fine.centers(), masks).view(fine.shape))
+    return _surface(fine, depths_inside(fine.centers(), masks, BAND * fine.pitch).view(fine.shape))
 
 
-def carve(points: Float[Tensor, "P 3"], masks: Sequence[Mask], margin: float = 0.0) -> Bool[Tensor, "P"]:
-    """Which points no mask carves away; masks are widened by ``margin``, world units.
+def depths_inside(points: Float[Tensor, "P 3"], masks: Sequence[Mask], band: float) -> Float[Tensor, "P"]:
+    """How deep points lie inside the hull, world units, clamped to ``band`` both ways; negative outside.
 
-    Without a margin the surface lies where the silhouettes are: one pixel outside costs several dB at the start.
+    The least of the distances to all silhouettes, scaled by the point's depth: exact where the surface touches the
+    cone of one view, which is where the hull is the subject's own surface.
     """
-    alive, views_inside = torch.arange(len(points)), torch.zeros(len(points))
+    alive, least, views = torch.arange(len(points)), torch.full((len(points),), band), torch.zeros(len(points))
     for mask in masks:
         camera, here = mask.camera, points[alive]
-        matrix = camera.world_to_camera
-        x, y, z = (here @ matrix[:3, :3].T + matrix[:3, 3]).unbind(-1)
-        column = (camera.focal[0] * x / z + camera.center[0]).floor()
-        row = (camera.focal[1] * y / z + camera.center[1]).floor()
-        inside = (z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-        if not bool(inside.any()):
-            continue
-        subject = _widened(mask.subject, margin * max(camera.focal) / float(z[inside].median()))
-        index = (row[inside] * camera.width + column[inside]).long()
-        stays = ~inside
-        stays[inside] = subject.flatten()[index]
-        views_inside[alive] += inside
-        alive = alive[stays]
-    kept = torch.zeros(len(points), dtype=torch.bool)
-    kept[alive] = views_inside[alive] >= SEEN_SHARE * len(masks)
-    return kept
-
-
-def _widened(subject: Bool[Tensor, "H W"], pixels: float) -> Bool[Tensor, "H W"]:
-    reach = math.ceil(pixels)
-    if not reach:
-        return subject
-    return torch.nn.functional.max_pool2d(subject.float()[None], 2 * reach + 1, 1, reach)[0] > 0
+        x, y, z = (here @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]).unbind(-1)
+        column = (2 / camera.width) * (camera.focal[0] * x / z + camera.center[0]) - 1
+        row = (2 / camera.height) * (camera.focal[1] * y / z + camera.center[1]) - 1
+        seen = (z > 0) & (column.abs() <= 1) & (row.abs() <= 1)
+        pixels = torch.nn.functional.grid_sample(
+            mask.inside[None, None],
+            torch.stack([column, row], -1)[None, None],
+            padding_mode="border",
+            align_corners=False,
+        )[0, 0, 0]
+        inside = torch.where(seen, pixels * z / max(camera.focal), band)
+        least[alive] = torch.minimum(least[alive], inside)
+        views[alive] += seen
+        alive = alive[inside > -band]
+    return torch.where(views >= SEEN_SHARE * len(masks), least, -band).clamp_min(-band)
 
 
 @dataclass(frozen=True)
@@ -140,16 +168,15 @@ class _Grid:
         return self.first + self.pitch * torch.stack([low, high])
 
 
-def _surface(grid: _Grid, occupied: Bool[Tensor, "X Y Z"]) -> Hull | None:
-    """Occupied voxels with a free neighbour, moved along their normal to where the blurred occupancy is a half."""
-    solid = occupied.numpy()
+def _surface(grid: _Grid, inside: Float[Tensor, "X Y Z"]) -> Hull | None:
+    """Voxels inside with a neighbour outside, moved along their normal to where the blurred depth is zero."""
+    depth = ndimage.gaussian_filter(inside.numpy(), SMOOTHING)
+    solid = depth > 0
     border = torch.from_numpy(solid & ~ndimage.binary_erosion(solid, np.ones((3, 3, 3))))
     if not bool(border.any()):
         return None
-    blurred = ndimage.gaussian_filter(solid.astype(np.float32), SMOOTHING)
-    slope = torch.stack([torch.from_numpy(part)[border] for part in np.gradient(blurred)], -1)
-    steepness = slope.norm(dim=-1)
+    slope = torch.stack([torch.from_numpy(part)[border] for part in np.gradient(depth, grid.pitch)], -1)
     normals = normalize(-slope)
-    outwards = ((torch.from_numpy(blurred)[border] - 0.5) / steepness.clamp_min(1e-3)).clamp(-1, 1)
+    outwards = torch.from_numpy(depth)[border] / slope.norm(dim=-1).clamp_min(FLATTEST_SLOPE)
     centers = grid.first + grid.pitch * border.nonzero()
-    return Hull(centers + grid.pitch * outwards[:, None] * normals, normals, grid.pitch)
+    return Hull(centers + outwards.clamp_max(grid.pitch)[:, None] * normals, normals, grid.pitch)
