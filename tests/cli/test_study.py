@@ -103,6 +103,7 @@ def test_refusals(study: Path, tiny: Path, tmp_path: Path, ringlight: Command) -
     refused(ringlight("study", "rank", tiny, tiny, *out), 1, tiny.name)
     assert not any(tmp_path.iterdir())
     before = snapshot(study)
-    longer = ("study", "ablation", tiny, "--out", study, "--base", "ringlight", "--steps", "4")
-    refused(ringlight(*longer), 1, study, "--out")
+    again = ("study", "ablation", tiny, "--out", study, "--base", "ringlight")
+    refused(ringlight(*again, "--steps", "4"), 1, study, "--out")
+    refused(ringlight(*again, "--steps", "3", "--background", "black"), 1, study, "--out")
     assert snapshot(study) == before

@@ -1,7 +1,7 @@
 """``ringlight study ablation|field|rank|feature|gamma|beta|warmup SCENE...``: the paper's tables, run after run."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,6 +11,7 @@ from ringlight.cli.arguments import MaybeFolder, MaybeWhole, Net
 from ringlight.cli.fitting import ReaderOptions, fit
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.parse import parse, refuse
+from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class StudyArguments:
         tyro.conf.arg(metavar="SCENE [SCENE ...]", help_behavior_hint="(required)"),
     ]
     """Folders of photographs with cameras; toaster and carpaint are bundled."""
+    options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
     base: Literal["ringlight-paper", "ringlight"] = "ringlight-paper"
     """What the variants change: the paper's settings, or ours."""
     steps: MaybeWhole = None
@@ -73,7 +75,7 @@ def main(arguments: list[str]) -> int:
     from ringlight.runs.study import planned
 
     out = asked.out or Path("runs") / f"study-{asked.base}"
-    runs = planned(variants, asked.scenes, asked.seeds, out)
+    runs = planned(variants, asked.scenes, asked.seeds, out, asked.options)
     if asked.dry_run:
         sys.stdout.write(_listing(runs))
         return 0

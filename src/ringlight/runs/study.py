@@ -26,6 +26,7 @@ class StudyRun:
     variant: Variant
     seed: int
     folder: Path
+    options: SceneOptions
 
     @property
     def report(self) -> Report | None:
@@ -47,8 +48,8 @@ class StudyRun:
         if not (self.folder / RECORD_NAME).is_file():
             return self
         record = RunRecord.read(self.folder)
-        asked = (_comparable(self.variant.recipe), self.seed, self.scene.resolve())
-        if (_comparable(record.recipe), record.seed, record.scene) != asked:
+        asked = (_comparable(self.variant.recipe), self.seed, self.scene.resolve(), self.options)
+        if (_comparable(record.recipe), record.seed, record.scene, record.options) != asked:
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
         return self
 
@@ -65,7 +66,7 @@ class StudyRun:
         self.folder.parent.mkdir(parents=True, exist_ok=True)
         recipe = self._bounded_recipe()
         preset = self.variant.preset
-        session = Session.start(self.folder, self.scene, preset, recipe, SceneOptions(), self.seed, device)
+        session = Session.start(self.folder, self.scene, preset, recipe, self.options, self.seed, device)
         # From here on there is something to resume from, whatever happens.
         session.save()
         return session
@@ -79,7 +80,9 @@ class StudyRun:
         return replace(recipe, densify=replace(recipe.densify, max_gaussians=count))
 
 
-def planned(variants: Sequence[Variant], scenes: Sequence[Path], seeds: int, out: Path) -> tuple[StudyRun, ...]:
+def planned(
+    variants: Sequence[Variant], scenes: Sequence[Path], seeds: int, out: Path, options: SceneOptions
+) -> tuple[StudyRun, ...]:
     """All runs, scene by scene and seed by seed, each variant after those whose Gaussians it counts.
 
     Raises RunError for two scenes of one name, or a folder that holds a run of other settings.
@@ -95,7 +98,7 @@ def planned(variants: Sequence[Variant], scenes: Sequence[Path], seeds: int, out
             raise RecipeError(f"{variant.name} is held to {variant.as_many_as}, which --only leaves out; name both")
     ordered = sorted(variants, key=lambda variant: variant.as_many_as is not None)
     return tuple(
-        StudyRun(scene, variant, seed, out / name / variant.name / f"seed-{seed}").checked()
+        StudyRun(scene, variant, seed, out / name / variant.name / f"seed-{seed}", options).checked()
         for scene, name in zip(found, names, strict=True)
         for seed in range(seeds)
         for variant in ordered
