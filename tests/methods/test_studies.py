@@ -80,6 +80,18 @@ def test_a_varied_number_is_the_only_change(study: str, setting: str, base: str)
     assert len(set(values)) == len(values)
 
 
+@pytest.mark.parametrize("own", ["ring", "cp"])
+def test_the_bases_own_field_is_not_run_twice(own: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    recipe = METHODS["ringlight"]
+    changed = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, field=own))
+    monkeypatch.setitem(METHODS, "ringlight", changed)
+    variants = study_named("field", "ringlight", None)
+    fields = [variant.recipe.light.field for variant in variants]
+    assert fields[0] == own
+    assert sorted(fields) == sorted(["ring", "discrete", "cp", "tt", "vm", "mlp"])
+    assert {"ring": "neural", "cp": "diagonal"}[own] in variants[0].about
+
+
 def test_the_papers_numbers_are_beside_their_settings() -> None:
     ranks = {variant.at: variant.paper for variant in study_named("rank", "ringlight-paper", None)}
     assert ranks == {4: 27.71, 8: 28.94, 16: 29.01, 24: 29.10}

@@ -93,15 +93,18 @@ def _controls(recipe: RingLightRecipe) -> tuple[Variant, ...]:
 
 
 def _fields(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
-    """The ring beside other decompositions, which the paper does not compare."""
-    return (
-        Variant(FULL, base, recipe, "neural tensor ring"),
+    """The ring beside other decompositions, which the paper does not compare; the base's own is not run twice."""
+    variants = (
+        Variant("ring", base, _lit(recipe, field="ring"), "neural tensor ring"),
         Variant("discrete-grid-rate", base, _grid_rates(_lit(recipe, field="discrete")), "discrete ring, grid's rate"),
         Variant("cp", base, _lit(recipe, field="cp"), "diagonal ring (CP), the ring's size"),
         Variant("tt", base, _lit(recipe, field="tt"), "open ring (tensor train)"),
         Variant("vm", base, _grid_rates(_lit(recipe, field="vm")), "planes and lines (VM), grid's rate"),
         Variant("mlp-matched", base, _matched(recipe), "one network of the ring's size"),
     )
+    own = next((v.about for v in variants if v.recipe.light == recipe.light), f"field {recipe.light.field}")
+    others = [variant for variant in variants if variant.recipe.light != recipe.light]
+    return (Variant(FULL, base, recipe, own), *others)
 
 
 def _rank(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
