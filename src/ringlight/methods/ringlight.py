@@ -46,9 +46,9 @@ OURS = RingLightSettings(
 """Narrower than the paper's field: rank 16 with 48 features doubles the cost of a step for 0.1 dB on NeRF-Synthetic's
 chair. Four latents give each Gaussian a say in how it reflects, for 0.5 dB there. Four view bands do not alias in a
 small table: 0.3 dB over ten. The diagonal ring and networks of width 32 halve the time that the colours take beside the
-full ring of rank 8 and width 64; after 3,000 steps they have, mean of two seeds, 22.54 against 22.18 dB on carpaint_200,
-21.73 against 21.69 on toaster_200 (whose seeds differ by half a decibel), and one seed 33.24 against 33.36 on chair_400.
-A core ten times the paper's makes up for sums that are shorter by the ring's inner indices."""
+full ring of rank 8 and width 64; after 3,000 steps they have 22.54 against 22.18 dB on carpaint_200 and 21.73 against
+21.69 on toaster_200, means of two seeds (the toaster's differ by half a decibel), and 33.24 against 33.36 on chair_400,
+one seed. A core ten times the paper's makes up for sums that are shorter by the ring's inner indices."""
 
 
 @dataclass(frozen=True)
