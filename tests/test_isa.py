@@ -26,6 +26,7 @@ KERNEL_TESTS = (
     "color/test_drawable.py",
     "color/test_visibility_mask.py",
     "fields/test_perceptron_kernel.py",
+    "color/test_mirror_kernel.py",
     "shade/test_reflection_kernel.py",
     "fit/test_losses.py",
     "fit/test_adam.py",

@@ -11,6 +11,7 @@ void bind_sh(nanobind::module_& module);       // colour from spherical harmonic
 void bind_loss(nanobind::module_& module);     // photometric loss and the blurs of its target
 void bind_field(nanobind::module_& module);    // the tensor-ring light field
 void bind_heads(nanobind::module_& module);    // the ring's heads at the nodes of their tables
+void bind_mirror(nanobind::module_& module);      // what Gaussians emit for deferred shading
 void bind_reflection(nanobind::module_& module);  // deferred shading of reflections
 void bind_visibility(nanobind::module_& module);  // rows in the frustum, the learnable mask
 

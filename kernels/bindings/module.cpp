@@ -16,6 +16,7 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_loss(module);
   ringlight::bind_field(module);
   ringlight::bind_heads(module);
+  ringlight::bind_mirror(module);
   ringlight::bind_reflection(module);
   ringlight::bind_visibility(module);
 }

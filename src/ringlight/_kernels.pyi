@@ -156,6 +156,10 @@ def perceptron_forward(parameters: Sequence[Tensor], rows: Tensor, results: Tens
 def perceptron_backward(
     parameters: Sequence[Tensor], rows: Tensor, upstream: Tensor, gradients: Sequence[Tensor]
 ) -> None: ...
+def mirror_channels(view: Sequence[float], columns: Sequence[Tensor], channels: Tensor) -> None: ...
+def mirror_gradient(
+    view: Sequence[float], columns: Sequence[Tensor], upstream: Tensor, gradients: Sequence[Tensor]
+) -> bool: ...
 def reflection_forward(
     shape: Sequence[int],
     parameters: Sequence[Tensor],

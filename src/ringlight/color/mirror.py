@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
+from ringlight.color.mirror_kernel import kernel_takes, mirror_channels
 from ringlight.color.ringlight import BASE, DARKEST, LATENT_SPREAD, LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
@@ -53,12 +54,23 @@ class Mirror(nn.Module):
     def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """ "rgb" [N 3] in [0, 1]; once lit also "normal" [N 3], unit, world, "latents" [N L] and "depth" [N 1], the
         camera's z in world units."""
-        channels: Channels = {"rgb": gaussians.appearance[BASE].sigmoid()}
-        if self.lit:
-            channels["normal"] = facing_normals(gaussians, camera)
-            channels["latents"] = gaussians.appearance[LATENTS]
-            channels["depth"] = camera.depths(gaussians.means)[:, None]
-        return channels
+        base, normals, latents = (gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS))
+        if not self.lit:
+            return {"rgb": base.sigmoid()}
+        if not kernel_takes(gaussians.means, base, normals, latents):
+            return self.twin(gaussians, camera)
+        channels = mirror_channels(gaussians.means, base, normals, latents, camera, FLIP_BELOW)
+        widths = (3, 3, latents.shape[1], 1)
+        return dict(zip(("rgb", "normal", "latents", "depth"), channels.split(widths, -1), strict=True))
+
+    def twin(self, gaussians: Gaussians, camera: Camera) -> Channels:
+        """What the kernel computes once lit, in torch and in any precision."""
+        return {
+            "rgb": gaussians.appearance[BASE].sigmoid(),
+            "normal": facing_normals(gaussians, camera),
+            "latents": gaussians.appearance[LATENTS],
+            "depth": camera.depths(gaussians.means)[:, None],
+        }
 
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
