@@ -329,6 +329,18 @@ def test_a_neural_colour_is_baked_and_the_error_printed(
     assert len(read_gaussian_ply(tmp_path / "a.ply").gaussians) == told["n_gaussians"]
 
 
+def test_pixels_that_are_shaded_are_baked_from_each_gaussians_own_surface(
+    tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    assert ringlight("train", tiny, "ringlight", "--out", tmp_path / "run", *QUICK).code == 0
+    header = load_model(tmp_path / "run", rasterizer_for("reference")).header
+    assert header.recipe["shading"] == "deferred"
+    told = json.loads(ringlight("export", tmp_path / "run", tmp_path / "a.ply", "--json").out)
+    assert told["baked"] is True
+    # Shading blended surfaces is not blending shaded ones; without the shader it would be 25 dB.
+    assert told["picture_psnr"] > 28
+
+
 # doctor, fetch-lpips
 
 

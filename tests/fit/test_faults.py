@@ -29,6 +29,8 @@ class BrokenView(View):
 
 def training_of(method: str = "3dgs", steps: int = 40, scene=None) -> Training:
     recipe = dataclasses.replace(METHODS[method], steps=steps)
+    if method == "ringlight":
+        recipe = dataclasses.replace(recipe, shading="forward")
     return recipe.build(scene or tiny_scene(views=4, size=16), rasterizer_for("auto"), seed=0)
 
 

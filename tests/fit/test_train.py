@@ -22,7 +22,7 @@ def quick(method: str, steps: int = 30):
             recipe.light.ring, rank=4, features=6, head_hidden=8, position_nodes=16, view_nodes=4
         )
         light = dataclasses.replace(recipe.light, ring=ring, render_hidden=8, modulation_hidden=8)
-        recipe = dataclasses.replace(recipe, light=light)
+        recipe = dataclasses.replace(recipe, light=light, shading="forward")
     return recipe
 
 

@@ -37,7 +37,7 @@ def test_a_method_learns(method: str, monkeypatch: pytest.MonkeyPatch):
     recipe = dataclasses.replace(METHODS[method], steps=STEPS)
     if isinstance(recipe, RingLightRecipe):
         ring = dataclasses.replace(recipe.light.ring, position_nodes=64, view_nodes=8)
-        recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, ring=ring))
+        recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, ring=ring), shading="forward")
     training = recipe.build(scene, rasterizer_for("auto"), seed=0)
     before = held_out_psnr(training.model, scene)
     for _ in train(training):

@@ -3,11 +3,14 @@
 import dataclasses
 
 import pytest
+import torch
 
+from ringlight.core.scene import View
 from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.methods.store import model_header, scene_facts
 from ringlight.methods.table import METHODS, method_named, method_of
+from ringlight.rasterize.choose import rasterizer_for
 
 
 def test_presets_of_one_paper_share_their_method():
@@ -26,3 +29,29 @@ def test_presets_of_one_paper_share_their_method():
 def test_an_unknown_name_is_answered_with_the_nearest():
     with pytest.raises(RecipeError, match="perhaps you meant 'ringlight'"):
         method_named("ringlite")
+
+
+def test_ringlight_shades_pixels_where_masks_give_a_surface_and_gaussians_elsewhere():
+    recipe, scene = METHODS["ringlight"], tiny_scene()
+    opaque = dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))
+    assert recipe.settled(scene).shading == "deferred"
+    assert recipe.settled(opaque).shading == "forward"
+    assert METHODS["ringlight-paper"].settled(scene).shading == "forward"
+    asked = dataclasses.replace(recipe, shading="forward")
+    assert asked.settled(scene) is asked
+
+
+def test_deferred_ringlight_is_the_mirror_with_the_settings_that_both_have():
+    densify = dataclasses.replace(METHODS["ringlight"].densify, max_gaussians=900)
+    recipe = dataclasses.replace(METHODS["ringlight"], steps=70, densify=densify, shading="deferred")
+    mirror = METHODS["ringlight-mirror"]
+    bounded = dataclasses.replace(mirror.densify, max_gaussians=900)
+    assert recipe.mirror == dataclasses.replace(mirror, steps=70, densify=bounded)
+    ours = recipe.build(tiny_scene(), rasterizer_for("auto"), 3).state()
+    its = recipe.mirror.build(tiny_scene(), rasterizer_for("auto"), 3).state()
+    assert ours.keys() == its.keys()
+    assert all(torch.equal(ours[name], its[name]) for name in ours)
+
+
+def without_mask(view: View) -> View:
+    return dataclasses.replace(view, load=lambda: view.load()[..., :3].copy(), has_alpha=False)

@@ -52,6 +52,9 @@ class Brighter:
     def shade(self, buffers: Channels, camera: Camera, background: torch.Tensor) -> torch.Tensor:
         return buffers["rgb"] + 0.1 * buffers["alpha"]
 
+    def emitted(self, channels: Channels, points: torch.Tensor, camera: Camera) -> torch.Tensor:
+        return channels["rgb"] + 0.1
+
 
 class Plain(SphericalHarmonics):
     """A colour model that leaves the residual to the shader, and knows its normals."""

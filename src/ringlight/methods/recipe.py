@@ -23,6 +23,10 @@ class Recipe(Protocol):
 
     steps: int
 
+    def settled(self, scene: "Scene") -> "Recipe":
+        """This recipe with everything decided that it leaves to the scene; what runs and model files keep."""
+        ...
+
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         """The model at its start, and everything that trains it."""
         ...

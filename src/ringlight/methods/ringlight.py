@@ -8,7 +8,7 @@ fields' docstrings).
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.errors import RecipeError
@@ -16,6 +16,7 @@ from ringlight.fields.ring_settings import RingSettings
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -57,6 +58,10 @@ class RingLightRecipe:
 
     steps: int = 30_000
     """Training steps, one photograph each."""
+    shading: Literal["auto", "forward", "deferred"] = "auto"
+    """forward lights each Gaussian by the ring. deferred lights each pixel of the surface that they blend to, as
+    ringlight-mirror does, with its settings but for those that both have. auto: deferred where masks cut the subject
+    out of the photographs, so that a surface can be carved; forward elsewhere."""
     warmup: float = 0.2
     """Share of the steps with base colour only, before the light field is switched on. The paper takes 0.1, which in
     short runs is just before the first opacity reset and costs 0.3 dB."""
@@ -98,9 +103,28 @@ class RingLightRecipe:
         if not 0 < self.field_epsilon < math.inf:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
+    def settled(self, scene: "Scene") -> "RingLightRecipe":
+        """With the shading decided for this scene."""
+        if self.shading != "auto":
+            return self
+        from ringlight.data.hull import masks_of
+
+        return dataclasses.replace(self, shading="deferred" if masks_of(scene.train) else "forward")
+
+    @property
+    def mirror(self) -> RingLightMirrorRecipe:
+        """What is trained where shading is deferred."""
+        own = RingLightMirrorRecipe()
+        densify = dataclasses.replace(own.densify, max_gaussians=self.densify.max_gaussians)
+        return dataclasses.replace(
+            own, steps=self.steps, antialiased=self.antialiased, visible_only=self.visible_only, densify=densify
+        )
+
     def model(
         self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
     ) -> "SplatModel":
+        if self.shading == "deferred":
+            return self.mirror.model(gaussians, box, rasterize, seed)
         from ringlight.color.ringlight import RingLight
         from ringlight.models.splats import SplatModel
         from ringlight.rasterize.contract import RasterOptions
@@ -110,6 +134,8 @@ class RingLightRecipe:
         return SplatModel(gaussians, RingLight(self.light, box, seed), PassThrough(), rasterize, options)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        if self.settled(scene).shading == "deferred":
+            return self.mirror.build(scene, rasterize, seed)
         from ringlight.color.ringlight import RingLight
         from ringlight.data.batches import ImageBatches
         from ringlight.fit.optimizer import Optimizer
@@ -164,6 +190,7 @@ class RingLightRecipe:
 
 PAPER = dataclasses.replace(
     RingLightRecipe(),
+    shading="forward",
     warmup=0.1,
     base_rate=2.5e-3,
     light=RingLightSettings(),

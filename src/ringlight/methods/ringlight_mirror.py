@@ -91,6 +91,10 @@ class RingLightMirrorRecipe:
         if not 0 < self.start_share <= 1:
             raise RecipeError(f"start_share is {self.start_share:g}; give a share above 0, at most 1")
 
+    def settled(self, scene: "Scene") -> "RingLightMirrorRecipe":
+        """As it is: nothing depends on the scene."""
+        return self
+
     def model(
         self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
     ) -> "SplatModel":

@@ -93,6 +93,11 @@ class SplatModel(nn.Module):
             buffers["residual"] = shown.color - shown.buffers["rgb"]
         return buffers
 
+    @torch.no_grad()
+    def emitted(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "n 3"]:
+        """The colour that each of these rows would show alone."""
+        return self.shader.emitted(self.color.channels(gaussians, camera), gaussians.means, camera)
+
     def _blend(
         self,
         gaussians: Gaussians,

@@ -79,7 +79,7 @@ def export_ply(stored: StoredModel, path: Path) -> Exported:
     elif not cameras:
         raise ModelFileError(f"{path}: cannot be made: the model holds no training cameras; train it again")
     else:
-        baked = bake_to_sh(gaussians, cameras, lambda rows, camera: model.color.channels(rows, camera)["rgb"])
+        baked = bake_to_sh(gaussians, cameras, model.emitted)
         sh_dc, sh_rest, rmse, psnr, worst = baked.sh_dc, baked.sh_rest, baked.rmse, baked.psnr, baked.worst
         harmonics = replace(gaussians, appearance={"sh_dc": sh_dc, "sh_rest": sh_rest})
         picture_psnr = _picture_psnr(model, harmonics, _spread(cameras))

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,7 @@ class Session:
         self.folder, self.record, self.scene = folder, record, scene
         self.training, self.clock = training, clock
         self.warnings: tuple[str, ...] = ()
+        self.decided: tuple[str, ...] = ()
         self._saved_at = self._good = -1  # steps of the last files, and of the last checkpoint
 
     @staticmethod
@@ -55,6 +56,12 @@ class Session:
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
         _check(recipe.steps, seed)
         scene = load_scene(scene_path, options)
+        asked, recipe = recipe, recipe.settled(scene)
+        decided = tuple(
+            f"decided for this scene: {field.name} {getattr(recipe, field.name)}"
+            for field in fields(recipe)
+            if getattr(asked, field.name) != getattr(recipe, field.name)
+        )
         training = recipe.build(scene, rasterizer_for(device), seed)
         recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
         if warnings:
@@ -63,7 +70,7 @@ class Session:
         folder = RunFolder.create(out)
         record.write(folder.path)
         session = Session(folder, record, scene, training, Clock())
-        session.warnings = warnings
+        session.warnings, session.decided = warnings, decided
         return session
 
     @staticmethod

@@ -20,3 +20,7 @@ class Shader(Protocol):
         sum over "alpha" [H W 1], which is always there.
         """
         ...
+
+    def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
+        """What single Gaussians at ``points`` would show, each alone and opaque, from their channels [N c]."""
+        ...

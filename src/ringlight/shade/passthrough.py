@@ -15,3 +15,6 @@ class PassThrough(nn.Module):
 
     def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
         return buffers["rgb"]
+
+    def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
+        return channels["rgb"]

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight.core.camera import Camera
-from ringlight.core.directions import octahedral_from_directions, reflect
+from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels
 from ringlight.fields.networks import perceptron
@@ -71,6 +71,16 @@ class ReflectionShader(nn.Module):
         rgb = buffers["rgb"]
         residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)
         return rgb + residual.unflatten(1, rgb.shape[:2]).permute(1, 2, 0)
+
+    def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
+        """Each Gaussian's own surface shaded, in [0, 1]: what harmonics can be fitted to."""
+        base = channels["rgb"]
+        if not self.lit:
+            return base
+        everyone, opaque = torch.arange(len(base)), torch.ones_like(base[:, :1])
+        directions = view_directions(points, camera.position.to(points))
+        alone = CoveredPixels(everyone, opaque, base, channels["latents"], channels["normal"], directions, points)
+        return (base + self.mlp(self._inputs(alone))).clamp(0, 1)
 
     def _job(self, camera: Camera, background: Float[Tensor, "3"]) -> ReflectionJob:
         return reflection_job(self.settings, camera, background, self.box)
