@@ -12,6 +12,7 @@ SMALL = {
     "loss": ["--sizes", "24"],
     "adam": ["--gaussians", "50"],
     "color": ["--gaussians", "50"],
+    "shade": ["--hidden", "8", "--covered", "300"],
     "step": ["ringlight", "--size", "300@24"],
 }
 

@@ -11,6 +11,7 @@ from ringlight.bench.color import ColorBench
 from ringlight.bench.loss import LossBench
 from ringlight.bench.raster import Passes, RasterBench, RasterRow
 from ringlight.bench.record import Circumstances
+from ringlight.bench.shade import ShadeBench
 from ringlight.bench.step import StepBench
 from ringlight.bench.timing import TOTAL
 
@@ -71,6 +72,19 @@ def color_tables(record: ColorBench) -> Iterator[Block]:
         table.add_row(f"{row.gaussians:,}", row.model, *(_ms(time) for time in times))
     yield table
     yield Text("show: without gradients, as in rendering; both: as in a training step", style="dim")
+
+
+def shade_tables(record: ShadeBench) -> Iterator[Block]:
+    """Milliseconds an image."""
+    yield Text("reflection shader on a ball, milliseconds, medians", style="bold")
+    yield from _circumstances(record.circumstances)
+    table = _table("hidden", "pixels", "show", "forward", "backward", "both", "CPU both", "ns a pixel", "twin CPU")
+    for row in record.rows:
+        times = (row.show.wall_ms, row.forward.wall_ms, row.backward.wall_ms, row.both.wall_ms, row.both.cpu_ms)
+        rest = (f"{row.nanoseconds_per_pixel:.0f}", _ms(row.twin.cpu_ms))
+        table.add_row(str(row.hidden), f"{row.covered:,}", *(_ms(time) for time in times), *rest)
+    yield table
+    yield Text("show: without gradients, as in rendering; ns: processor time of both; twin: torch", style="dim")
 
 
 def loss_tables(record: LossBench) -> Iterator[Block]:

@@ -1,4 +1,4 @@
-"""``ringlight bench raster|loss|adam|color|step``: how fast this machine is, and where the time goes."""
+"""``ringlight bench raster|loss|adam|color|shade|step``: how fast this machine is, and where the time goes."""
 
 import datetime
 import sys
@@ -83,6 +83,17 @@ class ColorArguments:
 
 
 @dataclass(frozen=True)
+class ShadeArguments:
+    """The reflection shader of ringlight-mirror on a ball, beside its slow twin in torch."""
+
+    hidden: tuple[int, ...] = (64, 32)
+    """Widths of the network's hidden layers."""
+    covered: int = 50_000
+    """Pixels that the ball covers, of 400 x 400."""
+    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+
+@dataclass(frozen=True)
 class StepArguments:
     """A whole training step and its stages, on the standard workload or on photographs."""
 
@@ -108,6 +119,7 @@ class BenchArguments:
         | Annotated[LossArguments, tyro.conf.subcommand("loss", prefix_name=False)]
         | Annotated[AdamArguments, tyro.conf.subcommand("adam", prefix_name=False)]
         | Annotated[ColorArguments, tyro.conf.subcommand("color", prefix_name=False)]
+        | Annotated[ShadeArguments, tyro.conf.subcommand("shade", prefix_name=False)]
         | Annotated[StepArguments, tyro.conf.subcommand("step", prefix_name=False)],
         tyro.conf.arg(name=""),
     ]
@@ -182,6 +194,14 @@ def _color(asked: ColorArguments, now: "Circumstances") -> "tuple[Any, Iterator[
     return record, color_tables(record)
 
 
+def _shade(asked: ShadeArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.shade import ShadeBench, bench_shade
+    from ringlight.bench.tables import shade_tables
+
+    record = ShadeBench(now, bench_shade(asked.hidden, asked.covered, _budget(asked.common), asked.common.seed))
+    return record, shade_tables(record)
+
+
 def _step(asked: StepArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
     from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
     from ringlight.bench.tables import step_tables
@@ -201,6 +221,7 @@ _RUNNERS: dict[type, Any] = {
     LossArguments: _loss,
     AdamArguments: _adam,
     ColorArguments: _color,
+    ShadeArguments: _shade,
     StepArguments: _step,
 }
 
