@@ -19,11 +19,11 @@ class Buffer {
   Buffer& operator=(const Buffer&) = delete;
   ~Buffer() { std::free(data_); }
 
-  // At least `count` values. Throws std::bad_alloc if that is more than the machine's memory, before asking for it:
-  // Linux would promise the memory and kill the process later.
+  // At least `count` values. Throws std::bad_alloc if that is more than half of the machine's memory, before asking for
+  // it: Linux would promise the memory and kill the process later.
   T* reserve(std::size_t count) {
     if (count <= capacity_) return data_;
-    if (count > physical_memory() / sizeof(T)) throw std::bad_alloc();
+    if (count > physical_memory() / 2 / sizeof(T)) throw std::bad_alloc();
     const std::size_t wanted = count + count / 4;  // head room: the number of Gaussians grows step by step
     const std::size_t alignment = wanted * sizeof(T) >= HUGE_PAGE ? HUGE_PAGE : CACHE_LINE;
     const std::size_t bytes = (wanted * sizeof(T) + alignment - 1) / alignment * alignment;

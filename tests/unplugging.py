@@ -7,6 +7,7 @@ imported once; every run is a fork of this process, which starts no threads of i
 """
 
 import argparse
+import faulthandler
 import json
 import os
 import pkgutil
@@ -21,6 +22,8 @@ from importlib import import_module
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent / "cli"))
+# Threads of libraries would not survive the forks.
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 
 from cli_session import QUICK, SMALL_LIGHT
 from scenes_on_disk import write_tiny_scene
@@ -73,6 +76,7 @@ def start(words: list[str], log: Path) -> int:
         os.dup2(output, 2)
         from ringlight.cli.main import run
 
+        faulthandler.dump_traceback_later(PATIENCE - 10, exit=True)  # where it hangs
         code = run(["train", *words])
     finally:
         os._exit(code)
@@ -156,10 +160,11 @@ def main() -> int:
         alone, length = {}, {}
         for method in ("3dgs", "ringlight"):
             words = [str(scene), method, *WORDS, *SMALL[method]]
-            process = start([*words, "--out", f"{home}/{method}"], Path(home) / "log")
-            _wait_for(RunFolder(Path(home) / method).checkpoint)
+            log = Path(home) / "log"
+            process = start([*words, "--out", f"{home}/{method}"], log)
+            _wait_for(RunFolder(Path(home) / method).checkpoint, log)
             begun = time.monotonic()
-            _wait_for(Path(home) / method / "images")  # which is made when the training has ended
+            _wait_for(Path(home) / method / "images", log)  # which is made when the training has ended
             length[method] = time.monotonic() - begun
             assert finish(process) == 0, "the run left alone"
             alone[method] = results(Path(home) / method)
@@ -199,10 +204,10 @@ def _import_everything() -> None:
     torch.set_num_threads(1)
 
 
-def _wait_for(path: Path) -> None:
+def _wait_for(path: Path, log: Path) -> None:
     end = time.monotonic() + PATIENCE
     while not path.exists():
-        assert time.monotonic() < end, f"{path} does not appear"
+        assert time.monotonic() < end, f"{path} does not appear: {log.read_text()}"
         time.sleep(0.002)
 
 

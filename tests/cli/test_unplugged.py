@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from ringlight.fit.faults import MOST_IN_A_ROW
 from ringlight.fit.train import Progress
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.session import LARGEST_SAVE_SHARE, SAVE_SECONDS, Saver, Session
+from ringlight.runs.session import LARGEST_SAVE_SHARE, LONGEST_PAUSE, SAVE_SECONDS, Saver, Session
 
 SAVES_OFTEN = ("--save-every", "0.0001")
 
@@ -109,13 +110,13 @@ def test_a_damaged_checkpoint_is_named_and_the_older_goes_on_to_the_same_bits(
 
 def test_saving_takes_no_more_than_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a clock of our own, where a step takes a second and a checkpoint five."""
-    now = 0.0
+    now, cost = 0.0, 5
     saved: list[float] = []
 
     def save() -> None:
         nonlocal now
         saved.append(now)
-        now += 5
+        now += cost
 
     monkeypatch.setattr("time.monotonic", lambda: now)
     saver = Saver(save, None)
@@ -124,6 +125,11 @@ def test_saving_takes_no_more_than_its_share(monkeypatch: pytest.MonkeyPatch) ->
         saver.save_if_due()
     assert saved[0] == SAVE_SECONDS
     assert len(saved) * 5 <= LARGEST_SAVE_SHARE * now + 5
+    cost = 50
+    for _ in range(3000):
+        now += 1
+        saver.save_if_due()
+    assert max(b - a for a, b in pairwise(saved)) <= LONGEST_PAUSE + cost + 1
     saved.clear()
     often = Saver(save, 10.0)
     for _ in range(100):

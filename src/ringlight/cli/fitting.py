@@ -22,7 +22,7 @@ class ReaderOptions:
     threads: int = 0
     """Threads of the kernels; 0 takes every core. Results do not depend on it."""
     save_every: MaybeReal = None
-    """Seconds between two checkpoints; by default 60, or more where saving would take over 1 % of the time."""
+    """Seconds between two checkpoints; by default 60, or up to 600 where saving would take over 1 % of the time."""
     eval_at: tuple[int, ...] = ()
     """Steps after which the test views are measured on the way."""
     lpips: tuple[Net, ...] = ("alex",)

@@ -30,6 +30,9 @@ SAVE_SECONDS = 60.0
 LARGEST_SAVE_SHARE = 0.01
 """Of the time may go into saving: where a checkpoint takes longer, they become rarer."""
 
+LONGEST_PAUSE = 600.0
+"""But no rarer than this: on a disk so slow a run would lose too much."""
+
 
 @dataclass
 class Clock:
@@ -178,7 +181,7 @@ class Saver:
         self.save()
         self.last = time.monotonic()
         if self.seconds is None:
-            self.pause = max(SAVE_SECONDS, (self.last - begun) / LARGEST_SAVE_SHARE)
+            self.pause = min(max(SAVE_SECONDS, (self.last - begun) / LARGEST_SAVE_SHARE), LONGEST_PAUSE)
 
 
 def _check(steps: int, seed: int) -> None:
