@@ -30,8 +30,8 @@ def test_a_run_that_depends_on_something_else_is_found_out(
 ) -> None:
     step = Optimizer.step
 
-    def disturbed(optimizer: Optimizer, number: int, radii: torch.Tensor | None = None) -> None:
-        step(optimizer, number, radii)
+    def disturbed(optimizer: Optimizer, number: int, *others: object) -> None:
+        step(optimizer, number, *others)
         if number == 6:
             optimizer.model.columns["means"].data[0, 0] += torch.rand(())  # torch's own generator: goes on and on
 

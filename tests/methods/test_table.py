@@ -5,7 +5,6 @@ import dataclasses
 import pytest
 import torch
 
-from ringlight.core.scene import View
 from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.methods.store import model_header, scene_facts
@@ -31,14 +30,10 @@ def test_an_unknown_name_is_answered_with_the_nearest():
         method_named("ringlite")
 
 
-def test_ringlight_shades_pixels_where_masks_give_a_surface_and_gaussians_elsewhere():
-    recipe, scene = METHODS["ringlight"], tiny_scene()
-    opaque = dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))
-    assert recipe.settled(scene).shading == "deferred"
-    assert recipe.settled(opaque).shading == "forward"
-    assert METHODS["ringlight-paper"].settled(scene).shading == "forward"
-    asked = dataclasses.replace(recipe, shading="forward")
-    assert asked.settled(scene) is asked
+def test_what_is_asked_for_is_not_decided():
+    asked = dataclasses.replace(METHODS["ringlight"], shading="forward")
+    for recipe in (asked, METHODS["ringlight-paper"], METHODS["3dgs"], METHODS["ringlight-mirror"]):
+        assert recipe.settled(tiny_scene(), rasterizer_for("auto"), 0) == (recipe, None)
 
 
 def test_deferred_ringlight_is_the_mirror_with_the_settings_that_both_have():
@@ -51,7 +46,3 @@ def test_deferred_ringlight_is_the_mirror_with_the_settings_that_both_have():
     its = recipe.mirror.build(tiny_scene(), rasterizer_for("auto"), 3).state()
     assert ours.keys() == its.keys()
     assert all(torch.equal(ours[name], its[name]) for name in ours)
-
-
-def without_mask(view: View) -> View:
-    return dataclasses.replace(view, load=lambda: view.load()[..., :3].copy(), has_alpha=False)

@@ -41,7 +41,7 @@ def announce(session: Session, quiet: bool) -> None:
     lines = [
         f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
         f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
-        *(f"  {note}" for note in (*scene.notes, *session.decided)),
+        *(f"  {note}" for note in (*scene.notes, *([session.decided] if session.decided else []))),
         f"{training.steps} steps, seed {session.record.seed}, {len(training.model):,} Gaussians {place}; "
         f"{training.model.rasterize.name} rasterizer, {_kernels.isa()}, {_kernels.threads()} threads",
         f"writing to {session.folder.path}",

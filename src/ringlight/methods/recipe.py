@@ -23,8 +23,8 @@ class Recipe(Protocol):
 
     steps: int
 
-    def settled(self, scene: "Scene") -> "Recipe":
-        """This recipe with everything decided that it leaves to the scene; what runs and model files keep."""
+    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[Recipe, str | None]":
+        """This recipe with everything decided that it leaves to the scene, which runs and model files keep, and why."""
         ...
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":

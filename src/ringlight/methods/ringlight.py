@@ -60,8 +60,8 @@ class RingLightRecipe:
     """Training steps, one photograph each."""
     shading: Literal["auto", "forward", "deferred"] = "auto"
     """forward lights each Gaussian by the ring. deferred lights each pixel of the surface that they blend to, as
-    ringlight-mirror does, with its settings but for those that both have. auto: deferred where masks cut the subject
-    out of the photographs, so that a surface can be carved; forward elsewhere."""
+    ringlight-mirror does, with its settings but for those that both have. auto: decided by a short
+    trial where masks cut the subject out of the photographs, so that a surface can be carved; forward elsewhere."""
     warmup: float = 0.2
     """Share of the steps with base colour only, before the light field is switched on. The paper takes 0.1, which in
     short runs is just before the first opacity reset and costs 0.3 dB."""
@@ -103,13 +103,16 @@ class RingLightRecipe:
         if not 0 < self.field_epsilon < math.inf:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
-    def settled(self, scene: "Scene") -> "RingLightRecipe":
-        """With the shading decided for this scene."""
+    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightRecipe, str | None]":
+        """With the shading decided for this scene, by a trial where there are masks."""
         if self.shading != "auto":
-            return self
-        from ringlight.data.hull import masks_of
+            return self, None
+        from ringlight.methods.reflection_trial import reflection_trial
 
-        return dataclasses.replace(self, shading="deferred" if masks_of(scene.train) else "forward")
+        trial = reflection_trial(scene, rasterize, seed, self.steps)
+        shading: Literal["forward", "deferred"] = "deferred" if trial is not None and trial.reflects else "forward"
+        why = "no masks to carve a surface by, or too few photographs" if trial is None else str(trial)
+        return dataclasses.replace(self, shading=shading), f"shading: {shading} ({why})"
 
     @property
     def mirror(self) -> RingLightMirrorRecipe:
@@ -134,7 +137,7 @@ class RingLightRecipe:
         return SplatModel(gaussians, RingLight(self.light, box, seed), PassThrough(), rasterize, options)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        if self.settled(scene).shading == "deferred":
+        if self.settled(scene, rasterize, seed)[0].shading == "deferred":
             return self.mirror.build(scene, rasterize, seed)
         from ringlight.color.ringlight import RingLight
         from ringlight.data.batches import ImageBatches

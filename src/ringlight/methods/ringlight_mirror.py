@@ -91,9 +91,9 @@ class RingLightMirrorRecipe:
         if not 0 < self.start_share <= 1:
             raise RecipeError(f"start_share is {self.start_share:g}; give a share above 0, at most 1")
 
-    def settled(self, scene: "Scene") -> "RingLightMirrorRecipe":
+    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightMirrorRecipe, None]":
         """As it is: nothing depends on the scene."""
-        return self
+        return self, None
 
     def model(
         self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0

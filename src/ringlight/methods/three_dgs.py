@@ -58,9 +58,9 @@ class ThreeDGSRecipe:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
         check_rates(sh_rate=self.sh_rate, sh_rest_rate=self.sh_rest_rate)
 
-    def settled(self, scene: "Scene") -> "ThreeDGSRecipe":
+    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[ThreeDGSRecipe, None]":
         """As it is: nothing depends on the scene."""
-        return self
+        return self, None
 
     def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
         from ringlight.color.harmonics import SphericalHarmonics

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ class Session:
         self.folder, self.record, self.scene = folder, record, scene
         self.training, self.clock = training, clock
         self.warnings: tuple[str, ...] = ()
-        self.decided: tuple[str, ...] = ()
+        self.decided: str | None = None
         self._saved_at = self._good = -1  # steps of the last files, and of the last checkpoint
 
     @staticmethod
@@ -59,12 +59,7 @@ class Session:
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
         _check(recipe.steps, seed)
         scene = load_scene(scene_path, options)
-        asked, recipe = recipe, recipe.settled(scene)
-        decided = tuple(
-            f"decided for this scene: {field.name} {getattr(recipe, field.name)}"
-            for field in fields(recipe)
-            if getattr(asked, field.name) != getattr(recipe, field.name)
-        )
+        recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
         training = recipe.build(scene, rasterizer_for(device), seed)
         recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
         if warnings:

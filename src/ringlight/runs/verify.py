@@ -51,6 +51,8 @@ def verify(
     written to disk and read back, with a photograph's view drawn after each step.
     """
 
+    recipe, _ = recipe.settled(scene, rasterizer_for(device), seed)
+
     def begin() -> Training:
         training: Training = recipe.build(scene, rasterizer_for(device), seed)
         return training

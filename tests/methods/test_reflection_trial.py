@@ -1,0 +1,58 @@
+"""ringlight decides where to light by a trial: what reflects is shaded per pixel, what is matte per Gaussian."""
+
+import dataclasses
+
+import pytest
+
+from ringlight.core.scene import Scene, View
+from ringlight.data.bundled import bundled_scene
+from ringlight.data.load import load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.data.synthetic import tiny_scene
+from ringlight.methods.reflection_trial import FEWEST_VIEWS, ReflectionTrial, reflection_trial
+from ringlight.methods.table import METHODS
+from ringlight.rasterize.choose import rasterizer_for
+
+
+def test_a_scene_without_masks_has_no_trial_and_is_lit_forward():
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    opaque = dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))
+    assert reflection_trial(opaque, rasterizer_for("auto"), 0, 5) is None
+    settled, why = METHODS["ringlight"].settled(opaque, rasterizer_for("auto"), 0)
+    assert settled.shading == "forward"
+    assert "no masks" in why
+
+
+def test_few_photographs_have_no_trial():
+    assert reflection_trial(tiny_scene(views=FEWEST_VIEWS - 1), rasterizer_for("auto"), 0, 5) is None
+
+
+def test_the_trial_is_no_longer_than_the_run_and_repeats_itself():
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    first, second = (reflection_trial(scene, rasterizer_for("auto"), 3, 7) for _ in range(2))
+    assert first is not None
+    assert first == second
+    assert first.steps == 7
+    assert "7 steps" in str(first)
+
+
+def test_a_gain_of_a_decibel_decides():
+    assert ReflectionTrial(steps=1, harmonics=20.0, reflections=21.0).reflects
+    assert not ReflectionTrial(steps=1, harmonics=20.0, reflections=20.5).reflects
+    assert not ReflectionTrial(steps=1, harmonics=20.0, reflections=19.0).reflects
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["toaster", "carpaint"])
+def test_the_bundled_scenes_reflect(name: str):
+    trial = reflection_trial(bundled(name), rasterizer_for("auto"), 0, 1000)
+    assert trial is not None
+    assert trial.reflects
+
+
+def bundled(name: str) -> Scene:
+    return load_scene(bundled_scene(name), SceneOptions())
+
+
+def without_mask(view: View) -> View:
+    return dataclasses.replace(view, load=lambda: view.load()[..., :3].copy(), has_alpha=False)
