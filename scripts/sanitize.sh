@@ -3,9 +3,10 @@
 # ISAS chooses instruction sets, by default the best of this machine and the generic one.
 set -eu
 PYTHON=${PYTHON:-.venv/bin/python}
+PYTHON="$(cd "$(dirname "$PYTHON")" && pwd)/$(basename "$PYTHON")" # CMake wants it from the root
 BUILD=build/sanitize
 
-cmake -S . -B "$BUILD" -G Ninja -DRINGLIGHT_SANITIZE=ON -DPython_EXECUTABLE="$(command -v "$PYTHON")" >/dev/null
+cmake -S . -B "$BUILD" -G Ninja -DRINGLIGHT_SANITIZE=ON -DPython_EXECUTABLE="$PYTHON" >/dev/null
 cmake --build "$BUILD" ${JOBS:+-j "$JOBS"}
 rm -rf "$BUILD/package"
 mkdir -p "$BUILD/package"
