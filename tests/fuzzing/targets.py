@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -102,24 +103,27 @@ def tensor_file() -> Target:
     return Target([(0, whole), (0, _without_checksum(whole))], _reading("tensors.safetensors", read_tensors))
 
 
+def _recipe(method: str) -> Any:
+    """With the smallest tensors: a mutation then hits what is said of them more often than what is in them."""
+    recipe = METHODS[method]
+    if method != "ringlight":
+        return recipe
+    ring = dataclasses.replace(recipe.light.ring, rank=2, features=2, head_hidden=4, position_nodes=8, view_nodes=4)
+    light = dataclasses.replace(recipe.light, ring=ring, render_hidden=4, modulation_hidden=4)
+    return dataclasses.replace(recipe, light=light, shading="forward")
+
+
 def _training(method: str) -> Training:
     scene = tiny_scene(views=2, size=8)
     scene = dataclasses.replace(scene, points=type(scene.points)(scene.points.positions[:6], scene.points.colors[:6]))
-    recipe = METHODS[method]
-    if hasattr(recipe, "light"):
-        ring = dataclasses.replace(recipe.light.ring, rank=2, features=2, head_hidden=4, position_nodes=8, view_nodes=4)
-        light = dataclasses.replace(recipe.light, ring=ring, render_hidden=4, modulation_hidden=4)
-        recipe = dataclasses.replace(recipe, light=light)
-    training: Training = recipe.build(scene, rasterizer_for("auto"), 0)
+    training: Training = _recipe(method).build(scene, rasterizer_for("auto"), 0)
     return training
 
 
 def _model(path: Path, method: str) -> None:
     training = _training(method)
-    scene, recipe = training.batches.scene, METHODS[method]
-    if hasattr(recipe, "light"):
-        recipe = dataclasses.replace(recipe, light=training.model.color.settings)
-    header = model_header(method, recipe, 3, scene_facts(scene))
+    scene = training.batches.scene
+    header = model_header(method, _recipe(method), 3, scene_facts(scene))
     save_model(path, training.model, header, [view.camera for view in scene.train])
 
 
