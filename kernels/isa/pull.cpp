@@ -4,7 +4,7 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
-constexpr std::size_t GRAIN = 8192;  // rows a piece: enough to pay for waking a thread
+constexpr std::size_t GRAIN = 65536;  // rows a piece: fewer are done before another thread is awake
 }
 
 void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views,
