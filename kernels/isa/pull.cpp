@@ -4,7 +4,7 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
-constexpr std::size_t GRAIN = 65536;  // rows a piece: fewer are done before another thread is awake
+constexpr std::size_t GRAIN = 1 << 18;  // rows a piece: fewer are done before another thread is awake
 }
 
 void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views,
