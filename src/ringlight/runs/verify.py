@@ -53,8 +53,6 @@ def verify(
 
     recipe, _ = recipe.settled(scene, rasterizer_for(device), seed)
 
-    recipe, _ = recipe.settled(scene, rasterizer_for(device), seed)
-
     def begin() -> Training:
         training: Training = recipe.build(scene, rasterizer_for(device), seed)
         return training
