@@ -40,9 +40,9 @@ unplug: setup
 
 fuzz: setup
 	@$(BIN)/python tests/fuzzing/run.py --count $(FILES)
-	@$(BIN)/python -m pip --disable-pip-version-check --quiet install atheris 2>/dev/null \
-		|| echo "atheris cannot be installed here: no coverage-guided run"
-	@$(BIN)/python tests/fuzzing/run.py --guided --count $(FILES) --seconds $(FUZZ_SECONDS)
+	@if $(BIN)/python -m pip --disable-pip-version-check --quiet install atheris 2>/dev/null; \
+	then $(BIN)/python tests/fuzzing/run.py --guided --count $(FILES) --seconds $(FUZZ_SECONDS); \
+	else echo "atheris cannot be installed here: no coverage-guided run"; fi
 
 sanitize: setup
 	@PATH="$(CURDIR)/$(BIN):$$PATH" PYTHON="$(BIN)/python" sh scripts/sanitize.sh

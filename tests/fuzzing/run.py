@@ -8,7 +8,6 @@ by outcomes: a file that gets a new sentence becomes a seed. The corpus is kept 
 """
 
 import argparse
-import contextlib
 import faulthandler
 import hashlib
 import random
@@ -122,6 +121,14 @@ def _hang(number: int, frame: object) -> None:
     raise Hang(f"over {SECONDS} s of CPU")
 
 
+def _has_atheris() -> bool:
+    try:
+        import atheris  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
 def guided(name: str, home: Path, count: int, seconds: float) -> None:
     """Coverage-guided; atheris ends the process."""
     import atheris
@@ -151,13 +158,14 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=3600, help="at most so long for each loader")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--home", type=Path, default=Path("build/fuzz"))
-    parser.add_argument("--guided", action="store_true", help="by atheris; plain mutation where it is missing")
+    parser.add_argument("--guided", action="store_true", help="by atheris, which must be installed")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     signal.signal(signal.SIGPROF, _hang)
+    if asked.guided and not _has_atheris():
+        parser.error("atheris is not installed: leave out --guided, or install it")
     if asked.guided and len(asked.names) == 1:
-        with contextlib.suppress(ImportError):
-            guided(asked.names[0], asked.home, asked.count, asked.seconds)
+        guided(asked.names[0], asked.home, asked.count, asked.seconds)
     from targets import TARGETS
 
     bad = 0

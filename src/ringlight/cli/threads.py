@@ -2,12 +2,13 @@
 
 from ringlight.errors import BackendError, RecipeError
 
-MOST_TORCH_THREADS = 2
-"""torch only builds small tables: more threads wait for each other longer than they work."""
+TORCH_THREADS = 1
+"""torch cuts long arrays into a part for each of its threads, and rounds the last numbers of a part otherwise (sigmoid)
+or adds the parts up (mean): with more than one, bits would depend on ``--threads``. Its share is small."""
 
 
 def use_threads(count: int) -> None:
-    """``count`` threads for the kernels, 0 for every core; arrays that a step frees are kept for the next.
+    """``count`` threads for the kernels, 0 for every core, and one for torch; freed arrays are kept for the next step.
 
     Raises RecipeError for fewer than none, BackendError where the kernels cannot run: every command that calls this
     needs them, whatever the rasterizer.
@@ -26,4 +27,4 @@ def use_threads(count: int) -> None:
         raise BackendError(str(error)) from error
     _kernels.set_threads(count)
     _kernels.keep_freed_memory()
-    torch.set_num_threads(min(_kernels.threads(), MOST_TORCH_THREADS))
+    torch.set_num_threads(TORCH_THREADS)

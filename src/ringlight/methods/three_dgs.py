@@ -33,8 +33,8 @@ class ThreeDGSRecipe:
     steps: int = 30_000
     """Training steps, one photograph each."""
     coarse_steps: int = 500
-    """Steps with photographs at a quarter of their size, and as many again at half; 0 for none. 3DGS (section 7.1) takes
-    250."""
+    """Steps with photographs at a quarter of their size, and as many again at half; 0 for none. 3DGS (section 7.1)
+    takes 250."""
     sh_degree: int = 3
     """Degree of the spherical harmonics, 0 to 3."""
     sh_every: int = 1000
