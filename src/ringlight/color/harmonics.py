@@ -125,21 +125,23 @@ class RestGradient:
 
 
 class DirectHarmonics:
-    """One view at a time: :meth:`draw`, then :meth:`differentiate`."""
+    """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""
 
     def __init__(self, active_degree: Tensor):
         self._active_degree = active_degree
+        self._colors = self._by_dc = self._slopes = torch.empty(0, 3, dtype=torch.float32, device="cpu")
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
         """What :meth:`SphericalHarmonics.channels` calls "rgb"."""
         means, dc, rest = gaussians.means, gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
         self._seen = means, camera.position, int(self._active_degree)
-        self._colors, self._slopes = torch.empty_like(means), means.new_empty(_kernels.sh_slopes(len(means)))
+        if self._colors.shape != means.shape:
+            self._colors, self._by_dc = torch.empty_like(means), torch.empty_like(means)
+            self._slopes = means.new_empty(_kernels.sh_slopes(len(means)))
         _kernels.sh_colors(means, dc, rest, *self._seen[1:], self._colors, self._slopes)
         return self._colors
 
     def differentiate(self, by_colors: Float[Tensor, "N 3"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
         """Gradients of the colour's columns by name; adds to ``by_means``."""
-        by_dc = torch.empty_like(by_colors)
-        _kernels.sh_gradient(by_colors, self._colors, self._slopes, by_means, by_dc, True)
-        return {"sh_dc": by_dc, "sh_rest": RestGradient(*self._seen, by_dc)}
+        _kernels.sh_gradient(by_colors, self._colors, self._slopes, by_means, self._by_dc, True)
+        return {"sh_dc": self._by_dc, "sh_rest": RestGradient(*self._seen, self._by_dc)}

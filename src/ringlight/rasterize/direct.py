@@ -17,10 +17,14 @@ except ImportError:  # the rasterizer's constructor says what to do about it
 
 
 class DirectRaster:
-    """One view at a time: :meth:`draw`, then :meth:`differentiate`, which fills in that view's footprint."""
+    """One view at a time: :meth:`draw`, then :meth:`differentiate`, which fills in that view's footprint.
+
+    The gradients' arrays are used again by the next view; picture and footprint are new ones each time.
+    """
 
     def __init__(self) -> None:
         self._workspace = _kernels.Workspace()
+        self._gradients: list[Tensor] = []
 
     def draw(
         self,
@@ -44,7 +48,7 @@ class DirectRaster:
     def differentiate(self, by_image: Float[Tensor, "H W C"]) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
         """Gradients of the geometry's columns by name, and of the channels; fills in the footprint."""
         job = self._job
-        gradients = [torch.empty_like(column) for column in self._columns]
+        gradients = self._arrays()
         by_center = torch.empty_like(job.footprint.means2d)
         absolute = torch.empty_like(by_center) if job.absgrad else None
         means, log_scales, quats, opacity_logits, channels = gradients
@@ -53,3 +57,10 @@ class DirectRaster:
         self._workspace.backward(self._table, self._image, by_planes, None, into)
         job.note(by_center, absolute)
         return dict(zip(GEOMETRY, gradients, strict=False)), channels
+
+    def _arrays(self) -> list[Tensor]:
+        """One for each column, made anew when the table has another size."""
+        shapes = [column.shape for column in self._columns]
+        if [array.shape for array in self._gradients] != shapes:
+            self._gradients = [torch.empty_like(column) for column in self._columns]
+        return self._gradients
