@@ -36,13 +36,15 @@ def test_moments_follow_rows_and_new_rows_start_at_zero():
     stepped(model, optimizer, 1)
     before, columns = optimizer.state(), {name: p.detach().clone() for name, p in model.columns.items()}
     added = Gaussians.from_columns({name: p[:2] for name, p in columns.items()})
-    optimizer.edit_rows(torch.tensor([3, 0]), added)
+    count = len(columns["means"])
+    optimizer.edit_rows(torch.tensor([3, count + 1, 0, count]), added)
     after = optimizer.state()
     for name in columns:
-        assert torch.equal(model.columns[name][:2], columns[name][[3, 0]])
+        assert torch.equal(model.columns[name], columns[name][[3, 1, 0, 0]])
         for moment in ("mean", "square"):
-            assert torch.equal(after[f"{moment}.columns.{name}"][:2], before[f"{moment}.columns.{name}"][[3, 0]])
-            assert not after[f"{moment}.columns.{name}"][2:].any()
+            found = after[f"{moment}.columns.{name}"]
+            assert torch.equal(found[[0, 2]], before[f"{moment}.columns.{name}"][[3, 0]])
+            assert not found[[1, 3]].any()
 
 
 def test_a_row_steps_the_same_whether_or_not_others_were_removed():

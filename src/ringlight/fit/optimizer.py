@@ -75,17 +75,21 @@ class Optimizer:
         return None if left == 0 else bad_gradient(used, left)
 
     @torch.no_grad()
-    def edit_rows(self, keep: Int[Tensor, "K"], added: Gaussians | None = None) -> None:
-        """Keep these rows, in this order, then append ``added``; moments follow, those of new rows start at zero."""
+    def edit_rows(self, rows: Int[Tensor, "K"], added: Gaussians | None = None) -> None:
+        """The table becomes these ``rows``, in this order; moments follow, those of new rows start at zero.
+
+        Numbers from the table's length on are rows of ``added``. One gather a tensor: two would be half of a round of
+        density control.
+        """
         new = {} if added is None else added.columns()
         columns = self.model.columns
         assert isinstance(columns, nn.ParameterDict)
         for column, old in list(columns.items()):
             tail = new[column] if new else old[:0]
             name = COLUMNS_PREFIX + column
-            columns[column] = nn.Parameter(torch.cat([old.detach()[keep], tail]))
+            columns[column] = nn.Parameter(torch.cat([old.detach(), tail])[rows])
             for moments in (self._mean, self._square):
-                moments[name] = torch.cat([moments[name][keep], torch.zeros_like(tail)])
+                moments[name] = torch.cat([moments[name], torch.zeros_like(tail)])[rows]
 
     @torch.no_grad()
     def replace(self, name: str, value: Tensor) -> None:

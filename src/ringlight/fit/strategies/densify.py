@@ -82,8 +82,9 @@ class Densify:
             keep[table.opacity_logits.argmax()] = True
         clones = table.rows((strong & small & keep).nonzero()[:, 0])
         children = self._children(table.rows(split.nonzero()[:, 0]), step)
-        optimizer.edit_rows(keep.nonzero()[:, 0], _joined(clones, children))
-        optimizer.edit_rows(morton_order(model.columns["means"].detach()))
+        added = _joined(clones, children)
+        rows = torch.cat([keep.nonzero()[:, 0], len(table) + torch.arange(len(added))])
+        optimizer.edit_rows(rows[morton_order(torch.cat([table.means, added.means])[rows])], added)
         self._pull, self._views = torch.zeros(len(model)), torch.zeros(len(model))
 
     def _strongest(self, pull: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
