@@ -1,6 +1,7 @@
 """The loaders, each with small legal files of its kind. It may refuse a file by RinglightError and nothing else."""
 
 import atexit
+import contextlib
 import dataclasses
 import io
 import json
@@ -153,11 +154,9 @@ def checkpoint() -> Target:
     def restore(kind: int, content: bytes) -> None:
         folder.checkpoint.write_bytes(content)
         stored = read_checkpoint(folder)[0] if kind == 0 else read_tensors(folder.checkpoint)
-        try:
+        with contextlib.suppress(KeyError, RuntimeError, ValueError):  # as Session.resume
             refuse_misfits(stored.tensors, own)
-        except (KeyError, ValueError, IndexError, TypeError):
-            return
-        training.restore(stored.tensors)
+            training.restore(stored.tensors)
 
     return Target([(0, whole), (1, _without_checksum(whole))], restore)
 

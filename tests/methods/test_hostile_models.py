@@ -109,6 +109,8 @@ def test_a_recipe_that_asks_for_memory_gets_none(tmp_path: Path) -> None:
         ("columns.sh_rest", torch.zeros(400, 15, 4)),
         ("columns.odd", torch.zeros(400)),
         ("color.active_degree", torch.zeros(3)),
+        ("color.active_degree", torch.tensor(9)),
+        ("color.active_degree", torch.tensor(-1)),
         ("cameras.pinholes", torch.zeros(4, 6)),
         ("cameras.pinholes", torch.full((4, 6), 3e38)),
         ("cameras.world_to_camera", torch.zeros(4, 4)),
@@ -135,9 +137,25 @@ def test_a_state_of_any_size_fits_its_recipe_and_no_other_does(method: str) -> N
             refuse_misfits({key: value for key, value in state.items() if key != name}, fresh.state())
         if name.startswith("strategy."):
             continue
-        for spoiled in (state[name][None], state[name].to(torch.float16)):
-            with pytest.raises((ValueError, IndexError)):
+        for spoiled in (state[name][None], state[name].to(torch.float16), torch.tensor(3.0)):
+            if spoiled.shape == state[name].shape and spoiled.dtype == state[name].dtype:
+                continue
+            with pytest.raises(ValueError, match=r"is torch\..* of shape"):
                 refuse_misfits(state | {name: spoiled}, fresh.state())
+
+
+@pytest.mark.parametrize(("name", "number"), [("step", -5), ("step", 2**62), ("faults", -1), ("optimizer.updates", -1)])
+def test_a_state_that_counts_what_cannot_be_is_refused(name: str, number: int) -> None:
+    training = training_of("3dgs")
+    state = training.state()
+    with pytest.raises(ValueError, match=f"{name} counts"):
+        refuse_misfits(state | {name: torch.full_like(state[name], number)}, training.state())
+
+
+def test_a_state_with_views_of_other_rows_than_pulls_is_refused() -> None:
+    training = training_of("3dgs")
+    with pytest.raises(ValueError, match="views for 7"):
+        training.restore(training.state() | {"strategy.1.views": torch.zeros(7)})
 
 
 def test_tables_that_no_tensor_shows_are_bounded() -> None:

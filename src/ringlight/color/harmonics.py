@@ -40,6 +40,7 @@ class SphericalHarmonics(nn.Module):
         if not 0 <= degree <= MAX_DEGREE:
             raise RecipeError(f"the degree of the spherical harmonics is {degree}; give 0 to {MAX_DEGREE}")
         self.register_buffer("active_degree", torch.tensor(degree))
+        self.register_load_state_dict_post_hook(_refuse_other_degrees)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """The points' own colours, the same from every side."""
@@ -63,6 +64,13 @@ class SphericalHarmonics(nn.Module):
     def direct(self) -> "DirectHarmonics | None":
         """The same without autograd, by the kernels; None where these are missing."""
         return None if _kernels is None else DirectHarmonics(self.active_degree)
+
+
+def _refuse_other_degrees(harmonics: nn.Module, _: object) -> None:
+    """Files hold the degree as a number: ValueError for one that no harmonics have."""
+    degree = int(harmonics.get_buffer("active_degree"))
+    if not 0 <= degree <= MAX_DEGREE:
+        raise ValueError(f"active_degree is {degree}, not 0 to {MAX_DEGREE}")
 
 
 def sh_colors_reference(

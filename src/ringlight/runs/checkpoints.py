@@ -9,6 +9,9 @@ from ringlight.files.atomic import flush_folder
 from ringlight.files.tensor_file import TensorFile, read_tensors, write_tensors
 from ringlight.runs.folder import EARLIER_NAME, FRESH_NAME, RunFolder
 
+LARGEST_COUNT = 2**31 - 1
+"""Of steps, updates and faults: any more is a damaged number."""
+
 
 def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapping[str, str]) -> None:
     """Write the newest and keep the one before it. Raises OutputError, with both of them as they were.
@@ -31,14 +34,16 @@ def refuse_misfits(state: Mapping[str, Tensor], own: Mapping[str, Tensor]) -> No
 
     Tables have grown since, and what a strategy counts for each row with them; everything else has its old shape.
     """
-    rows, columns = len(state["model.columns.means"]), ("model.columns.", "mean.columns.", "square.columns.")
+    rows, columns = state["model.columns.means"].shape[:1], ("model.columns.", "mean.columns.", "square.columns.")
     for name, tensor in own.items():
         found = state[name]
         of_row = name.removeprefix("optimizer.").startswith(columns)
-        shape = (rows, *tensor.shape[1:]) if of_row else tuple(tensor.shape)
+        shape = (*rows, *tensor.shape[1:]) if of_row else tuple(tensor.shape)
         counted = name.startswith("strategy.") and found.ndim == tensor.ndim
         if found.dtype != tensor.dtype or not (counted or tuple(found.shape) == shape):
             raise ValueError(f"{name} is {found.dtype} of shape {list(found.shape)}")
+        if not found.is_floating_point() and not bool(((found >= 0) & (found.long() <= LARGEST_COUNT)).all()):
+            raise ValueError(f"{name} counts {found.tolist()}")
 
 
 def read_checkpoint(folder: RunFolder) -> tuple[TensorFile, tuple[str, ...]]:

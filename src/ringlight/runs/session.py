@@ -89,6 +89,8 @@ class Session:
         try:
             refuse_misfits(stored.tensors, training.state())
             training.restore(stored.tensors)
+            if training.step > training.steps:
+                raise ValueError(f"step {training.step} of {training.steps}")
             clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
             views = int(stored.metadata["training_views"])
         except (KeyError, RuntimeError, ValueError) as error:

@@ -51,6 +51,8 @@ class Densify:
         return {"pull": self._pull, "views": self._views}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
+        if state["pull"].shape != state["views"].shape:
+            raise ValueError(f"a pull for {len(state['pull'])} rows, and views for {len(state['views'])}")
         self._pull, self._views = state["pull"].clone(), state["views"].clone()
 
     def _resets(self, step: int) -> bool:
