@@ -131,8 +131,32 @@ def test_too_many_in_a_row_end_the_run_with_a_finite_model() -> None:
     before = {name: p.detach().clone() for name, p in training.model.named_parameters()}
     with pytest.raises(DivergedError, match=rf"step {MOST_IN_A_ROW}, view .*in a row; "):
         list(train(training))
-    assert training.step == MOST_IN_A_ROW - 1
+    assert training.step == MOST_IN_A_ROW
     assert all(torch.equal(p, before[name]) for name, p in training.model.named_parameters())
+
+
+def test_what_is_saved_after_too_many_goes_on_from_a_whole_step(monkeypatch) -> None:
+    """Elements whose gradients were good have moved in the last bad step, so that it must count as done."""
+    training = training_of("3dgs", steps=30)
+    model = direct_model(training)
+    if model is None:
+        pytest.skip("needs the compiled module")
+    right = type(model).differentiate
+
+    def spoiled(self, by_color):
+        gradients = right(self, by_color)
+        gradients["means"][0, 0] = float("nan")
+        return gradients
+
+    monkeypatch.setattr(type(model), "differentiate", spoiled)
+    with pytest.raises(DivergedError, match="10th bad step in a row"):
+        list(train(training))
+    assert training.step == MOST_IN_A_ROW
+    assert set(training.state()["optimizer.updates"].tolist()) == {MOST_IN_A_ROW}
+    monkeypatch.undo()
+    resumed = training_of("3dgs", steps=30)
+    resumed.restore(training.state())
+    assert next(train(resumed)).fault is None, "what was mended meanwhile gets its chance"
 
 
 def test_the_count_survives_a_stop() -> None:

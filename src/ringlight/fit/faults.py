@@ -31,16 +31,21 @@ class FaultCounter:
         self.in_a_row = 0
 
     def note(self, model: SplatModel, step: int, batch: ImageBatch, what: str | None) -> str | None:
-        """``what`` went wrong, or None; returns the sentence that names it. Raises DivergedError."""
+        """``what`` went wrong, or None; returns the sentence that names it.
+
+        Raises DivergedError for a parameter that is not finite.
+        """
         if what is None:
             self.in_a_row = 0
             return None
         refuse_broken(model, step, batch)
         self.in_a_row += 1
-        sentence = f"step {step}, view {batch.view.name}: {what}"
-        if self.in_a_row >= MOST_IN_A_ROW:
-            raise DivergedError(f"{sentence}; that was the {MOST_IN_A_ROW}th bad step in a row; {REMEDY}")
-        return sentence
+        return f"step {step}, view {batch.view.name}: {what}"
+
+    def refuse_too_many(self, fault: str | None) -> None:
+        """Raise DivergedError after a step with a ``fault`` that is one too many in a row."""
+        if fault is not None and self.in_a_row >= MOST_IN_A_ROW:
+            raise DivergedError(f"{fault}; that was the {self.in_a_row}th bad step in a row; {REMEDY}")
 
 
 Render = Callable[[Camera, Float[Tensor, "3"]], Rendering]

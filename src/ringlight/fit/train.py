@@ -78,7 +78,8 @@ def train(training: Training, direct: bool = True) -> Iterator[Progress]:
     """Fit the model in place, yielding after every step; to pause or stop is to stop asking.
 
     Where the model can differentiate itself, autograd is left out: the same bits, sooner. ``direct`` False keeps it.
-    Raises DivergedError by the rules of :mod:`ringlight.fit.faults`; the model is then as the step before left it.
+    Raises DivergedError by the rules of :mod:`ringlight.fit.faults`; where all parameters are finite, ``training`` is
+    then as its last step left it, and that step is counted.
     """
     model, optimizer = training.model, training.optimizer
     by_itself = direct_model(training) if direct else None
@@ -104,6 +105,7 @@ def train(training: Training, direct: bool = True) -> Iterator[Progress]:
             strategy.update(step, model, optimizer, rendering)
         training.step = step
         yield Progress(step, terms, batch, rendering, target, fault)
+        training.faults.refuse_too_many(fault)
 
 
 def direct_model(training: Training) -> DirectModel | None:
