@@ -138,6 +138,8 @@ def main(arguments: list[str]) -> int:
     if common.save is not None:
         result_path(common.save)
     use_threads(common.threads)
+    if not isinstance(asked, StepArguments):
+        _let_torch_compete()
     now = circumstances(datetime.datetime.now(datetime.timezone.utc).date().isoformat())
     record, tables = _RUNNERS[type(asked)](asked, now)
     if common.json:
@@ -147,6 +149,15 @@ def main(arguments: list[str]) -> int:
     if common.save is not None:
         sys.stderr.write(f"written to {save_result(record, common.save)}\n")
     return 0
+
+
+def _let_torch_compete() -> None:
+    """As many threads for torch as for the kernels beside it; training gives it one."""
+    import torch
+
+    from ringlight import _kernels
+
+    torch.set_num_threads(_kernels.threads())
 
 
 def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
