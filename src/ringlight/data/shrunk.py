@@ -11,7 +11,7 @@ from ringlight.core.scene import View
 
 def shrunk(view: View, factor: int) -> View:
     """The view with width and height divided by ``factor``, rounded; pixels are means over areas, which takes a
-    fifth of the time of a sharper filter, and in these steps the difference does not last."""
+    third of the time of a sharper filter, and in these steps the difference does not last."""
     width, height = (max(1, round(side / factor)) for side in (view.camera.width, view.camera.height))
 
     def load() -> UInt8[np.ndarray, "H W C"]:

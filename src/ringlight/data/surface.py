@@ -24,11 +24,18 @@ PLANE_NEIGHBOURS = 12
 
 def surface_points(scene: Scene, count: int, seed: int) -> PointCloud:
     """``count`` points drawn from the visual hull; without masks the scene's own, however many, with normals."""
+    points = hull_points(scene, count, seed)
+    if points is not None:
+        return points
+    positions = scene.points.positions
+    return PointCloud(positions, scene.points.colors, plane_normals(positions, [view.camera for view in scene.train]))
+
+
+def hull_points(scene: Scene, count: int, seed: int) -> PointCloud | None:
+    """``count`` points drawn from the visual hull; None without masks. Some seconds."""
     hull = visual_hull(masks_of(scene.train), scene.box)
     if hull is None:
-        positions = scene.points.positions
-        normals = plane_normals(positions, [view.camera for view in scene.train])
-        return PointCloud(positions, scene.points.colors, normals)
+        return None
     colors = photographed_colors(hull.positions, hull.normals, hull.pitch, scene)
     draw = generator(seed, 0, "surface points")
     rounds = [torch.randperm(len(hull.positions), generator=draw) for _ in range(-(-count // len(hull.positions)))]

@@ -11,10 +11,9 @@ from statistics import fmean
 
 import torch
 
-from ringlight.core.scene import Scene, View
-from ringlight.data.hull import masks_of, visual_hull
+from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data.shrunk import shrunk
-from ringlight.data.surface import surface_points
+from ringlight.data.surface import hull_points
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
@@ -59,17 +58,20 @@ class ReflectionTrial:
 
 def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int) -> ReflectionTrial | None:
     """The trial, of at most ``most_steps``; None where photographs have no masks to carve a hull by, or are too few."""
-    if len(scene.train) < FEWEST_VIEWS or visual_hull(masks_of(scene.train), scene.box) is None:
+    if len(scene.train) < FEWEST_VIEWS:
         return None
     views = [_small(view) for view in scene.train]
     held = views[::HELD_OUT_EVERY]
     kept = tuple(view for index, view in enumerate(views) if index % HELD_OUT_EVERY)
     small = replace(scene, train=kept)
     mirror = RingLightMirrorRecipe(steps=min(STEPS, most_steps))
+    points = hull_points(small, mirror.first_gaussians(small), seed)
+    if points is None:
+        return None
     return ReflectionTrial(
         steps=mirror.steps,
-        harmonics=_psnr_after(_harmonics(small, mirror, rasterize, seed), held),
-        reflections=_psnr_after(mirror.build(small, rasterize, seed), held),
+        harmonics=_psnr_after(_harmonics(points, small, mirror, rasterize, seed), held),
+        reflections=_psnr_after(mirror.build_on(points, small, rasterize, seed), held),
     )
 
 
@@ -78,10 +80,11 @@ def _small(view: View) -> View:
     return shrunk(view, factor) if factor > 1 else view
 
 
-def _harmonics(scene: Scene, mirror: RingLightMirrorRecipe, rasterize: Rasterizer, seed: int) -> Training:
+def _harmonics(
+    points: PointCloud, scene: Scene, mirror: RingLightMirrorRecipe, rasterize: Rasterizer, seed: int
+) -> Training:
     """3DGS on the surface that the mirror starts from, as opaque, as many Gaussians, no resets either."""
     densify = mirror.densify.within(most_gaussians(scene.pixels))
-    points = surface_points(scene, math.ceil(mirror.start_share * densify.max_gaussians), seed)
     recipe = ThreeDGSRecipe(steps=mirror.steps, coarse_steps=0, densify=densify)
     training = recipe.build(replace(scene, points=points), rasterize, seed)
     logits = training.model.columns["opacity_logits"].detach()

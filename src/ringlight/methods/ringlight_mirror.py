@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from ringlight.core.gaussians import Gaussians
-    from ringlight.core.scene import Scene
+    from ringlight.core.scene import PointCloud, Scene
     from ringlight.fit.strategies.contract import Strategy
     from ringlight.fit.train import Training
     from ringlight.models.splats import SplatModel
@@ -107,16 +107,25 @@ class RingLightMirrorRecipe:
         shader = ReflectionShader(self.shader, box, seed)
         return SplatModel(gaussians, Mirror(self.shader.latents, seed), shader, rasterize, options)
 
+    def first_gaussians(self, scene: "Scene") -> int:
+        """How many the run starts from where there is a hull to draw them from."""
+        most = self.densify.within(most_gaussians(scene.pixels)).max_gaussians
+        return math.ceil(self.start_share * most)
+
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        from ringlight.data.surface import surface_points
+
+        return self.build_on(surface_points(scene, self.first_gaussians(scene), seed), scene, rasterize, seed)
+
+    def build_on(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        """The same from a surface that is known already."""
         from ringlight.color.mirror import Mirror
         from ringlight.data.batches import ImageBatches
-        from ringlight.data.surface import surface_points
         from ringlight.fit.optimizer import Optimizer
         from ringlight.fit.train import Training
         from ringlight.models.initial import gaussians_from_points
 
         densify = self.densify.within(most_gaussians(scene.pixels))
-        points = surface_points(scene, math.ceil(self.start_share * densify.max_gaussians), seed)
         gaussians = gaussians_from_points(points, Mirror(self.shader.latents, seed), self.opacity)
         model = self.model(gaussians, scene.box, rasterize, seed)
         for part in ("color", "shader"):
