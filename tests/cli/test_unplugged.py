@@ -1,6 +1,7 @@
 """A run that is stopped from outside: a signal, a full disk, a folder that is gone, a checkpoint that is damaged."""
 
 import errno
+import json
 import os
 import shutil
 import signal
@@ -15,6 +16,7 @@ from command import Command
 from refusal import refused
 
 from ringlight.core.scene import View
+from ringlight.files.tensor_file import read_metadata
 from ringlight.fit.faults import MOST_IN_A_ROW
 from ringlight.fit.train import Progress
 from ringlight.methods.store import load_model
@@ -165,3 +167,15 @@ def test_a_run_whose_numbers_go_wrong_is_warned_of_saved_and_stopped(
     assert len(warnings) == 40 // 6 + 1
     assert all("train/r_3.png" in line for line in warnings)
     load_model(run, rasterizer_for("auto"))
+
+
+def test_the_report_counts_the_seconds_of_saving_over_stops(
+    tiny: Path, tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    run = tmp_path / "run"
+    at_step(15, lambda session: signal.raise_signal(signal.SIGTERM))
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 130
+    before = float(read_metadata(run / "checkpoint.safetensors")["saving_seconds"])
+    assert before > 0
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
+    assert json.loads((run / "report.json").read_text())["saving_seconds"] > before

@@ -23,7 +23,7 @@ from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.session import Session
 
 METHODS = ("3dgs", "ringlight")
-TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "steps_per_second"}
+TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
 """Fields of a report that differ from one run to the next."""
 
 

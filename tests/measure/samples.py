@@ -41,6 +41,7 @@ def sample_report(**changes: Any) -> Report:
         bytes_file=6_700_000,
         train_seconds=13.4,
         train_cpu_seconds=25.0,
+        saving_seconds=0.2,
         steps_per_second=222.4,
         fps=180.2,
         fps_note="render call only",

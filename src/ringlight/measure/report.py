@@ -80,6 +80,8 @@ class Report:
     train_seconds: float | None
     """Wall clock with densification, without data loading and test renders."""
     train_cpu_seconds: float | None
+    saving_seconds: float | None = None
+    """Wall clock of checkpoints, the last one included; not among ``train_seconds``."""
     steps_per_second: float | None
     fps: float | None
     fps_note: str

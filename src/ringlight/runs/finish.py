@@ -46,6 +46,7 @@ class TrainingFacts:
     """Steps of the whole run, of which ``steps`` are done."""
     wall_seconds: float | None = None
     cpu_seconds: float | None = None
+    saving_seconds: float | None = None
     bytes_file: int | None = None
     """Of the model file."""
 
@@ -86,6 +87,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         planned=session.training.steps,
         wall_seconds=session.clock.wall,
         cpu_seconds=session.clock.cpu,
+        saving_seconds=session.clock.saving,
     )
     report = measure(session.training.model, session.scene, facts, session.folder.pictures, nets, tell)
     session.save_model({"psnr": report.psnr, "ssim_same": report.ssim_same, "lpips_alex": report.lpips_alex})
@@ -119,22 +121,23 @@ def known_facts(opened: Opened) -> TrainingFacts:
         facts = replace(facts, planned=planned)
     if run is None:
         return facts
-    wall, cpu = _training_seconds(run)
-    return replace(facts, seed=RunRecord.read(run.path).seed, wall_seconds=wall, cpu_seconds=cpu)
+    wall, cpu, saving = _training_seconds(run)
+    seed = RunRecord.read(run.path).seed
+    return replace(facts, seed=seed, wall_seconds=wall, cpu_seconds=cpu, saving_seconds=saving)
 
 
-def _training_seconds(run: RunFolder) -> tuple[float | None, float | None]:
-    """Wall and CPU seconds from the report, else from the checkpoint."""
+def _training_seconds(run: RunFolder) -> tuple[float | None, float | None, float | None]:
+    """Wall and CPU seconds, and those of saving, from the report, else from the checkpoint."""
     try:
         report = read_report(run.path)
-        return report.train_seconds, report.train_cpu_seconds
+        return report.train_seconds, report.train_cpu_seconds, report.saving_seconds
     except RunError:
         pass
     try:
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
-        return float(stored["wall_seconds"]), float(stored["cpu_seconds"])
+        return float(stored["wall_seconds"]), float(stored["cpu_seconds"]), float(stored["saving_seconds"])
     except (ModelFileError, KeyError, ValueError):
-        return None, None
+        return None, None, None
 
 
 def _keeper(renders: Path, truths: Path) -> Keep:
@@ -176,6 +179,7 @@ def _report(
         bytes_file=facts.bytes_file,
         train_seconds=facts.wall_seconds,
         train_cpu_seconds=facts.cpu_seconds,
+        saving_seconds=facts.saving_seconds,
         steps_per_second=rate,
         fps=speed.fps,
         fps_note=speed.note,

@@ -36,10 +36,12 @@ LONGEST_PAUSE = 600.0
 
 @dataclass
 class Clock:
-    """Seconds spent in training steps, without loading, evaluation and saving; resumed runs add up."""
+    """Seconds spent in training steps, without loading and evaluation, and apart from them in saving; runs add up."""
 
     wall: float = 0.0
     cpu: float = 0.0
+    saving: float = 0.0
+    """Wall clock; a checkpoint knows of those before it."""
 
 
 class Session:
@@ -91,7 +93,8 @@ class Session:
             training.restore(stored.tensors)
             if training.step > training.steps:
                 raise ValueError(f"step {training.step} of {training.steps}")
-            clock = Clock(float(stored.metadata["wall_seconds"]), float(stored.metadata["cpu_seconds"]))
+            seconds = (float(stored.metadata.get(f"{name}_seconds", 0)) for name in ("wall", "cpu", "saving"))
+            clock = Clock(*seconds)
             views = int(stored.metadata["training_views"])
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
@@ -127,6 +130,7 @@ class Session:
         """
         if self._saved_at == self.training.step:
             return
+        begun = time.perf_counter()
         state = self.training.state()
         broken = first_not_finite(state)
         if broken is not None:
@@ -135,6 +139,7 @@ class Session:
             "program": "ringlight checkpoint",
             "wall_seconds": repr(self.clock.wall),
             "cpu_seconds": repr(self.clock.cpu),
+            "saving_seconds": repr(self.clock.saving),
             "training_views": str(len(self.scene.train)),
         }
         try:
@@ -144,6 +149,7 @@ class Session:
             self._saved_at = self.training.step
         except OutputError as error:
             raise OutputError(f"{error}; {self.way_on()}") from error
+        self.clock.saving += time.perf_counter() - begun
 
     def way_on(self) -> str:
         """What a run that cannot be saved at this step has lost."""
