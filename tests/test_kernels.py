@@ -1,6 +1,7 @@
 """The compiled module by itself: its signatures, what its bindings refuse, threads that cannot be had, forks."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -11,6 +12,8 @@ import torch
 
 import ringlight
 from ringlight import _kernels
+from ringlight.core.memory import machine_memory
+from ringlight.rasterize.cpu import CpuRasterizer
 
 STUB = Path(ringlight.__file__).with_name("_kernels.pyi")
 
@@ -90,6 +93,32 @@ def test_a_forward_pass_that_failed_has_no_backward_pass():
         workspace.forward(table, camera, settings, image, alpha, footprint, footprint.clone())
     with pytest.raises(ValueError, match="last forward pass"):
         workspace.backward(table, image, image, None, gradients)
+
+
+def test_no_buffer_takes_more_than_half_of_the_memory_that_is_stated():
+    size = 512  # pixels, of which a view keeps four bytes each in one buffer
+    means = torch.tensor([[0.0, 0, 1]])
+    columns = [means, torch.full((1, 3), -9.0), torch.ones(1, 4), torch.zeros(1)]
+    table = _kernels.SplatTable(*columns, None, torch.ones(1, 1), torch.zeros(1))
+    camera = _kernels.Pinhole(torch.eye(4), (512.0, 512.0), (256.0, 256.0), size, size)
+    settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
+    image, alpha, footprint = torch.empty(1, size, size), torch.empty(size, size), torch.empty(1, 2)
+
+    def draw() -> None:
+        _kernels.Workspace().forward(table, camera, settings, image, alpha, footprint, footprint.clone())
+
+    try:
+        _kernels.set_memory(2 * 4 * size * size)
+        assert _kernels.largest_buffer() == 4 * size * size
+        draw()  # without the head room that it would otherwise take
+        _kernels.set_memory(2 * 4 * size * size - 2)
+        with pytest.raises(MemoryError):
+            draw()
+    finally:
+        _kernels.set_memory(0)
+    assert _kernels.largest_buffer() == os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+    CpuRasterizer()
+    assert _kernels.largest_buffer() == machine_memory() // 2
 
 
 def test_every_number_of_a_camera_is_looked_at_alone():

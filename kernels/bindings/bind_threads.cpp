@@ -6,6 +6,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "dispatch.hpp"
+#include "memory.hpp"
 #include "parallel.hpp"
 #include "peak.hpp"
 
@@ -37,6 +38,9 @@ bool keep_freed_memory() {
 void bind_threads(nb::module_& module) {
   module.def("set_threads", &set_threads, nb::arg("count"), "Threads for all kernels; 0 means every core.");
   module.def("threads", &threads, "Threads that kernels use.");
+  module.def("set_memory", &set_memory, nb::arg("bytes"),
+             "The memory that this process may have, of which one buffer may take half; 0 means the machine's.");
+  module.def("largest_buffer", &largest_buffer, "Bytes that one buffer may have.");
   module.def("keep_freed_memory", &keep_freed_memory,
              "For the rest of this process freed arrays up to 32 MB stay with it, half a gigabyte in all, instead of "
              "going back to the system. Returns whether the C library can do so.");

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -12,10 +13,11 @@ from pathlib import Path
 import pytest
 import torch
 from cli_session import QUICK
-from command import Command
+from command import Command, Outcome
 from refusal import refused
 
 from ringlight.core.scene import View
+from ringlight.errors import BackendError
 from ringlight.files.tensor_file import read_metadata
 from ringlight.fit.faults import MOST_IN_A_ROW
 from ringlight.fit.train import Progress
@@ -179,3 +181,50 @@ def test_the_report_counts_the_seconds_of_saving_over_stops(
     assert before > 0
     assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
     assert json.loads((run / "report.json").read_text())["saving_seconds"] > before
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (MemoryError(), "not enough memory"),
+        (RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory"), "not enough memory"),
+        (BackendError("9 Gaussians need more memory than a view may take; make the scales smaller"), "scales smaller"),
+    ],
+)
+def test_what_a_step_cannot_be_given_stops_the_run_with_its_last_good_checkpoint(
+    error: Exception, words: str, tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    def fail(_: Session) -> None:
+        raise error
+
+    run = tmp_path / "run"
+    at_step(15, fail)
+    stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN)
+    monkeypatch.undo()
+    sentence = refused(stopped, 1, words, "stopped after step 15", f"go on with: ringlight train --resume {run}")
+    assert "the last good checkpoint is of step 14" in sentence
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
+    assert model_of(run) == model_of(trained["3dgs"])
+
+
+def test_a_run_whose_checkpoints_are_all_damaged_is_told_to_start_again(
+    tiny: Path, tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    run = tmp_path / "run"
+    at_step(15, lambda session: signal.raise_signal(signal.SIGTERM))
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 130
+    (run / "checkpoint.safetensors").write_bytes(b"")
+    sentence = refused(ringlight("train", "--resume", run), 1, "the file is empty", "no other is left")
+    assert sentence.endswith("start it again with --out NEW")
+    assert "copy it again" not in sentence
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs locks on files")
+def test_two_commands_do_not_train_one_run(tiny: Path, tmp_path: Path, ringlight: Command, at_step) -> None:
+    run = tmp_path / "run"
+    told: list[Outcome] = []
+    at_step(15, lambda session: told.append(ringlight("train", "--resume", run)))
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 0
+    refused(told[0], 1, f"{run}: ", "is training this run", "wait until that has ended")
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0

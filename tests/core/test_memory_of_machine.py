@@ -29,6 +29,28 @@ def test_a_container_may_have_less(
     assert machine_memory() == (expected or without)
 
 
+@pytest.mark.parametrize(
+    ("line", "file"),
+    [
+        ("0::/user.slice/run-7.scope", "user.slice/run-7.scope/memory.max"),
+        ("0::/user.slice/run-7.scope", "user.slice/memory.max"),
+        ("4:memory:/docker/abc", "memory/docker/abc/memory.limit_in_bytes"),
+        ("4:memory:/docker/abc", "memory/docker/memory.limit_in_bytes"),
+    ],
+)
+def test_so_may_the_group_of_this_process_or_one_above_it(
+    line: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "own").write_text(f"9:name=systemd:/\n{line}\n")
+    monkeypatch.setattr(memory, "CGROUPS", tmp_path)
+    monkeypatch.setattr(memory, "OWN_GROUPS", tmp_path / "own")
+    (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / file).write_text("2000000\n")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "memory.max").write_text("1000000\n")
+    assert machine_memory() == 2_000_000
+
+
 def test_so_may_a_process():
     code = "from ringlight.core.memory import machine_memory; print(machine_memory())"
     bound = 3 << 30

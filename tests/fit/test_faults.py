@@ -199,3 +199,18 @@ def test_a_model_file_that_is_not_finite_is_refused_by_name(tmp_path) -> None:
     write_model_file(tmp_path / "m", tensors, model_header("3dgs", METHODS["3dgs"], 0, scene_facts(tiny_scene())))
     with pytest.raises(ModelFileError, match=r"columns\.log_scales holds nan in row 7; "):
         load_model(tmp_path / "m", rasterizer_for("auto"))
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("moment", ["mean", "square"])
+@pytest.mark.parametrize("direct", [True, False])
+def test_a_moment_ends_the_run_by_its_name(direct: bool, moment: str, bad: float) -> None:
+    training = training_of("3dgs", steps=12)
+    steps = train(training, direct)
+    next(steps)
+    training.optimizer.moments[f"{moment}.columns.log_scales"][3, 1] = bad
+    with pytest.raises(DivergedError) as caught:
+        next(steps)
+    for word in ("step 2, view ", f"Adam's {moment}.columns.log_scales holds", "row 3"):
+        assert word in str(caught.value)
+    assert all(p.isfinite().all() for p in training.model.parameters())

@@ -66,3 +66,14 @@ def test_the_bound_is_said_recorded_and_kept_when_resumed(
     record = json.loads((tmp_path / "run" / "recipe.json").read_text())
     assert record["recipe"]["densify"]["max_gaussians"] == 200
     assert json.loads((tmp_path / "run" / "report.json").read_text())["n_gaussians"] <= 200
+
+
+def test_verify_keeps_within_the_same_bound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    scene = write_tiny_scene(tmp_path / "balls")
+    monkeypatch.setattr(limits, "machine_memory", lambda: 200 * 2 * (COPIES * 4 * 59 + WORK_BYTES))
+    assert run(["train", str(scene), "3dgs", *QUICK, "--verify", "4"]) == 0
+    told = capsys.readouterr()
+    assert "warning: at most 200 Gaussians instead of 400" in told.err
+    assert told.out.count("the same bits") == 4

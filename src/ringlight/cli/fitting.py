@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ringlight.cli.arguments import MaybeReal, Net
-from ringlight.errors import DivergedError, RecipeError
+from ringlight.cli.main import NO_MEMORY, is_out_of_memory
+from ringlight.errors import BackendError, DivergedError, RecipeError, RunError
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
@@ -54,6 +55,15 @@ def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report
             raise
         sys.stderr.write(f"stopped at once; go on from the last checkpoint with: {resume_with}\n")
         return None
+    except BackendError as error:
+        raise BackendError(f"{error}; {session.way_on()}") from error
+    except (MemoryError, RuntimeError) as error:
+        # Nothing is saved: the step under way may have moved some of the parameters.
+        if not is_out_of_memory(error):
+            raise
+        raise RunError(f"{NO_MEMORY}; {session.way_on()}") from error
+    finally:
+        session.lock.release()
 
 
 def _trained_and_measured(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":

@@ -18,7 +18,7 @@ from ringlight.errors import RinglightError
 
 WRONG_INPUT, WRONG_USAGE, INTERRUPTED = 1, 2, 130
 
-NO_MEMORY = "not enough memory; try --downscale 2 or a smaller --densify.max-gaussians"
+NO_MEMORY = "not enough memory; close other programs, or try --downscale 2 or a smaller --densify.max-gaussians"
 
 
 @dataclass(frozen=True)
@@ -76,15 +76,17 @@ def _run_verb(verb: Verb, arguments: list[str]) -> int:
         return _complain(str(error), WRONG_INPUT)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
-    except MemoryError:
-        return _complain(NO_MEMORY, WRONG_INPUT)
-    except RuntimeError as error:
-        # torch has no class of its own for this.
-        if "DefaultCPUAllocator" not in str(error):
+    except (MemoryError, RuntimeError) as error:
+        if not is_out_of_memory(error):
             raise
         return _complain(NO_MEMORY, WRONG_INPUT)
     except OSError as error:
         return _system_refused(error)
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether it says so; torch has no class of its own for this."""
+    return isinstance(error, MemoryError) or "DefaultCPUAllocator" in str(error)
 
 
 def _system_refused(error: OSError) -> int:

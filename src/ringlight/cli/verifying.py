@@ -22,11 +22,14 @@ def verify_run(scene_path: Path, options: SceneOptions, recipe: Any, seed: int, 
     """Print one line a trial on standard output; the exit code is 1 where any differs from the first."""
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene
+    from ringlight.runs.limits import planned
     from ringlight.runs.verify import verify
 
-    scene = load_scene(scene_path, options)
+    plan = planned(load_scene(scene_path, options), recipe, seed, device)
+    for warning in plan.warnings:
+        sys.stderr.write(f"warning: {warning}\n")
     all_same = True
-    for trial in verify(scene, recipe, seed, device, steps, use_threads):
+    for trial in verify(plan, seed, device, steps, use_threads):
         all_same &= trial.is_same
         verdict = "the same bits" if trial.is_same else "OTHER BITS"
         sys.stdout.write(f"{trial.digest}  {verdict}  {trial.circumstances}\n")

@@ -7,7 +7,7 @@ from pathlib import Path
 UNKNOWN = 8 << 30
 """Bytes assumed where the system does not say."""
 
-CGROUPS = Path("/sys/fs/cgroup")
+CGROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 
 def machine_memory() -> int:
@@ -26,10 +26,22 @@ def _physical() -> int:
 def _container_limits() -> list[int]:
     """What version 1 and 2 of Linux's control groups allow; a group without a limit says "max" or a huge number."""
     limits = []
-    for path in (CGROUPS / "memory.max", CGROUPS / "memory" / "memory.limit_in_bytes"):
-        with contextlib.suppress(OSError, ValueError):
-            limits.append(int(path.read_text()))
+    for folder, name in ((CGROUPS, "memory.max"), (CGROUPS / "memory", "memory.limit_in_bytes")):
+        for group in _own_groups():
+            with contextlib.suppress(OSError, ValueError):
+                limits.append(int((folder / group / name).read_text()))
     return limits
+
+
+def _own_groups() -> list[Path]:
+    """The groups that this process is in, and those above them, whose limits hold for it too; inside a container all
+    that can be seen is often the top."""
+    groups = {Path()}
+    with contextlib.suppress(OSError):
+        for line in OWN_GROUPS.read_text().splitlines():
+            path = Path(line.split(":", 2)[-1].lstrip("/"))
+            groups.update((path, *path.parents))
+    return sorted(groups)
 
 
 def _own_limits() -> list[int]:

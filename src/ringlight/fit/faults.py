@@ -2,7 +2,8 @@
 
 A loss that is not finite has no gradient worth following: the step leaves every parameter as it was. A gradient that
 is not finite, or too large for Adam's moments, leaves its own element as it was, and the others are updated. So no
-parameter ever becomes NaN or infinite; a parameter that is (set so by a strategy or by hand) ends the run at once.
+parameter ever becomes NaN or infinite; a parameter or a moment that is (set so by a strategy or by hand) ends the run
+at once.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,15 +31,18 @@ class FaultCounter:
     def __init__(self) -> None:
         self.in_a_row = 0
 
-    def note(self, model: SplatModel, step: int, batch: ImageBatch, what: str | None) -> str | None:
+    def note(
+        self, model: SplatModel, moments: Mapping[str, Tensor], step: int, batch: ImageBatch, what: str | None
+    ) -> str | None:
         """``what`` went wrong, or None; returns the sentence that names it.
 
-        Raises DivergedError for a parameter that is not finite.
+        Raises DivergedError for a parameter, or a moment of Adam's, that is not finite.
         """
         if what is None:
             self.in_a_row = 0
             return None
         refuse_broken(model, step, batch)
+        _refuse(moments, "Adam's", step, batch)
         self.in_a_row += 1
         return f"step {step}, view {batch.view.name}: {what}"
 
@@ -63,9 +67,13 @@ def drawn(render: Render, model: SplatModel, step: int, batch: ImageBatch) -> Re
 
 def refuse_broken(model: SplatModel, step: int, batch: ImageBatch) -> None:
     """Raise DivergedError naming the first parameter that is not finite, if there is one."""
-    broken = first_not_finite(dict(model.named_parameters()))
+    _refuse(dict(model.named_parameters()), "parameter", step, batch)
+
+
+def _refuse(tensors: Mapping[str, Tensor], kind: str, step: int, batch: ImageBatch) -> None:
+    broken = first_not_finite(tensors)
     if broken is not None:
-        raise DivergedError(f"step {step}, view {batch.view.name}: parameter {broken}; {REMEDY}")
+        raise DivergedError(f"step {step}, view {batch.view.name}: {kind} {broken}; {REMEDY}")
 
 
 def bad_loss(terms: Mapping[str, Tensor]) -> str | None:

@@ -105,9 +105,13 @@ class Optimizer:
 
     def state(self) -> dict[str, Tensor]:
         """Everything that a resumed run needs, by name."""
-        updates = torch.tensor(list(self._updates.values()), dtype=torch.int64)
+        return self.moments | {"updates": torch.tensor(list(self._updates.values()), dtype=torch.int64)}
+
+    @property
+    def moments(self) -> dict[str, Tensor]:
+        """Means of gradients and of their squares: ``mean.columns.means``, ..."""
         mean = {f"mean.{name}": tensor for name, tensor in self._mean.items()}
-        return mean | {f"square.{name}": tensor for name, tensor in self._square.items()} | {"updates": updates}
+        return mean | {f"square.{name}": tensor for name, tensor in self._square.items()}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Inverse of :meth:`state`, on a model whose parameters have been restored already."""

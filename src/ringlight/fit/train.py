@@ -100,7 +100,7 @@ def train(training: Training, direct: bool = True) -> Iterator[Progress]:
                 _backward(rendering, by_color, penalties.values())
             radii = None if rendering.raster is None else rendering.raster.footprint.radii
             fault = optimizer.step(step, radii, gradients)
-        fault = training.faults.note(model, step, batch, fault)
+        fault = training.faults.note(model, optimizer.moments, step, batch, fault)
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, rendering)
         training.step = step

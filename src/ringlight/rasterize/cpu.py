@@ -13,6 +13,7 @@ from torch.autograd.function import once_differentiable
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
+from ringlight.core.memory import machine_memory
 from ringlight.core.rendering import Raster
 from ringlight.errors import BackendError
 from ringlight.rasterize.contract import RasterOptions
@@ -40,6 +41,7 @@ class CpuRasterizer:
                 "the compiled module ringlight._kernels is missing; install the package with 'pip install .' "
                 "or run 'make setup'"
             )
+        _kernels.set_memory(machine_memory())
         self._spare: list[_kernels.Workspace] = []
 
     def __call__(

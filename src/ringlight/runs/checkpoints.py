@@ -6,7 +6,7 @@ from torch import Tensor
 
 from ringlight.errors import ModelFileError, OutputError, RunError
 from ringlight.files.atomic import flush_folder
-from ringlight.files.tensor_file import TensorFile, read_tensors, write_tensors
+from ringlight.files.tensor_file import REMEDY, TensorFile, read_tensors, write_tensors
 from ringlight.runs.folder import EARLIER_NAME, FRESH_NAME, RunFolder
 
 LARGEST_COUNT = 2**31 - 1
@@ -51,14 +51,15 @@ def read_checkpoint(folder: RunFolder) -> tuple[TensorFile, tuple[str, ...]]:
 
     Raises RunError where there is none, ModelFileError about the newest where all are damaged.
     """
-    damaged: list[ModelFileError] = []
+    damaged: list[str] = []
     for path in folder.checkpoints:
         try:
             stored = read_tensors(path, checksum_required=True)
         except ModelFileError as error:
-            damaged.append(error)
+            damaged.append(str(error).removesuffix(f"; {REMEDY}"))  # nobody has a copy of a checkpoint
             continue
-        return stored, tuple(f"{error}; going on from {path.name} instead" for error in damaged)
-    if damaged:
-        raise damaged[0]
-    raise RunError(f"{folder.path}: has no checkpoint yet; start it again with --out NEW")
+        return stored, tuple(f"{what}; going on from {path.name} instead" for what in damaged)
+    if not damaged:
+        raise RunError(f"{folder.path}: has no checkpoint yet; start it again with --out NEW")
+    others = "no other is left" if len(damaged) == 1 else "the one before it is damaged too"
+    raise ModelFileError(f"{damaged[0]}; {others}, so that this run cannot go on: start it again with --out NEW")

@@ -4,7 +4,7 @@ Numbers depend on it only where the recipe's own bound, by default a Gaussian fo
 fit; a resumed run keeps what it started with, on whatever machine.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -13,6 +13,7 @@ from ringlight.core.memory import machine_memory
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.train import Training
+from ringlight.rasterize.choose import rasterizer_for
 
 SHARE = 0.5
 """Of the machine's memory for Gaussians; photographs, their float forms and the system share the rest."""
@@ -22,6 +23,29 @@ COPIES = 5
 
 WORK_BYTES = 400
 """A Gaussian in the rasterizer's workspace, measured: 350 at 800 x 800 pixels."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What will run: a recipe that leaves nothing to the scene or to this machine, and the training it builds."""
+
+    recipe: Any
+    scene: Scene
+    training: Training
+    decided: str | None
+    """What the recipe left to the scene, in a sentence."""
+    warnings: tuple[str, ...]
+    """A sentence on each thing that memory did not allow."""
+
+
+def planned(scene: Scene, recipe: Any, seed: int, device: str) -> Planned:
+    """A new run, within this machine's memory."""
+    recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
+    training = recipe.build(scene, rasterizer_for(device), seed)
+    recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
+    if warnings:
+        training = recipe.build(scene, rasterizer_for(device), seed)
+    return Planned(recipe, scene, training, decided, warnings)
 
 
 def most_gaussians(training: Training, memory: int | None = None) -> int:

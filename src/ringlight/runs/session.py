@@ -18,7 +18,8 @@ from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
 from ringlight.runs.folder import RunFolder
-from ringlight.runs.limits import bounded, most_gaussians
+from ringlight.runs.limits import planned
+from ringlight.runs.lock import RunLock
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
 LARGEST_SEED = 2**63 - 1
@@ -45,11 +46,16 @@ class Clock:
 
 
 class Session:
-    """Iterate over :meth:`steps` to train; stop asking to pause; :meth:`save` whenever you like."""
+    """Iterate over :meth:`steps` to train; stop asking to pause; :meth:`save` whenever you like.
 
-    def __init__(self, folder: RunFolder, record: RunRecord, scene: Scene, training: Training, clock: Clock):
+    No other process can train the run until the session's ``lock`` is released, or the session is gone.
+    """
+
+    def __init__(
+        self, folder: RunFolder, record: RunRecord, scene: Scene, training: Training, clock: Clock, lock: RunLock
+    ):
         self.folder, self.record, self.scene = folder, record, scene
-        self.training, self.clock = training, clock
+        self.training, self.clock, self.lock = training, clock, lock
         self.warnings: tuple[str, ...] = ()
         self.decided: str | None = None
         self._saved_at = self._good = -1  # steps of the last files, and of the last checkpoint
@@ -61,16 +67,13 @@ class Session:
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
         _check(recipe.steps, seed)
         scene = load_scene(scene_path, options)
-        recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
-        training = recipe.build(scene, rasterizer_for(device), seed)
-        recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
-        if warnings:
-            training = recipe.build(scene, rasterizer_for(device), seed)
-        record = RunRecord(preset, recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
+        plan = planned(scene, recipe, seed, device)
+        record = RunRecord(preset, plan.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         folder = RunFolder.create(out)
+        lock = RunLock(folder.path)
         record.write(folder.path)
-        session = Session(folder, record, scene, training, Clock())
-        session.warnings, session.decided = warnings, decided
+        session = Session(folder, record, plan.scene, plan.training, Clock(), lock)
+        session.warnings, session.decided = plan.warnings, plan.decided
         return session
 
     @staticmethod
@@ -78,10 +81,12 @@ class Session:
         """Go on with a run where its last checkpoint was written, with the same bits as if it had never stopped.
 
         Where that one is damaged, ``warnings`` says so and the one before it is used. Raises RunError if there is no
-        checkpoint, or the scene has other training views now; ModelFileError if all checkpoints are damaged.
+        checkpoint, the scene has other training views now, or another process trains this run; ModelFileError if all
+        checkpoints are damaged.
         """
         folder = RunFolder.open(path)
         record = RunRecord.read(path)
+        lock = RunLock(path)
         stored, warnings = read_checkpoint(folder)
         if not record.scene.is_dir():
             remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
@@ -107,7 +112,7 @@ class Session:
                 "photographs back as they were, or start again with --out NEW"
             )
         sweep(folder.path)
-        session = Session(folder, record, scene, training, clock)
+        session = Session(folder, record, scene, training, clock, lock)
         session.warnings, session._good = warnings, training.step
         return session
 
