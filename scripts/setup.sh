@@ -42,7 +42,7 @@ if ! "$VENV/bin/python" -c "import torch" 2>/dev/null; then
     }
   fi
 fi
-say "ringlight: installing dependencies"
+say "ringlight: installing dependencies (with triton, whose kernels the tests interpret: 300 MB, once)"
 pip install -c constraints.txt "scikit-build-core" "nanobind" "cmake" "ninja"
 say "ringlight: building the kernels"
 pip install --no-build-isolation -c constraints.txt --editable ".[dev,video]"

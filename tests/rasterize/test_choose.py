@@ -1,6 +1,9 @@
 """Choosing a back end by name."""
 
 import importlib
+import importlib.util
+import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -23,9 +26,50 @@ def test_unknown_names_are_refused_with_the_known_ones():
         rasterizer_for("vulkan")
 
 
-def test_cuda_points_to_the_cpu():
-    with pytest.raises(BackendError, match="--device cpu"):
+def test_cuda_without_a_gpu_points_to_the_cpu(monkeypatch):
+    monkeypatch.setattr(choose, "has_gpu", lambda: False)
+    with pytest.raises(BackendError, match=r"no NVIDIA GPU.*--device cpu"):
         rasterizer_for("cuda")
+
+
+def test_cuda_without_gsplat_names_the_extra(monkeypatch):
+    monkeypatch.setattr(choose, "has_gpu", lambda: True)
+    monkeypatch.setitem(sys.modules, "gsplat", None)
+    with pytest.raises(BackendError, match=r"ringlight\[cuda\]"):
+        rasterizer_for("cuda")
+
+
+def test_an_old_gsplat_is_refused(monkeypatch):
+    monkeypatch.setattr(choose, "has_gpu", lambda: True)
+    monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(__version__="1.4.0"))
+    with pytest.raises(BackendError, match=r"1\.4\.0 is too old, 1\.5\.3"):
+        rasterizer_for("cuda")
+
+
+@pytest.mark.parametrize("kernels", [None, RuntimeError("nvcc not found\nmore")])
+def test_kernels_that_cannot_be_built_point_to_the_doctor(monkeypatch, kernels):
+    monkeypatch.setattr(choose, "has_gpu", lambda: True)
+    monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(__version__="1.5.3"))
+
+    def load(name: str):
+        if name == "gsplat":
+            return sys.modules[name]
+        if kernels is not None:
+            raise kernels
+        return SimpleNamespace(_C=None)
+
+    monkeypatch.setattr(importlib, "import_module", load)
+    with pytest.raises(BackendError, match="ringlight doctor"):
+        rasterizer_for("cuda")
+
+
+def test_cuda_is_what_auto_takes_where_it_can(monkeypatch):
+    monkeypatch.setattr(choose, "has_gpu", lambda: True)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    monkeypatch.setattr(importlib, "import_module", lambda name: SimpleNamespace(__version__="1.6.0", _C=object()))
+    found = rasterizer_for("auto")
+    assert found.name == "cuda"
+    assert "0.99" in found.note, "1.6 ends opacities elsewhere, and says so"
 
 
 def test_auto_falls_back_where_the_compiled_module_is_missing(monkeypatch):

@@ -16,5 +16,5 @@ MaybeFolder = Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavi
 MaybeWhole = Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_no_default)]
 MaybeReal = Annotated[float | None, tyro.conf.arg(metavar="FLOAT", help_behavior_hint=_no_default)]
 
-Device = Literal["auto", "cpu", "reference"]
+Device = Literal["auto", "cpu", "cuda", "reference"]
 Net = Literal["alex", "vgg"]

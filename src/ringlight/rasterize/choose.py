@@ -1,6 +1,7 @@
 """From the name a user gave to a back end, or to the sentence that says why there is none."""
 
 import importlib
+import importlib.util
 from collections.abc import Callable
 
 from ringlight.errors import BackendError
@@ -8,7 +9,9 @@ from ringlight.rasterize.contract import Rasterizer
 
 
 def rasterizer_for(name: str = "auto") -> Rasterizer:
-    """The back end called ``name``: "cpu", "reference", or "auto" for the fastest that works on this machine.
+    """The back end called ``name``: "cuda", "cpu", "reference", or "auto" for the fastest that works on this machine.
+
+    Where gsplat's kernels have not been built yet, "cuda", and "auto" on a machine with a GPU and gsplat, builds them.
 
     Raises :class:`BackendError` where the name is unknown or the back end cannot run here.
     """
@@ -18,6 +21,8 @@ def rasterizer_for(name: str = "auto") -> Rasterizer:
 
 
 def _automatic() -> Rasterizer:
+    if has_gpu() and importlib.util.find_spec("gsplat") is not None:
+        return _cuda()
     try:
         return _cpu()
     except BackendError:
@@ -46,7 +51,22 @@ def _reference() -> Rasterizer:
 
 
 def _cuda() -> Rasterizer:
-    raise BackendError("this version of ringlight has no CUDA back end yet; use --device cpu")
+    if not has_gpu():
+        raise BackendError(
+            "torch finds no NVIDIA GPU on this machine; use --device cpu, or let 'ringlight doctor' say what is missing"
+        )
+    from ringlight.rasterize.cuda import CudaRasterizer
+    from ringlight.rasterize.gsplat_build import compiled_gsplat
+    from ringlight.rasterize.gsplat_seam import Gsplat
+
+    return CudaRasterizer(Gsplat(compiled_gsplat()))
+
+
+def has_gpu() -> bool:
+    """Whether torch can use an NVIDIA GPU."""
+    import torch
+
+    return torch.cuda.is_available()
 
 
 _BACK_ENDS: dict[str, Callable[[], Rasterizer]] = {

@@ -1,0 +1,55 @@
+"""From the table as stored to what gsplat takes: scales, unit-able quaternions and opacities, safe to project.
+
+Rows that could not be projected in float32 get an opacity of zero, with which gsplat culls them before any of their
+numbers is used: what is finite in the table gives a finite image and finite gradients.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+
+WIDEST_PIXELS = 1e9
+"""Standard deviation on the image, pixels: its fourth power, which the determinant holds, is still a float32."""
+
+FARTHEST = 1e18
+"""World units: a squared distance is still a float32."""
+
+SHORTEST_QUAT_SQUARED = 1e-24
+"""A quaternion this short has no direction; it turns nothing and gets no gradient."""
+
+
+@dataclass(frozen=True)
+class ActiveForm:
+    """``quats`` wxyz of any length but zero; ``scales`` world units; ``opacities`` in [0, 1], factor included."""
+
+    quats: Float[Tensor, "N 4"]
+    scales: Float[Tensor, "N 3"]
+    opacities: Float[Tensor, "N"]
+
+
+def active_form(
+    gaussians: Gaussians, camera: Camera, near: float, opacity_factor: Float[Tensor, "N"] | None
+) -> ActiveForm:
+    """Differentiable in the columns and the factor."""
+    with torch.no_grad():
+        depths = camera.depths(gaussians.means).clamp_min(near)
+        widest = math.log(WIDEST_PIXELS / max(camera.focal)) + depths.log()
+        # Written so that what is not a number fails.
+        fine = (gaussians.log_scales.amax(1) < widest) & (gaussians.means.abs().amax(1) < FARTHEST)
+        turns = gaussians.quats.square().sum(1) > SHORTEST_QUAT_SQUARED
+        identity = gaussians.quats.new_zeros(4)
+        identity[0] = 1
+    opacities = gaussians.opacity_logits.sigmoid()
+    if opacity_factor is not None:
+        opacities = opacities * opacity_factor
+    return ActiveForm(
+        quats=torch.where(turns[:, None], gaussians.quats, identity),
+        scales=torch.where(fine[:, None], gaussians.log_scales, 0).exp(),
+        opacities=torch.where(fine, opacities, 0),
+    )
