@@ -9,7 +9,7 @@ import pytest
 RUN = Path(__file__).parent / "fuzzing" / "run.py"
 
 LOADERS = (
-    ("gaussian_ply", "ply_points", "tensor_file", "checkpoint", "recipe", "report", "colmap"),
+    ("gaussian_ply", "ply_points", "tensor_file", "checkpoint", "recipe", "demo_plan", "report", "colmap"),
     ("model", "scene_json", "image"),
 )
 """Two processes, of about the same length."""

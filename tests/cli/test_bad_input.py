@@ -277,6 +277,18 @@ def test_settings_of_another_type(value: object, run_folder: Path, ringlight: Co
     refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json")
 
 
+@pytest.mark.parametrize("value", ["7", None, True, -1, 0.5, float("inf"), 2**63])
+def test_a_seed_that_is_none(value: object, run_folder: Path, ringlight: Command) -> None:
+    edit_json(run_folder / "recipe.json", lambda record: record.update(seed=value))
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json", "seed")
+
+
+@pytest.mark.parametrize("value", [10**400, -(2**63)])
+def test_a_number_that_no_setting_takes(value: int, run_folder: Path, ringlight: Command) -> None:
+    edit_json(run_folder / "recipe.json", lambda record: record["options"].update(photo_memory=value))
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json", "photo_memory cannot be")
+
+
 def test_a_model_in_place_of_the_checkpoint(run_folder: Path, ringlight: Command) -> None:
     shutil.copy(run_folder / "model.safetensors", run_folder / "checkpoint.safetensors")
     refused(ringlight("train", "--resume", run_folder), 1, run_folder / "checkpoint.safetensors")

@@ -76,7 +76,10 @@ def test_mistakes_are_one_sentence(words, sentence, capsys, tmp_path, monkeypatc
     assert not any(tmp_path.rglob("*.json"))
 
 
-def test_a_damaged_plan_is_said(tmp_path, capsys):
-    (tmp_path / "demo.json").write_text('{"scene": "toaster"')
+@pytest.mark.parametrize(
+    "text", ['{"scene": "toaster"', '{"scene": "toaster", "steps": Infinity, "seed": 0}', "[" * 10**5]
+)
+def test_a_damaged_plan_is_said(text: str, tmp_path, capsys):
+    (tmp_path / "demo.json").write_text(text)
     assert run(["demo", "--resume", str(tmp_path)]) == 1
     assert "cannot be understood" in capsys.readouterr().err

@@ -1,8 +1,10 @@
 """Damaged versions of a file: what transfers, disks and strangers do to it. The same seed gives the same bytes."""
 
+import json
 import random
 import re
 import struct
+from typing import Any
 
 MOST_EDITS = 4
 
@@ -13,6 +15,12 @@ WORDS = [
     b"1e308", b"4294967296", b"null", b"true", b'""', b"[]", b"{}", b"[[[[", b'"../../../etc/passwd"', b'"\\u0000"',
     b"\xff\xfe", b"\n",
 ]  # fmt: skip
+VALUES: list[Any] = [
+    None, True, False, 0, -1, 1, 0.5, 2**31, 2**53, 2**63, 2**64, 10**40, 1e30, 1e300, float("nan"), float("inf"), "",
+    "x", "0", "../x", "/etc/passwd", "a\0b", "\ud800", "nan", [], {}, [[]], [0] * 100, {"": 0},
+]  # fmt: skip
+LARGEST_TREE = 100_000
+"""Bytes of JSON that are parsed and written again for one edit."""
 NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
@@ -90,9 +98,46 @@ def digits(data: bytearray, others: list[bytes], draw: random.Random) -> None:
     data[begin:end] = b"%d" % (int(old) + 1) if more else old * draw.choice([2, 30])
 
 
+def tree(data: bytearray, others: list[bytes], draw: random.Random) -> None:
+    """JSON, also at the head of a safetensors file: one value becomes another, and the file stays well formed."""
+    begin, end = 0, len(data)
+    if data[8:9] == b"{":
+        begin, end = 8, 8 + int.from_bytes(data[:8], "little")
+    if data[begin : begin + 1] != b"{" or end - begin > LARGEST_TREE:
+        return
+    try:
+        encoded = json.dumps(_changed(json.loads(bytes(data[begin:end])), draw), separators=(",", ":")).encode()
+    except (ValueError, RecursionError):
+        return
+    data[begin:end] = encoded
+    if begin:
+        data[:begin] = len(encoded).to_bytes(8, "little")
+
+
+def _changed(value: Any, draw: random.Random) -> Any:
+    """``value`` with one place below it, or itself, replaced; texts that are JSON are entered too."""
+    if isinstance(value, str) and value[:1] in ("{", "[") and draw.random() < 0.9:
+        return json.dumps(_changed(json.loads(value), draw), separators=(",", ":"))
+    if not isinstance(value, dict | list) or not value or draw.random() < 0.1:
+        return draw.choice(VALUES)
+    places = list(value) if isinstance(value, dict) else list(range(len(value)))
+    place, kind = draw.choice(places), draw.random()
+    if kind < 0.1:
+        del value[place]
+    elif kind < 0.2:
+        value[place] = value[draw.choice(places)]
+    elif kind < 0.25 and isinstance(value, dict):
+        value[draw.choice(["", "x", place + "x"])] = value.pop(place)
+    elif kind < 0.3 and isinstance(value, list):
+        value.extend([value[place]] * draw.choice([1, 50]))
+    else:
+        value[place] = _changed(value[place], draw)
+    return value
+
+
 def splice(data: bytearray, others: list[bytes], draw: random.Random) -> None:
     other = draw.choice(others)
     data[_place(data, draw) :] = other[draw.randrange(len(other) or 1) :]
 
 
-EDITS = (flip, flip, overwrite, cut, remove, repeat, whole_number, real_number, word, digits, splice)
+EDITS = (flip, flip, overwrite, cut, remove, repeat, whole_number, real_number, word, digits, splice, tree, tree, tree)

@@ -12,33 +12,50 @@ import faulthandler
 import hashlib
 import random
 import re
-import resource
 import signal
 import subprocess
 import sys
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
+from memory_peak import MemoryPeak
 from mutation import mutated
 
-# Whose scenes and reports are the seeds.
-sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("data", "measure")]
+# Whose scenes and reports are the seeds, and the form of the record.
+sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("data", "measure", "")]
 
 SECONDS = 2
 """Of CPU for one file; machines under load are slow in other seconds."""
 
-MEGABYTES = 64
-"""Growth of the peak while one file is read: seeds have kilobytes, and this is what libraries load at first use."""
+TIMES_LEGAL = 4
+"""A damaged file may take so many times the memory of the legal file that it was made from."""
+
+LEAST_LEGAL = 1 << 20
+"""Bytes: what a legal file counts at least. Allocators and the system's counters know no less than parts of this."""
+
+SLACK = 1 << 18
+"""Bytes: a peak that grew by less counts on from where it began."""
+
+LARGE_EVERY = 1000
+"""One file of so many is made from a large seed, where the loader has one; these are a hundred times slower."""
 
 BATCH = 200
-"""Files between two looks at the memory."""
+"""Files between two words to the watchdog."""
+
+LEGAL_SHARE = 0.5
+"""Of the damaged files are made from legal ones, the others from any that had an outcome of their own."""
 
 MOST_SEEDS = 400
 
 
 class Hang(BaseException):
     """A file took longer than SECONDS."""
+
+
+class Greed(BaseException):
+    """A file took more than TIMES_LEGAL the memory of a legal one."""
 
 
 class Runner:
@@ -52,10 +69,39 @@ class Runner:
         self.seeds = list(self.target.seeds)
         self.sentences: dict[str, int] = {}
         self.found: list[str] = []
-        self.slowest = 0.0
+        self.slowest, self.largest, self.peak = 0.0, 0, MemoryPeak()
+        self.legal = {False: self._legal(self.target.seeds), True: self._legal(self.target.large)}
         for path in sorted((home / "corpus" / name).glob("*")):
             content = path.read_bytes()
             self.seeds.append((content[0] % 256, content[1:]))
+
+    def _legal(self, seeds: list[tuple[int, bytes]]) -> int:
+        """Bytes that a legal file takes, the largest of ``seeds``; libraries are loaded before."""
+        growth = 0
+        for kind, content in [*seeds, *seeds]:
+            self.peak.reset()
+            assert self.one(kind, content) == "read", "a seed must be legal"
+        for kind, content in seeds:
+            self.peak.reset()
+            self.one(kind, content)
+            growth = max(growth, self.peak.growth)
+        self.peak.reset()
+        return max(growth, LEAST_LEGAL)
+
+    def bounded(self, kind: int, content: bytes, is_large: bool = False) -> str:
+        """As :meth:`one`. Raises Greed where that takes too much memory twice: once may be what a library loads."""
+        bound = TIMES_LEGAL * self.legal[is_large]
+        outcome = self.one(kind, content)
+        if self.peak.growth > bound:
+            self.peak.reset()
+            self.one(kind, content)
+        growth = self.peak.growth
+        if growth > SLACK:
+            self.peak.reset()
+        if growth > bound:
+            raise Greed(f"{growth / 1e6:.1f} MB for a file of {len(content)} bytes, of {bound / 1e6:.1f} MB allowed")
+        self.largest = max(self.largest, growth)
+        return outcome
 
     def one(self, kind: int, content: bytes) -> str:
         """What became of it; the shape of the sentence where it was refused."""
@@ -73,11 +119,11 @@ class Runner:
         self.slowest = max(self.slowest, time.process_time() - begun)
         return outcome
 
-    def watched(self, kind: int, content: bytes) -> str:
-        """As :meth:`one`; what it must not raise is kept with the file."""
+    def watched(self, kind: int, content: bytes, is_large: bool) -> str:
+        """As :meth:`bounded`; what it must not raise is kept with the file."""
         try:
-            return self.one(kind, content)
-        except (Exception, Hang, MemoryError) as error:
+            return self.bounded(kind, content, is_large)
+        except (Exception, Hang, Greed) as error:
             what = f"{type(error).__name__}: {error}"[:200]
             self.keep("found", kind, content)
             self.found.append(what)
@@ -91,30 +137,25 @@ class Runner:
     def run(self, count: int, seed: int, seconds: float) -> int:
         """Plain mutation, guided by outcomes; returns how many files were read."""
         draw = random.Random(f"{self.name}/{seed}")
-        for kind, content in self.target.seeds:
-            assert self.one(kind, content) == "read", "a seed must be legal"
         end = time.monotonic() + seconds
         for number in range(count):
             if number % BATCH == 0:
                 faulthandler.dump_traceback_later(120, exit=True)  # what no signal interrupts
-                before = _peak()
-            kind, content = draw.choice(self.seeds)
+                self.peak.reset()  # memory that was given back meanwhile
+            is_large = number % LARGE_EVERY == 0 and bool(self.target.large)
+            legal = self.target.large if is_large else self.target.seeds
+            # What was refused before is most of the seeds by and by, and is mostly refused again.
+            kind, content = draw.choice(legal if is_large or draw.random() < LEGAL_SHARE else self.seeds)
             alike = [other for other_kind, other in self.seeds if other_kind == kind]
             damaged = mutated(content, alike, draw)
-            outcome = self.watched(kind, damaged)
+            outcome = self.watched(kind, damaged, is_large)
             if outcome not in self.sentences and len(self.seeds) < MOST_SEEDS and len(damaged) < 20_000:
                 self.seeds.append((kind, damaged))
                 self.keep("corpus", kind, damaged)
             self.sentences[outcome] = self.sentences.get(outcome, 0) + 1
-            if number % BATCH == BATCH - 1 and number > BATCH and _peak() - before > MEGABYTES:
-                self.found.append(f"the peak grew by {_peak() - before:.0f} MB within {BATCH} files before {number}")
             if time.monotonic() > end:
                 return number + 1
         return count
-
-
-def _peak() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
 
 
 def _hang(number: int, frame: object) -> None:
@@ -145,7 +186,7 @@ def guided(name: str, home: Path, count: int, seconds: float) -> None:
     atheris.Setup(
         [sys.argv[0], f"-runs={count}", f"-max_total_time={seconds:.0f}", "-max_len=16384", "-rss_limit_mb=4096",
          "-timeout=20", f"-artifact_prefix={home}/found-{name}-", "-print_final_stats=1", str(corpus)],
-        lambda data: runner.one(data[0] % kinds, data[1:]) if data else None,
+        lambda data: runner.bounded(data[0] % kinds, data[1:]) if data else None,
     )  # fmt: skip
     atheris.Fuzz()
 
@@ -158,6 +199,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=3600, help="at most so long for each loader")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--home", type=Path, default=Path("build/fuzz"))
+    parser.add_argument("--record", type=Path, help="JSON file to write, after each loader")
     parser.add_argument("--guided", action="store_true", help="by atheris, which must be installed")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -168,7 +210,7 @@ def main() -> int:
         guided(asked.names[0], asked.home, asked.count, asked.seconds)
     from targets import TARGETS
 
-    bad = 0
+    bad, rows = 0, []
     for name in asked.names or TARGETS:
         if asked.guided:  # one process each: the fuzzer ends its own
             words = [sys.executable, __file__, name, "--guided", "--count", str(asked.count), "--home", str(asked.home)]
@@ -177,15 +219,34 @@ def main() -> int:
         runner = Runner(name, asked.home)
         begun = time.process_time()
         done = runner.run(asked.count, asked.seed, asked.seconds)
-        read = runner.sentences.get("read", 0)
+        rows.append(_row(runner, done, time.process_time() - begun))
         print(  # noqa: T201
-            f"{name:13} {done:8} files, {read} read, {len(runner.sentences)} outcomes, {len(runner.found)} found, "
-            f"slowest {runner.slowest:.3f} s, peak {_peak():.0f} MB, {time.process_time() - begun:.0f} s",
+            "{loader:13} {files:8} files, {read} read, {outcomes} outcomes, {found} found, slowest {slowest_s:.3f} s, "
+            "most memory {most_mb:.1f} of {allowed_mb:.1f} MB, {cpu_s:.0f} s".format(**rows[-1]),
             *(f"\n    {what}" for what in sorted(set(runner.found))[:20]),
             flush=True,
         )
         bad += bool(runner.found)
+        if asked.record:
+            from long_record import write_record
+
+            write_record(asked.record, command=" ".join(["python", *sys.argv]), rows=rows)
     return int(bad > 0)
+
+
+def _row(runner: Runner, done: int, cpu: float) -> dict[str, Any]:
+    """What a record says of one loader."""
+    return {
+        "loader": runner.name,
+        "files": done,
+        "read": runner.sentences.get("read", 0),
+        "outcomes": len(runner.sentences),
+        "found": len(runner.found),
+        "slowest_s": runner.slowest,
+        "most_mb": runner.largest / 1e6,
+        "allowed_mb": TIMES_LEGAL * max(runner.legal.values()) / 1e6,
+        "cpu_s": cpu,
+    }
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ from ringlight.methods.store import load_model, model_header, save_model, scene_
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
+from ringlight.runs.demo import PLAN_NAME, Demo
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
@@ -46,10 +47,12 @@ atexit.register(shutil.rmtree, HOME, ignore_errors=True)
 
 @dataclass(frozen=True)
 class Target:
-    """``seeds`` are legal files by kind; ``load`` reads the bytes of one of that kind, and may raise RinglightError."""
+    """``seeds`` are legal files by kind, ``large`` some of about a megabyte; ``load`` reads the bytes of one of that
+    kind, and may raise RinglightError."""
 
     seeds: list[tuple[int, bytes]]
     load: Callable[[int, bytes], object]
+    large: list[tuple[int, bytes]] = field(default_factory=list)
 
 
 def _reading(name: str, *readers: Callable[[Path], object]) -> Callable[[int, bytes], object]:
@@ -78,30 +81,38 @@ def _without_checksum(content: bytes) -> bytes:
 
 
 def gaussian_ply() -> Target:
-    def table(path: Path, coefficients: int) -> None:
-        geometry = Gaussians(torch.rand(5, 3), torch.rand(5, 3), torch.rand(5, 4), torch.rand(5))
-        write_gaussian_ply(path, geometry, torch.rand(5, 3), torch.rand(5, coefficients, 3))
+    def table(path: Path, n: int, coefficients: int) -> None:
+        geometry = Gaussians(torch.rand(n, 3), torch.rand(n, 3), torch.rand(n, 4), torch.rand(n))
+        write_gaussian_ply(path, geometry, torch.rand(n, 3), torch.rand(n, coefficients, 3))
 
-    seeds = [(0, _bytes(lambda path, k=k: table(path, k))) for k in (0, 3)]
-    return Target(seeds, _reading("gaussians.ply", read_gaussian_ply))
+    seeds, large = ([(0, _bytes(lambda path, n=n, k=k: table(path, n, k))) for k in (0, 3)] for n in (5, 20_000))
+    return Target(seeds, _reading("gaussians.ply", read_gaussian_ply), large)
 
 
 def ply_points() -> Target:
     columns = b"property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
-    header = b"element vertex 3\n" + columns + b"property uchar blue\nend_header\n"
+    rest = columns + b"property uchar blue\nend_header\n"
+    header, many = b"element vertex 3\n" + rest, b"element vertex 30000\n" + rest
     ascii_rows = b"0.5 1 2 255 0 9\n-1 -2e3 3 1 2 3\n4 5 6 7 8 9\n"
     binary = b"".join(np.array([i, 2, -3], "<f4").tobytes() + bytes([i, 2, 3]) for i in range(3))
     seeds = [
         b"ply\nformat ascii 1.0\n" + header + ascii_rows,
         b"ply\nformat binary_little_endian 1.0\n" + header + binary,
     ]
-    return Target([(0, seed) for seed in seeds], _reading("points.ply", read_ply_points))
+    large = [
+        b"ply\nformat ascii 1.0\n" + many + ascii_rows * 10_000,
+        b"ply\nformat binary_little_endian 1.0\n" + many + binary * 10_000,
+    ]
+    load = _reading("points.ply", read_ply_points)
+    return Target([(0, seed) for seed in seeds], load, [(0, seed) for seed in large])
 
 
 def tensor_file() -> Target:
     tensors = {"a": torch.rand(3, 2), "b": torch.arange(3), "c": torch.rand(2).half(), "d": torch.tensor([True])}
     whole = _bytes(lambda path: write_tensors(path, tensors, {"note": "x", "other": "y"}))
-    return Target([(0, whole), (0, _without_checksum(whole))], _reading("tensors.safetensors", read_tensors))
+    many = _bytes(lambda path: write_tensors(path, {"a": torch.rand(100_000, 3), "b": torch.arange(100_000)}, {}))
+    large = [(0, many), (0, _without_checksum(many))]
+    return Target([(0, whole), (0, _without_checksum(whole))], _reading("tensors.safetensors", read_tensors), large)
 
 
 def _recipe(method: str) -> Any:
@@ -169,9 +180,14 @@ def recipe() -> Target:
     return Target(seeds, _reading(RECORD_NAME, lambda path: RunRecord.read(path.parent)))
 
 
+def demo_plan() -> Target:
+    seed = json.dumps({"scene": "toaster", "steps": 7000, "seed": 0}).encode()
+    return Target([(0, seed)], _reading(PLAN_NAME, lambda path: Demo.open(path.parent)))
+
+
 def report() -> Target:
-    seed = sample_report().to_json().encode()
-    return Target([(0, seed)], _reading(REPORT_NAME, lambda path: read_report(path.parent)))
+    few, many = (sample_report(images=sample_report().images * n).to_json().encode() for n in (1, 5000))
+    return Target([(0, few)], _reading(REPORT_NAME, lambda path: read_report(path.parent)), [(0, many)])
 
 
 def colmap() -> Target:
@@ -201,7 +217,9 @@ def scene_json() -> Target:
 
 def image() -> Target:
     pixels = np.random.default_rng(0).integers(0, 256, (9, 11, 4), dtype=np.uint8)
-    seeds = []
+    many = np.tile(pixels, (50, 50, 1))
+    seeds: list[tuple[int, bytes]] = []
+    large: list[tuple[int, bytes]] = []
     for kind, mode in (
         ("PNG", "RGBA"),
         ("JPEG", "RGB"),
@@ -210,20 +228,21 @@ def image() -> Target:
         ("TIFF", "RGB"),
         ("PNG", "P"),
     ):
-        buffer = io.BytesIO()
-        Image.fromarray(pixels).convert(mode).save(buffer, kind)
-        seeds.append((0, buffer.getvalue()))
+        for image, files in ((pixels, seeds), (many, large)):
+            buffer = io.BytesIO()
+            Image.fromarray(image).convert(mode).save(buffer, kind)
+            files.append((0, buffer.getvalue()))
 
     def decode(path: Path) -> None:
         header = read_header(path)
         Photograph(path, min(header.width, 16), min(header.height, 16))()
 
-    return Target(seeds, _reading("photograph", decode))
+    return Target(seeds, _reading("photograph", decode), large)
 
 
 TARGETS: dict[str, Callable[[], Target]] = {
     maker.__name__: maker
     for maker in (
-        gaussian_ply, ply_points, tensor_file, model, checkpoint, recipe, report, colmap, scene_json, image,
+        gaussian_ply, ply_points, tensor_file, model, checkpoint, recipe, demo_plan, report, colmap, scene_json, image,
     )
 }  # fmt: skip

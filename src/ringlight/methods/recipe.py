@@ -67,6 +67,9 @@ def recipe_from_dict(kind: type, values: Any, where: str = "recipe") -> Any:
         raise RecipeError(f"{where}: {str(error).rstrip('.')}; {DAMAGED}") from None
 
 
+LARGEST_WHOLE = 2**63 - 1
+"""Of any setting: torch takes no more, and what is far beyond cannot even be shown as a float."""
+
 DAMAGED = "the file is damaged: copy it again, or train again"
 
 
@@ -81,4 +84,6 @@ def _fits(hint: Any, value: Any) -> bool:
         return isinstance(value, list) and all(_fits(choices[0], item) for item in value)
     if isinstance(value, bool):
         return hint is bool
+    if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
+        return False
     return isinstance(value, (int, float) if hint is float else hint)

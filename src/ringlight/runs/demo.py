@@ -54,7 +54,7 @@ class Demo:
             return Demo(folder, Plan(str(values["scene"]), int(values["steps"]), int(values["seed"])))
         except FileNotFoundError:
             raise RunError(f"{folder}: holds no {PLAN_NAME}; start a demo with 'ringlight demo'") from None
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             reason = f"{type(error).__name__}: {error}"
             raise RunError(f"{path}: cannot be understood ({reason}); start a new one with 'ringlight demo'") from None
 

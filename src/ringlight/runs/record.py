@@ -14,6 +14,15 @@ from ringlight.methods.table import METHODS
 
 RECORD_NAME = "recipe.json"
 
+LARGEST_SEED = 2**63 - 1
+"""torch's generators take no more."""
+
+
+def _seed(value: object) -> int:
+    if type(value) is not int or not 0 <= value <= LARGEST_SEED:
+        raise ValueError(f"its seed is no whole number from 0 to {LARGEST_SEED}")
+    return value
+
 
 @dataclass(frozen=True)
 class RunRecord:
@@ -52,7 +61,7 @@ class RunRecord:
                 recipe=recipe_from_dict(kind, values["recipe"], str(path)),
                 scene=Path(values["scene"]),
                 options=recipe_from_dict(SceneOptions, values["options"], f"{path}.options"),
-                seed=int(values["seed"]),
+                seed=_seed(values["seed"]),
                 device=str(values["device"]),
                 version=str(values["version"]),
             )

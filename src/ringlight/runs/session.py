@@ -20,10 +20,7 @@ from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_ch
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.limits import planned
 from ringlight.runs.lock import RunLock
-from ringlight.runs.record import RECORD_NAME, RunRecord
-
-LARGEST_SEED = 2**63 - 1
-"""torch's generators take no more."""
+from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
 
 SAVE_SECONDS = 60.0
 """Between two checkpoints: what a run may lose."""
