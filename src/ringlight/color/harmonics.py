@@ -59,7 +59,7 @@ class SphericalHarmonics(nn.Module):
 
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row is shown."""
-        return torch.ones(len(gaussians), dtype=torch.bool)
+        return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
     def direct(self) -> "DirectHarmonics | None":
         """The same without autograd, by the kernels; None where these are missing."""

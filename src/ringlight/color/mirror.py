@@ -80,7 +80,7 @@ class Mirror(nn.Module):
     @torch.no_grad()
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row."""
-        return torch.ones(len(gaussians), dtype=torch.bool)
+        return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
 
 def facing_normals(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:

@@ -104,7 +104,7 @@ class RingLight(nn.Module):
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Rows that the mask leaves visible; a table without masks, as model files hold it, is wanted whole."""
         if MASK not in gaussians.appearance:
-            return torch.ones(len(gaussians), dtype=torch.bool)
+            return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
         return gaussians.appearance[MASK].sigmoid() > self.settings.mask_threshold
 
     def unit_points(self, means: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:

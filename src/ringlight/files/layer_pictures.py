@@ -55,14 +55,15 @@ def layer_pictures(
 ) -> dict[str, Picture]:
     """The ``wanted`` layers of one view as pictures in [0, 1].
 
-    Colours lie over ``background``; normals are world axes as red, green, blue; residuals are signed around middle
-    gray; depth is light near and dark far, with ``near_far`` for its ends; modulation and alpha are gray values.
+    Pictures are on the CPU. Colours lie over ``background``; normals are world axes as red, green, blue; residuals are
+    signed around middle gray; depth is light near and dark far, with ``near_far`` for its ends; modulation and alpha
+    are gray values.
     """
     pictures = {}
     if COLOR in wanted:
-        pictures[COLOR] = model.render(camera, background).color.clamp(0, 1)
+        pictures[COLOR] = model.render(camera, background).color.cpu().clamp(0, 1)
     parts = [name for name in wanted if name != COLOR]
-    buffers = model.layers(camera) if parts else {}
+    buffers = {name: values.cpu() for name, values in model.layers(camera).items()} if parts else {}
     for name in parts:
         pictures[name] = _PICTURES.get(name, _plain)(buffers, name, background, near_far)
     return pictures

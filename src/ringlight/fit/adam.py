@@ -1,4 +1,4 @@
-"""Adam (Kingma & Ba 2015, algorithm 1): one native call for all parameters of a step, and its slow twin."""
+"""Adam (Kingma & Ba 2015, algorithm 1): one call of a kernel for all parameters of a step, and its slow twin."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.gradients import AdamStep, Gradient
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.fit.rates import Adam
 
 
@@ -40,9 +41,12 @@ def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) 
     kept = 0
     native: list[tuple[Tensor, Tensor, Tensor, Tensor, AdamStep]] = []
     others: list[Update] = []
+    on_gpu: list[Update] = []
     for update in updates:
         gradient = update.gradient
-        if not _runs_native(update.value):
+        if runs_triton(update.value):
+            on_gpu.append(update)
+        elif not _runs_native(update.value):
             others.append(update)
         elif isinstance(gradient, Tensor):
             native.append((update.value, gradient.contiguous(), update.mean, update.square, update.step))
@@ -58,6 +62,24 @@ def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) 
         torch.autograd.graph.increment_version(values)
     for update in others:
         kept += adam_reference_(update, radii)
+    return kept + (_adam_on_gpu_(on_gpu, radii) if on_gpu else 0)
+
+
+def _adam_on_gpu_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None) -> int:
+    """All by one launch; a parameter whose memory is not contiguous by torch."""
+    from ringlight.fit.adam_triton import adam_by_triton_
+
+    kept, groups = 0, []
+    for update in updates:
+        tensors = (update.value, update.mean, update.square)
+        if not all(tensor.is_contiguous() for tensor in tensors):
+            kept += adam_reference_(update, radii)
+            continue
+        gradient = update.gradient if isinstance(update.gradient, Tensor) else update.gradient.dense()
+        groups.append((update.value, gradient.contiguous(), update.mean, update.square, update.step))
+    if groups:
+        kept += int(adam_by_triton_(groups, radii))
+        torch.autograd.graph.increment_version([group[0] for group in groups])
     return kept
 
 

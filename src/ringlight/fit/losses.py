@@ -1,8 +1,10 @@
-"""Photometric loss: pixel term + structural similarity, by kernels on the CPU and by torch elsewhere.
+"""Photometric loss: pixel term + structural similarity, by kernels on the CPU and on a GPU, by torch elsewhere.
 
 SSIM is that of 3DGS: Wang et al. 2004 with an 11 x 11 Gaussian window of sigma 1.5, zeros beyond the border, K1 = 0.01,
 K2 = 0.03, range 1, averaged over pixels and channels. The rendering is compared as it is, not clamped.
 """
+
+import functools
 
 import torch
 import torch.nn.functional
@@ -10,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.fit.photometric import PhotometricLoss
 
 WINDOW = 11
@@ -22,7 +25,7 @@ class Target:
     """A photograph to compare with, and its blurs, which do not change while training.
 
     ``image`` [3 H W] float32 in [0, 1], planar; ``blur`` and ``square_blur`` are the windowed means of it and of its
-    square, empty on a device other than the CPU. 36 bytes a pixel.
+    square, empty where torch compares. 36 bytes a pixel.
     """
 
     def __init__(self, image: Float[Tensor, "3 H W"]):
@@ -31,6 +34,8 @@ class Target:
         if image.device.type == "cpu":
             self.blur, self.square_blur = torch.empty_like(self.image), torch.empty_like(self.image)
             _kernels.blur_target(self.image, self.blur, self.square_blur, _workspace(self.image))
+        elif runs_triton(self.image):
+            self.blur, self.square_blur = target_blurs(self.image)
 
 
 def photometric_gradient(
@@ -40,7 +45,7 @@ def photometric_gradient(
 
     One pass gives both, so a step begins its backward pass with the gradient, and autograd has a node less. ``color``
     is used in place when its memory is planar ([3 H W] permuted), as rasterizers return it, and copied otherwise; the
-    gradient is planar too. The kernels want float32 on the CPU; anything else takes the torch path. Raises ValueError
+    gradient is planar too. The kernels want float32; anything else takes the torch path. Raises ValueError
     where the sizes differ.
     """
     if color.shape[:2] != target.image.shape[1:]:
@@ -48,6 +53,8 @@ def photometric_gradient(
         raise ValueError(f"rendering and target differ in height and width: {sizes}")
     if color.device.type == "cpu" and color.dtype == torch.float32:
         return _native_gradient(color.detach(), target, settings)
+    if runs_triton(color, target.image):
+        return _triton_gradient(color.detach(), target, settings)
     leaf = color.detach().requires_grad_()
     with torch.enable_grad():
         value = photometric_reference(leaf.permute(2, 0, 1), target.image.to(color), settings)
@@ -70,6 +77,17 @@ def _native_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -
         value=value,
     )
     return value, gradient.permute(1, 2, 0)
+
+
+def _triton_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -> tuple[Tensor, Tensor]:
+    from ringlight.fit.photometric_triton import photometric_by_triton
+
+    return photometric_by_triton(
+        color, target.image, target.blur, target.square_blur, window_weights(color), (C1, C2),
+        pixel_weight=settings.scale * (1 - settings.ssim_weight),
+        ssim_weight=settings.scale * settings.ssim_weight,
+        squared=settings.pixel == "l2",
+    )  # fmt: skip
 
 
 def _workspace(image: Tensor) -> Tensor:
@@ -97,10 +115,26 @@ def ssim_map(first: Float[Tensor, "C H W"], second: Float[Tensor, "C H W"]) -> F
     return luminance * (2 * covariance + C2) / (variance1 + variance2 + C2)
 
 
-def _blur(images: Float[Tensor, "B C H W"]) -> Float[Tensor, "B C H W"]:
-    offsets = torch.arange(WINDOW, dtype=images.dtype, device=images.device) - WINDOW // 2
+def target_blurs(image: Float[Tensor, "3 H W"]) -> tuple[Float[Tensor, "3 H W"], Float[Tensor, "3 H W"]]:
+    """Windowed means of a photograph and of its square, zeros beyond the border."""
+    blur, square_blur = _blur(torch.stack((image, image * image)))
+    return blur.contiguous(), square_blur.contiguous()
+
+
+def window_weights(like: Tensor) -> Float[Tensor, "11"]:
+    """The Gaussian window along one axis; its sum is one."""
+    return _window_weights(like.dtype, like.device)
+
+
+@functools.lru_cache(maxsize=4)
+def _window_weights(dtype: torch.dtype, device: torch.device) -> Float[Tensor, "11"]:
+    offsets = torch.arange(WINDOW, dtype=dtype, device=device) - WINDOW // 2
     weights = torch.exp(-offsets.square() / (2 * SIGMA**2))
-    weights = weights / weights.sum()
+    return weights / weights.sum()
+
+
+def _blur(images: Float[Tensor, "B C H W"]) -> Float[Tensor, "B C H W"]:
+    weights = window_weights(images)
     single = images.flatten(0, 1)[:, None]
     down = torch.nn.functional.conv2d(single, weights[None, None, :, None], padding=(WINDOW // 2, 0))
     both = torch.nn.functional.conv2d(down, weights[None, None, None, :], padding=(0, WINDOW // 2))

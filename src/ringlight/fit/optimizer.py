@@ -116,8 +116,9 @@ class Optimizer:
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Inverse of :meth:`state`, on a model whose parameters have been restored already."""
         for name in self.groups:
-            self._mean[name] = state[f"mean.{name}"].clone()
-            self._square[name] = state[f"square.{name}"].clone()
+            device = self._mean[name].device
+            self._mean[name] = state[f"mean.{name}"].to(device, copy=True)
+            self._square[name] = state[f"square.{name}"].to(device, copy=True)
         self._updates = dict(zip(self._updates, state["updates"].tolist(), strict=True))
 
     def _parameters(self) -> Iterator[tuple[str, Tensor]]:

@@ -2,6 +2,8 @@
 
 from collections import OrderedDict
 
+import torch
+
 from ringlight.core.memory import machine_memory
 from ringlight.data.batches import ImageBatch
 from ringlight.fit.losses import Target
@@ -18,7 +20,8 @@ BYTES_PER_PIXEL = 36
 class Targets:
     """A least-recently-used cache. It changes speed and memory, never a number."""
 
-    def __init__(self, budget_bytes: int | None = None):
+    def __init__(self, budget_bytes: int | None = None, device: torch.device | None = None):
+        self.device = device or torch.device("cpu")
         default = min(BUDGET_BYTES, machine_memory() // SMALLEST_SHARE)
         self.budget_bytes, self._bytes = default if budget_bytes is None else budget_bytes, 0
         self._kept: OrderedDict[tuple[int, int, int], Target] = OrderedDict()
@@ -29,7 +32,7 @@ class Targets:
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]
-        target = Target(batch.view.image(batch.background))
+        target = Target(batch.view.image(batch.background).to(self.device))
         if fixed_background:
             self._keep(key, target, batch.camera.width * batch.camera.height * BYTES_PER_PIXEL)
         return target

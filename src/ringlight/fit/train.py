@@ -36,6 +36,9 @@ class Training:
     faults: FaultCounter = field(default_factory=FaultCounter)
     step: int = 0
 
+    def __post_init__(self) -> None:
+        self.targets.device = self.model.device
+
     def state(self) -> dict[str, Tensor]:
         """Every tensor that a run needs to go on as if it had never stopped."""
         state = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}

@@ -100,6 +100,6 @@ def _psnr_after(training: Training, held: list[View]) -> float:
     model, background = training.model, training.batches.scene.background_color
     with torch.no_grad():
         return fmean(
-            psnr(model.render(view.camera, background).color.clamp(0, 1), view.image(background).permute(1, 2, 0))
+            psnr(model.render(view.camera, background).color.cpu().clamp(0, 1), view.image(background).permute(1, 2, 0))
             for view in held
         )

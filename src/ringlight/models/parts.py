@@ -66,7 +66,7 @@ def _neighbours(gradients: Sequence[Tensor | None]) -> Float[Tensor, "C H W"] | 
         return None
     height, width = first.shape[:2]
     for part in gradients:
-        if part is None or part.untyped_storage().data_ptr() != first.untyped_storage().data_ptr():
+        if part is None or part.untyped_storage()._cdata != first.untyped_storage()._cdata:
             return None
         planar = part.stride() == (width, 1, height * width) or (part.shape[2] == 1 and part.stride()[:2] == (width, 1))
         if not planar or part.storage_offset() != first.storage_offset() + count * height * width:

@@ -23,6 +23,18 @@ COLUMNS_PREFIX = "columns."
 """Tensors below this name have one row a Gaussian."""
 
 
+def _move(model: nn.Module, device: torch.device) -> None:
+    """All parameters, and what can be made anew; buffers of model files are switches and boxes, which Python reads."""
+    if any(parameter.is_meta for parameter in model.parameters()):
+        return  # an outline has no numbers to move
+    saved = model.state_dict().keys()
+    kept = {name: buffer for name, buffer in model.named_buffers() if name in saved}
+    model.to(device)
+    for name, buffer in kept.items():
+        owner, _, attribute = name.rpartition(".")
+        setattr(model.get_submodule(owner), attribute, buffer)
+
+
 class SplatModel(nn.Module):
     """Anything splatted. One name per tensor everywhere: ``columns.means``, ``color.ring...``, ``shader...``."""
 
@@ -38,6 +50,13 @@ class SplatModel(nn.Module):
         self.columns = nn.ParameterDict({name: nn.Parameter(tensor) for name, tensor in gaussians.columns().items()})
         self.color, self.shader = color, shader
         self.rasterize, self.options = rasterize, options
+        if self.device.type != "cpu":
+            _move(self, self.device)
+
+    @property
+    def device(self) -> torch.device:
+        """Where the parameters are; the rasterizer says so."""
+        return self.rasterize.device
 
     @property
     def gaussians(self) -> Gaussians:
@@ -51,7 +70,7 @@ class SplatModel(nn.Module):
     def load_columns(self, columns: Mapping[str, Tensor]) -> None:
         """Take these columns, of any number of rows, in place of the present ones."""
         for name, tensor in columns.items():
-            self.columns[name] = nn.Parameter(tensor.detach().clone())
+            self.columns[name] = nn.Parameter(tensor.detach().to(self.device, copy=True))
 
     def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
         """One image over ``background``."""
@@ -82,7 +101,7 @@ class SplatModel(nn.Module):
         factor = self.color.channels(gaussians, camera).get(OPACITY_FACTOR)
         channels = dict(self.color.layers(gaussians, camera))
         channels["depth"] = camera.depths(gaussians.means)[:, None]
-        channels.setdefault("normal", shortest_axes(gaussians, camera.position))
+        channels.setdefault("normal", shortest_axes(gaussians, camera.position.to(self.device)))
         rendering = self._blend(gaussians, channels, factor, camera, torch.zeros(3))
         buffers = dict(rendering.buffers)
         surface = rendering.alpha > FAINTEST_SURFACE
@@ -112,7 +131,8 @@ class SplatModel(nn.Module):
             raster = self.rasterize(gaussians, channels["rgb"], camera, background, self.options, opacity_factor)
             return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
         widths = [values.shape[-1] for values in channels.values()]
-        behind = [background if name == "rgb" else torch.zeros(w) for name, w in zip(channels, widths, strict=True)]
+        black = background.new_zeros
+        behind = [background if name == "rgb" else black(w) for name, w in zip(channels, widths, strict=True)]
         values = joined(list(channels.values()))
         raster = self.rasterize(gaussians, values, camera, torch.cat(behind), self.options, opacity_factor)
         buffers = dict(zip(channels, parted(raster.image, widths), strict=True)) | {"alpha": raster.alpha}

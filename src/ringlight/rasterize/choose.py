@@ -23,6 +23,11 @@ def rasterizer_for(name: str = "auto") -> Rasterizer:
 def _automatic() -> Rasterizer:
     if has_gpu() and importlib.util.find_spec("gsplat") is not None:
         return _cuda()
+    return host_rasterizer()
+
+
+def host_rasterizer() -> Rasterizer:
+    """The fastest on the CPU, for work of seconds whose results go into files there."""
     try:
         return _cpu()
     except BackendError:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -33,6 +34,8 @@ class Rasterizer(Protocol):
     """A back end. Differentiable in the table's geometry, the channels, the opacity factor and nothing else."""
 
     name: str
+    device: torch.device
+    """Where a model must lie to be drawn; a model moves there when it is built."""
 
     def __call__(
         self,

@@ -34,6 +34,7 @@ class CpuRasterizer:
     """
 
     name = "cpu"
+    device = torch.device("cpu")
 
     def __init__(self) -> None:
         if _kernels is None:

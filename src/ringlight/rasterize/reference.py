@@ -27,6 +27,7 @@ class ReferenceRasterizer:
     """Blends every pixel over all Gaussians that reach it, nearest first. Also differentiable in the camera pose."""
 
     name = "reference"
+    device = torch.device("cpu")
 
     def __call__(
         self,

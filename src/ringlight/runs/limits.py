@@ -35,7 +35,7 @@ class Planned:
     decided: str | None
     """What the recipe left to the scene, in a sentence."""
     warnings: tuple[str, ...]
-    """A sentence on each thing that memory did not allow."""
+    """A sentence on each thing that memory did not allow, or that the back end does otherwise."""
 
 
 def planned(scene: Scene, recipe: Any, seed: int, device: str) -> Planned:
@@ -45,14 +45,18 @@ def planned(scene: Scene, recipe: Any, seed: int, device: str) -> Planned:
     recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
-    return Planned(recipe, scene, training, decided, warnings)
+    note = getattr(training.model.rasterize, "note", None)  # what this back end draws otherwise than the others
+    return Planned(recipe, scene, training, decided, (*warnings, note) if note else warnings)
 
 
 def most_gaussians(training: Training, memory: int | None = None) -> int:
-    """As many as fit into their share of ``memory`` bytes, by default this machine's."""
+    """As many as fit into their share of ``memory`` bytes, by default this machine's, or its GPU's if that draws."""
     columns = training.model.columns.values()
     row = sum(column[0].numel() * column.element_size() for column in columns)
-    memory = machine_memory() if memory is None else memory
+    if memory is None:
+        device = training.model.device
+        on_gpu = device.type == "cuda"
+        memory = torch.cuda.get_device_properties(device).total_memory if on_gpu else machine_memory()
     return max(int(SHARE * memory) // (COPIES * row + WORK_BYTES), 1)
 
 

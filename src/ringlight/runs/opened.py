@@ -9,7 +9,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
 from ringlight.measure.report import folders_with
 from ringlight.methods.store import StoredModel, load_model
-from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.choose import host_rasterizer, rasterizer_for
 from ringlight.runs.folder import MODEL_NAME, RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
@@ -37,10 +37,13 @@ def find_model(path: Path) -> tuple[Path, RunFolder | None]:
     raise RunError(f"{path}: holds no {MODEL_NAME}; give a folder or a model file that 'ringlight train' wrote")
 
 
-def open_model(path: Path, device: str = "auto") -> Opened:
-    """The model in a file or run folder, ready to render. Raises ModelFileError, RunError or BackendError."""
+def open_model(path: Path, device: str | None = None) -> Opened:
+    """The model in a file or run folder, ready to render; without a ``device`` on the CPU.
+
+    Raises ModelFileError, RunError or BackendError.
+    """
     file, run = find_model(path)
-    return Opened(file, run, load_model(file, rasterizer_for(device)))
+    return Opened(file, run, load_model(file, rasterizer_for(device) if device else host_rasterizer()))
 
 
 def scene_of(opened: Opened, asked: Path | None = None, options: SceneOptions | None = None) -> Scene:

@@ -59,7 +59,8 @@ def _rays(index: Int[Tensor, "P"], camera: Camera) -> Float[Tensor, "P 3"]:
     rows, columns = index // camera.width, index % camera.width
     x = (columns + 0.5 - camera.center[0]) / camera.focal[0]
     y = (rows + 0.5 - camera.center[1]) / camera.focal[1]
-    return torch.stack([x, y, torch.ones_like(x)], -1).to(torch.float64) @ camera.world_to_camera[:3, :3].double()
+    rotation = camera.world_to_camera[:3, :3].to(x.device, torch.float64)
+    return torch.stack([x, y, torch.ones_like(x)], -1).to(torch.float64) @ rotation
 
 
 def _unit(normals: Float[Tensor, "P 3"]) -> Float[Tensor, "P 3"]:

@@ -77,7 +77,7 @@ class ReflectionShader(nn.Module):
         base = channels["rgb"]
         if not self.lit:
             return base
-        everyone, opaque = torch.arange(len(base)), torch.ones_like(base[:, :1])
+        everyone, opaque = torch.arange(len(base), device=base.device), torch.ones_like(base[:, :1])
         directions = view_directions(points, camera.position.to(points))
         alone = CoveredPixels(everyone, opaque, base, channels["latents"], channels["normal"], directions, points)
         return (base + self.mlp(self._inputs(alone))).clamp(0, 1)

@@ -53,7 +53,7 @@ class Densify:
     def restore(self, state: Mapping[str, Tensor]) -> None:
         if state["pull"].shape != state["views"].shape:
             raise ValueError(f"a pull for {len(state['pull'])} rows, and views for {len(state['views'])}")
-        self._pull, self._views = state["pull"].clone(), state["views"].clone()
+        self._pull, self._views = state["pull"].clone(), state["views"].clone()  # moved by the next step
 
     def _resets(self, step: int) -> bool:
         every = self.settings.reset_every
@@ -63,7 +63,8 @@ class Densify:
 
     def _observe(self, model: SplatModel, rendering: Rendering) -> None:
         if len(self._pull) != len(model):
-            self._pull, self._views = torch.zeros(len(model)), torch.zeros(len(model))
+            self._pull, self._views = torch.zeros(2, len(model), device=model.device)
+        self._pull, self._views = self._pull.to(model.device), self._views.to(model.device)
         raster = rendering.raster
         if raster is None or raster.footprint.means2d_gradient is None:
             return
@@ -85,9 +86,9 @@ class Densify:
         clones = table.rows((strong & small & keep).nonzero()[:, 0])
         children = self._children(table.rows(split.nonzero()[:, 0]), step)
         added = _joined(clones, children)
-        rows = torch.cat([keep.nonzero()[:, 0], len(table) + torch.arange(len(added))])
+        rows = torch.cat([keep.nonzero()[:, 0], len(table) + torch.arange(len(added), device=keep.device)])
         optimizer.edit_rows(rows[morton_order(torch.cat([table.means, added.means])[rows])], added)
-        self._pull, self._views = torch.zeros(len(model)), torch.zeros(len(model))
+        self._pull, self._views = torch.zeros(2, len(model), device=model.device)
 
     def _strongest(self, pull: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
         """Rows over the threshold; where all would exceed the budget, those with the strongest pull."""
@@ -109,9 +110,9 @@ class Densify:
 
     def _children(self, parents: Gaussians, step: int) -> Gaussians:
         """Two narrower Gaussians for each parent, at places drawn from it."""
-        rows = torch.arange(len(parents)).repeat_interleave(CHILDREN)
+        rows = torch.arange(len(parents), device=parents.means.device).repeat_interleave(CHILDREN)
         table = parents.rows(rows)
-        noise = torch.randn(len(rows), 3, generator=generator(self.seed, step, "split"))
+        noise = torch.randn(len(rows), 3, generator=generator(self.seed, step, "split")).to(table.means)
         offsets = (table.rotations @ (noise * table.scales)[..., None])[..., 0]
         columns = table.columns() | {
             "means": table.means + offsets,
@@ -128,7 +129,25 @@ def accumulate_pull_(
     views: Float[Tensor, "N"],
 ) -> None:
     """Add each drawn row's gradient length to ``pull`` and one to ``views``, in place."""
+    if not (gradient.is_cpu and gradient.dtype == torch.float32):
+        accumulate_pull_twin_(gradient, radii, pixels_to_ndc, pull, views)
+        return
     _kernels.accumulate_pull(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, pull, views)
+
+
+def accumulate_pull_twin_(
+    gradient: Float[Tensor, "N 2"],
+    radii: Float[Tensor, "N 2"],
+    pixels_to_ndc: tuple[float, float],
+    pull: Float[Tensor, "N"],
+    views: Float[Tensor, "N"],
+) -> None:
+    """The same in torch, on any device."""
+    drawn = radii[:, 0] > 0
+    across, down = pixels_to_ndc
+    lengths = torch.hypot(gradient[:, 0] * across, gradient[:, 1] * down)
+    pull.add_(torch.where(drawn, lengths, 0))
+    views.add_(drawn)
 
 
 def _joined(first: Gaussians, second: Gaussians) -> Gaussians:

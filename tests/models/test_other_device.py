@@ -1,0 +1,106 @@
+"""Everything that a GPU would run, without one: a step of every recipe on a device that is not the CPU.
+
+There torch operations take the place of native kernels, as on a GPU without Triton, and gsplat's torch functions that
+of its kernels; what mixes devices, or reads numbers natively, fails.
+"""
+
+import dataclasses
+from itertools import product
+
+import pytest
+import torch
+
+from gsplat_torch import TorchGsplat
+from other_device import ELSEWHERE, other_device
+from ringlight.core.scene import Scene
+from ringlight.data import hull
+from ringlight.data.synthetic import tiny_scene
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.train import Training, train
+from ringlight.measure.metrics import psnr
+from ringlight.methods.ringlight import RingLightRecipe
+from ringlight.methods.table import METHODS
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.contract import Rasterizer
+from ringlight.rasterize.cuda import CudaRasterizer
+from ringlight.rasterize.gsplat_seam import TILE, Ellipses, Gsplat, tile_counts
+
+STEPS = 12
+
+ALIKE = 60
+"""dB between renderings: the acceptance of both back ends, a quarter of an 8-bit step."""
+
+
+class GsplatElsewhere(Gsplat):
+    """Takes tensors of the other device and gives such; in between gsplat's torch functions work on the CPU."""
+
+    def project(self, *columns, **named) -> Ellipses:
+        *tensors, size, options = columns
+        seen = super().project(*(tensor.cpu() for tensor in tensors), size, options)
+        return _moved(seen, ELSEWHERE)
+
+    def tiles(self, seen: Ellipses, size: tuple[int, int]):
+        """The same lists as gsplat's, tile by tile; its torch function walks over every pair in Python."""
+        here = _moved(seen, torch.device("cpu"))
+        low, high = (here.means2d - here.radii) / TILE, (here.means2d + here.radii) / TILE
+        nearest = here.depths.argsort(stable=True)
+        across, down = tile_counts(size)
+        lists = []
+        for y, x in product(range(down), range(across)):
+            corner = torch.tensor([x, y])
+            touches = ((low < corner + 1) & (high > corner)).all(1)
+            lists.append(nearest[touches[nearest]])
+        lengths = torch.tensor([len(each) for each in lists])
+        offsets = (lengths.cumsum(0) - lengths).view(1, down, across).int()
+        return offsets.to(ELSEWHERE), torch.cat(lists).int().to(ELSEWHERE)
+
+    def blend(self, seen: Ellipses, channels, opacities, size, lists, absgrad: bool):
+        here, lists = _moved(seen, torch.device("cpu")), tuple(tensor.cpu() for tensor in lists)
+        image, alpha = super().blend(here, channels.cpu(), opacities.cpu(), size, lists, absgrad)
+        return image.to(ELSEWHERE), alpha.to(ELSEWHERE)
+
+
+def _moved(seen: Ellipses, device: torch.device) -> Ellipses:
+    fields = {field.name: getattr(seen, field.name) for field in dataclasses.fields(seen)}
+    return Ellipses(**{name: None if value is None else value.to(device) for name, value in fields.items()})
+
+
+def rasterizer_elsewhere() -> CudaRasterizer:
+    return CudaRasterizer(GsplatElsewhere(TorchGsplat()), ELSEWHERE)
+
+
+def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
+    """Twelve steps with everything in them: density control, the light field switched on."""
+    recipe = dataclasses.replace(METHODS[method], steps=STEPS)
+    densify = DensifySettings(threshold=1e-5, begin=4, every=5, stop=1.0, reset_every=7)
+    recipe = dataclasses.replace(recipe, densify=densify)
+    if isinstance(recipe, RingLightRecipe):
+        ring = dataclasses.replace(recipe.light.ring, position_nodes=32, view_nodes=8)
+        recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, ring=ring), shading="forward")
+    training = recipe.build(scene, rasterize, seed=0)
+    return training
+
+
+def pictures(model: SplatModel, scene: Scene) -> list[torch.Tensor]:
+    with torch.no_grad():
+        return [model.render(view.camera, scene.background_color).color.cpu() for view in scene.test]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_training_elsewhere_is_training_here(method: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hull, "FINE_CELLS", 24)
+    scene = tiny_scene(views=6, size=24)
+    here = short_run(method, scene, rasterizer_for("cpu"))
+    losses = [progress.loss for progress in train(here)]
+    with other_device():
+        there = short_run(method, scene, rasterizer_elsewhere())
+        assert {parameter.device.type for parameter in there.model.parameters()} == {ELSEWHERE.type}
+        assert [progress.loss for progress in train(there)] == pytest.approx(losses, rel=1e-3)
+        assert len(there.model) == len(here.model)
+        shown = pictures(there.model, scene)
+        moved = short_run(method, scene, rasterizer_for("cpu"))
+        moved.restore(there.state())
+    for ours, native, again in zip(shown, pictures(here.model, scene), pictures(moved.model, scene), strict=True):
+        assert psnr(ours, native) > ALIKE
+        assert psnr(ours, again) > ALIKE, "the same model on the other device"
