@@ -2,7 +2,8 @@
 // enough. The surface is what was blended over alpha; the features are octahedral maps' in the direction, seen from the
 // centre of a sphere, of the point where the reflected ray leaves it (src/ringlight/shade/reflection.py is the twin).
 //
-// Nothing is kept between forward and backward: the backward pass recomputes.
+// Nothing is kept between forward and backward: the backward pass recomputes, for a share of the pixels, above 0, that is
+// drawn by lot (lot.hpp). All pixels hand on the gradient of rgb that does not go by the network.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -70,7 +71,7 @@ struct ReflectionView {
   void reflection_forward(const ReflectionShape&, const ReflectionParameters<const float>&, const ReflectionView&, \
                           const ReflectionBuffers<const float>&, float* color); \
   void reflection_backward(const ReflectionShape&, const ReflectionParameters<const float>&, const ReflectionView&, \
-                           const ReflectionBuffers<const float>&, const float* color_gradient, \
+                           const ReflectionBuffers<const float>&, const float* color_gradient, double share, \
                            const ReflectionParameters<float>& gradients, \
                            const ReflectionBuffers<float>& buffer_gradients); \
   }

@@ -6,7 +6,8 @@
 //
 // and l the Gaussian's latents, values of its own that have no other meaning; the paper has none.
 //
-// Nothing is kept between forward and backward: the backward pass recomputes, for rows with a gradient only.
+// Nothing is kept between forward and backward: the backward pass recomputes, for rows with a gradient only, and of these
+// for a share.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -69,6 +70,13 @@ struct RingOutputs {
   float *color, *residual, *modulation;
 };
 
+// What the backward pass is given: the forward pass's colours and dL/d(color), [count 3] each, and the share of the lit
+// rows, above 0, whose light is differentiated, see lot.hpp. All rows get the gradient that does not go by the light.
+struct RingUpstream {
+  const float *color, *color_gradient;
+  double share;
+};
+
 // The gradient of what each Gaussian has of its own: [count 3] by the logits, [count shape.latents].
 struct RingRowGradients {
   float *base, *latents;
@@ -86,7 +94,7 @@ static inline int ring_shards(std::size_t active_count) {
   namespace isa { \
   void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&); \
   void ring_backward(const RingShape&, const RingParameters<const float>&, const RingScene&, \
-                     const float* color_gradient, const RingParameters<float>& gradients, \
+                     const RingUpstream&, const RingParameters<float>& gradients, \
                      const RingRowGradients& row_gradients, float* workspace); \
   std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count); \
   }

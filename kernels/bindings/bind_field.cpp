@@ -109,20 +109,23 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
 }
 
 void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
-              Input latents, Rows visible, Input frame, Input color_gradient, const std::vector<Array>& gradients,
-              Array base_gradient, Array latents_gradient, Array workspace) {
+              Input latents, Rows visible, Input frame, Input color, Input color_gradient, double share,
+              const std::vector<Array>& gradients, Array base_gradient, Array latents_gradient, Array workspace) {
   const RingShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
   const RingScene scene = scene_from(shape, {means, base, latents}, visible, frame);
+  require(share > 0, "ring: share must be above 0");
+  require(color.size() == 3 * scene.count, "ring: color must be [N 3]");
   require(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
         "ring: gradients of color and base must be [N 3]");
   require(latents_gradient.size() == latents.size(), "ring: the gradient of latents must be [N L]");
   require(workspace.size() >= RINGLIGHT_CHOSEN_WITH_BF16(ring_workspace)(shape, scene.visible_count),
         "ring: the workspace is too small");
   const RingRowGradients row_sums{base_gradient.data(), latents_gradient.data()};
+  const RingUpstream upstream{color.data(), color_gradient.data(), share};
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN_WITH_BF16(ring_backward)(shape, weights, scene, color_gradient.data(), sums, row_sums, workspace.data());
+  RINGLIGHT_CHOSEN_WITH_BF16(ring_backward)(shape, weights, scene, upstream, sums, row_sums, workspace.data());
 }
 
 std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
@@ -141,10 +144,10 @@ void bind_field(nb::module_& module) {
              "Colours of the visible rows by the light field.");
   module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters"),
              nb::arg("means"), nb::arg("base"), nb::arg("latents"),
-             nb::arg("visible"), nb::arg("frame"), nb::arg("color_gradient"),
+             nb::arg("visible"), nb::arg("frame"), nb::arg("color"), nb::arg("color_gradient"), nb::arg("share"),
              nb::arg("gradients"), nb::arg("base_gradient"),
              nb::arg("latents_gradient"), nb::arg("workspace"),
-             "Gradients of all parameters, of the base colours' logits and of the latents.");
+             "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, drawn by lot.");
   module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
              "Floats of workspace that ring_backward needs.");
 }

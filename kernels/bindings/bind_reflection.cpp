@@ -106,8 +106,9 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
 }
 
 void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, const std::vector<float>& numbers,
-              const std::vector<Input>& planes, ImageInput color_gradient, const std::vector<Array>& gradients,
-              const std::vector<Array>& plane_gradients) {
+              const std::vector<Input>& planes, ImageInput color_gradient, double share,
+              const std::vector<Array>& gradients, const std::vector<Array>& plane_gradients) {
+  require(share > 0, "reflection: share must be above 0");
   const ReflectionShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
@@ -115,7 +116,7 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
   const auto to = buffers_from<float>(shape, view, plane_gradients, shape.depth_gradient);
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)(shape, weights, view, buffers, color_gradient.data(), sums, to);
+  RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)(shape, weights, view, buffers, color_gradient.data(), share, sums, to);
 }
 
 }  // namespace
@@ -124,8 +125,8 @@ void bind_reflection(nb::module_& module) {
   module.def("reflection_forward", &forward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
              nb::arg("planes"), nb::arg("color"), "Shades the pixels that are opaque enough; the others keep their rgb.");
   module.def("reflection_backward", &backward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
-             nb::arg("planes"), nb::arg("color_gradient"), nb::arg("gradients"), nb::arg("plane_gradients"),
-             "Gradients of all parameters and of the planes.");
+             nb::arg("planes"), nb::arg("color_gradient"), nb::arg("share"), nb::arg("gradients"),
+             nb::arg("plane_gradients"), "Gradients of all parameters and of the planes; by a share of the pixels, drawn by lot.");
 }
 
 }  // namespace ringlight

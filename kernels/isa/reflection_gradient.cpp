@@ -1,5 +1,6 @@
-// The backward pass of the reflection shader. Covered pixels are dealt to a fixed number of shards, each with sums of its
+// The backward pass of the reflection shader. Of the covered pixels some are drawn by lot (lot.hpp), and dealt to a fixed number of shards, each with sums of its
 // own for the parameters, which are added in order: the same bits for any number of threads.
+#include "lot.hpp"
 #include "parallel.hpp"
 #include "reflection.hpp"
 #include "reflection_batch.hpp"
@@ -74,22 +75,26 @@ struct Backward {
   const ReflectionScene& scene;
   const Transposed& transposed;
   const float* color_gradient;
+  const std::int32_t* drawn;  // pixels
+  const float* weights;       // what each counts
   const ReflectionBuffers<float>& to;
 };
 
-// dL/dcolor to the gradient of what the network returned; zero in lanes that do not count.
-Upstream start_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const BatchGradient& gradient) {
+// dL/dcolor to the gradient of what the network returned, by what the pixels count; zero in lanes that do not.
+Upstream start_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const float* weights,
+                        const BatchGradient& gradient) {
   const std::size_t plane = static_cast<std::size_t>(pass.scene.view.width) * pass.scene.view.height;
   const PixelLanes& at = batch.pixels[half];
   const Mask counts = mask_from_bits((1u << at.count) - 1);
-  const Vec alpha = take(pass.scene.buffers.alpha, at);
+  const Vec alpha = take(pass.scene.buffers.alpha, at), weight = load_first(weights, at.count);
   Upstream upstream;
   upstream.alpha = Vec(0.f);
   for (int c = 0; c < 3; c++) {
     const int i = c * GROUP + half * LANES;
     upstream.color[c] = keep(counts, take(pass.color_gradient + c * plane, at));
-    upstream.alpha = fma(upstream.color[c], load(batch.added + i), upstream.alpha);
-    store(gradient.added + i, upstream.color[c] * alpha);
+    const Vec weighted = upstream.color[c] * weight;
+    upstream.alpha = fma(weighted, load(batch.added + i), upstream.alpha);
+    store(gradient.added + i, weighted * alpha);
   }
   return upstream;
 }
@@ -148,10 +153,11 @@ SurfaceGradient map_gradient(const Backward& pass, const ReflectionBatch& batch,
   return gradient;
 }
 
-void backpropagate(const Backward& pass, const ReflectionBatch& batch, const BatchGradient& gradient,
-                   const ParameterSums& sums) {
+void backpropagate(const Backward& pass, const ReflectionBatch& batch, const float* weights,
+                   const BatchGradient& gradient, const ParameterSums& sums) {
   Upstream upstream[HALVES];
-  for (int half = 0; half < HALVES; half++) upstream[half] = start_gradient(pass, batch, half, gradient);
+  for (int half = 0; half < HALVES; half++)
+    upstream[half] = start_gradient(pass, batch, half, weights + half * LANES, gradient);
   network_gradient(pass, batch, gradient, sums);
   for (int half = 0; half < HALVES; half++) {
     const float* of_inputs = gradient.inputs + half * LANES;
@@ -161,7 +167,8 @@ void backpropagate(const Backward& pass, const ReflectionBatch& batch, const Bat
   }
 }
 
-// As if nothing were shaded: right for every pixel that is not.
+// As if what is added were a constant: right for every pixel that is not shaded, and for those that were not drawn the
+// part that does not go by the network.
 void write_unshaded_gradients(const Backward& pass, std::size_t begin, std::size_t end) {
   const ReflectionShape& shape = pass.scene.shape;
   const std::size_t plane = static_cast<std::size_t>(pass.scene.view.width) * pass.scene.view.height;
@@ -175,7 +182,7 @@ void write_unshaded_gradients(const Backward& pass, std::size_t begin, std::size
   if (pass.to.depth) std::memset(pass.to.depth + begin, 0, bytes);
 }
 
-void run_shard(const Backward& pass, const std::int32_t* covered, std::size_t count, float* zeroed) {
+void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* zeroed) {
   const ReflectionShape& shape = pass.scene.shape;
   Arena of_sums{zeroed};
   const ParameterSums sums = lay_out_sums(shape, of_sums);
@@ -189,9 +196,9 @@ void run_shard(const Backward& pass, const std::int32_t* covered, std::size_t co
   Arena scratch{memory.floats()};
   lay_out(batch, shape, true, scratch);
   lay_out_gradient(gradient, shape, scratch);
-  for (std::size_t first = 0; first < count; first += GROUP) {
-    evaluate<true>(pass.scene, covered + first, count - first < GROUP ? static_cast<int>(count - first) : GROUP, batch);
-    backpropagate(pass, batch, gradient, sums);
+  for (std::size_t first = begin; first < end; first += GROUP) {
+    evaluate<true>(pass.scene, pass.drawn + first, end - first < GROUP ? static_cast<int>(end - first) : GROUP, batch);
+    backpropagate(pass, batch, pass.weights + first, gradient, sums);
   }
 }
 
@@ -220,12 +227,15 @@ void add_up_shards(const ReflectionShape& shape, const Shards& shards, const Ref
 
 void reflection_backward(const ReflectionShape& shape, const ReflectionParameters<const float>& parameters,
                          const ReflectionView& view, const ReflectionBuffers<const float>& buffers,
-                         const float* color_gradient, const ReflectionParameters<float>& gradients,
+                         const float* color_gradient, double share, const ReflectionParameters<float>& gradients,
                          const ReflectionBuffers<float>& buffer_gradients) {
   const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
   const Scratch list(pixels * sizeof(std::int32_t));
-  auto* const covered = static_cast<std::int32_t*>(list.data());
-  const std::size_t count = list_covered(buffers.alpha, 0, pixels, view.faintest, covered);
+  auto* const drawn = static_cast<std::int32_t*>(list.data());
+  const std::size_t covered = list_covered(buffers.alpha, 0, pixels, view.faintest, drawn);
+  const Scratch counts(covered * sizeof(float));
+  float* const weights = counts.floats();
+  const std::size_t count = draw_lots({color_gradient, 1, pixels, nullptr}, share, covered, drawn, weights);
   Arena counter{nullptr}, of_shard{nullptr};
   prepare(shape, parameters, counter);
   transpose_layers(shape, parameters, counter);
@@ -237,15 +247,15 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
   const Transposed transposed = transpose_layers(shape, parameters, arena);
   float* const sums = arena.take(of_shard.used * shards);
   const ReflectionScene scene{shape, parameters, view, buffers, tables};
-  const Backward pass{scene, transposed, color_gradient, buffer_gradients};
-  const std::size_t share = (count + shards - 1) / shards;
+  const Backward pass{scene, transposed, color_gradient, drawn, weights, buffer_gradients};
+  const std::size_t each = (count + shards - 1) / shards;
   parallel_for(shards, [&](std::size_t shard) {
-    const std::size_t begin = shard * share < count ? shard * share : count;
-    const std::size_t end = begin + share < count ? begin + share : count;
+    const std::size_t begin = shard * each < count ? shard * each : count;
+    const std::size_t end = begin + each < count ? begin + each : count;
     // Between the first pixel of this shard and that of the next, all are this shard's to write.
-    write_unshaded_gradients(pass, shard ? (begin < count ? covered[begin] : pixels) : 0,
-                             end < count ? covered[end] : pixels);
-    run_shard(pass, covered + begin, end - begin, sums + shard * of_shard.used);
+    write_unshaded_gradients(pass, shard ? (begin < count ? drawn[begin] : pixels) : 0,
+                             end < count ? drawn[end] : pixels);
+    run_shard(pass, begin, end, sums + shard * of_shard.used);
   });
   add_up_shards(shape, {sums, of_shard.used, shards}, gradients);
 }

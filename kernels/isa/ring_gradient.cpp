@@ -1,8 +1,9 @@
 // The backward pass of the light field. Rows whose colour got no gradient, because something opaque is in front of
-// them, are skipped: their share is exactly zero. The others are dealt to a fixed number of shards, each with sums of
+// them, are skipped: their part is exactly zero. Of the others some are drawn by lot (lot.hpp), and dealt to a fixed number of shards, each with sums of
 // its own, which are added in order: the same bits for any number of threads.
 #include <cstring>
 
+#include "lot.hpp"
 #include "parallel.hpp"
 #include "ring.hpp"
 #include "ring_batch.hpp"
@@ -69,7 +70,9 @@ struct Backward {
   const RingScene& scene;
   RingPanels panels;
   GradientPanels transposed;
-  const float* color_gradient;
+  ColorGradient of_colors;
+  const std::int32_t* rows;  // that were drawn
+  const float* weights;      // what each counts
   RingRowGradients row_gradients;
 };
 
@@ -81,17 +84,17 @@ void layer_gradient(const LayerSums& sums, const Panels& transposed, const float
   apply(transposed, of_result, gradient.terms, of_input);
 }
 
-// dL/dcolor of the group, zero in lanes that do not count, to dL/d(base), the sum's part, and dL/d(render's output).
-void start_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient) {
+// dL/dcolor of the group, zero in lanes that do not count, to what base and residual get of it, and to
+// dL/d(render's output), by what the rows count.
+void start_gradient(const Backward& pass, const Batch& batch, const float* weights, BatchGradient& gradient) {
+  alignas(64) float counts[GROUP];
+  for (int lane = 0; lane < GROUP; lane++) counts[lane] = lane < batch.count ? weights[lane] : 0.f;
   for (int c = 0; c < 3; c++)
     for (int lane = 0; lane < GROUP; lane++)
-      gradient.color[c * GROUP + lane] =
-          lane < batch.count ? pass.color_gradient[3 * static_cast<std::size_t>(batch.rows[lane]) + c] : 0.f;
+      gradient.base[c * GROUP + lane] = lane < batch.count ? pass.of_colors(batch.rows[lane], c) : 0.f;
   for (int i = 0; i < 3 * GROUP; i += LANES) {
-    const Vec residual = load(batch.residual + i), sum = load(batch.base + i) + residual;
-    const Vec passed = keep(both(ge(sum, Vec(0.f)), ge(Vec(1.f), sum)), load(gradient.color + i));
-    store(gradient.base + i, passed);
-    store(gradient.color + i, passed * fnma(residual, residual, Vec(1.f)));
+    const Vec residual = load(batch.residual + i), slope = fnma(residual, residual, Vec(1.f));
+    store(gradient.color + i, load(gradient.base + i) * load(counts + i % GROUP) * slope);
   }
 }
 
@@ -167,9 +170,10 @@ void write_row_gradients(const Backward& pass, const Batch& batch, BatchGradient
   }
 }
 
-void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
+void backpropagate(const Backward& pass, Batch& batch, const float* weights, BatchGradient& gradient,
+                   const ShardSums& sums) {
   const RingShape& shape = pass.shape;
-  start_gradient(pass, batch, gradient);
+  start_gradient(pass, batch, weights, gradient);
   render_gradient(pass, batch, gradient, sums);
   write_row_gradients(pass, batch, gradient);
   if (modulated(shape)) modulation_gradient(pass, batch, gradient, sums);
@@ -188,31 +192,24 @@ void backpropagate(const Backward& pass, Batch& batch, BatchGradient& gradient, 
   }
 }
 
-// As if nothing were lit: right for every row that is not, and zero where the colour got no gradient.
-void write_unlit_gradients(const RingShape& shape, const RingScene& scene, const float* color_gradient,
+// As if the residual were a constant: right for every row that is not lit, for those that were not drawn the part that
+// does not go by the light, and zero where the colour got no gradient.
+void write_unlit_gradients(const RingShape& shape, const RingScene& scene, const RingUpstream& upstream,
                            const RingRowGradients& to) {
   if (shape.latents) std::memset(to.latents, 0, shape.latents * scene.count * sizeof(float));
   float* const base_gradient = to.base;
   parallel_ranges(3 * scene.count, BASE_GRAIN, [=](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; i += LANES) {
       const int count = end - i < LANES ? static_cast<int>(end - i) : LANES;
-      const Vec base = sigmoid(load_first(scene.base + i, count));
-      store_first(base_gradient + i, load_first(color_gradient + i, count) * base * (Vec(1.f) - base), count);
+      const Vec base = sigmoid(load_first(scene.base + i, count)), color = load_first(upstream.color + i, count);
+      const Mask on = both(gt(color, Vec(0.f)), gt(Vec(1.f), color));
+      const Vec passed = keep(on, load_first(upstream.color_gradient + i, count));
+      store_first(base_gradient + i, passed * base * (Vec(1.f) - base), count);
     }
   });
 }
 
-std::size_t list_active(const RingScene& scene, const float* color_gradient, std::int32_t* active) {
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < scene.visible_count; i++) {
-    const float* gradient = color_gradient + 3 * static_cast<std::size_t>(scene.visible[i]);
-    active[count] = scene.visible[i];
-    count += gradient[0] != 0 || gradient[1] != 0 || gradient[2] != 0;
-  }
-  return count;
-}
-
-void run_shard(const Backward& pass, const std::int32_t* active, std::size_t begin, std::size_t end, float* zeroed) {
+void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* zeroed) {
   Arena memory{zeroed};
   const ShardSums sums = lay_out_sums(pass.shape, memory);
   std::memset(zeroed, 0, memory.used * sizeof(float));
@@ -227,25 +224,27 @@ void run_shard(const Backward& pass, const std::int32_t* active, std::size_t beg
   lay_out_gradient(gradient, pass.shape, scratch);
   for (std::size_t first = begin; first < end; first += GROUP) {
     const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
-    start(batch, pass.shape, pass.scene, active + first, count);
+    start(batch, pass.shape, pass.scene, pass.rows + first, count);
     multiply(batch, pass.shape, pass.parameters, pass.panels.tables);
     shade(batch, pass.shape, pass.panels);
-    backpropagate(pass, batch, gradient, sums);
+    backpropagate(pass, batch, pass.weights + first, gradient, sums);
   }
 }
 
-// What the backward pass needs beside the shards: the list of active rows and the packed weights.
+// What the backward pass needs beside the shards: the rows that were drawn, what each counts, and the packed weights.
 struct Plan {
-  std::int32_t* active;
-  Arena weights;
+  std::int32_t* rows;
+  float* weights;
+  Arena panels;
 };
 
 Plan plan(const RingShape& shape, std::size_t visible_count, Arena& memory) {
-  auto* active = reinterpret_cast<std::int32_t*>(memory.take(visible_count));
+  auto* rows = reinterpret_cast<std::int32_t*>(memory.take(visible_count));
+  float* weights = memory.take(visible_count);
   Arena counter{nullptr};
   pack_layers(shape, {}, counter);
   pack_transposed(shape, {}, counter);
-  return {active, {memory.take(counter.used)}};
+  return {rows, weights, {memory.take(counter.used)}};
 }
 
 }  // namespace
@@ -258,24 +257,26 @@ std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count) {
 }
 
 void ring_backward(const RingShape& shape, const RingParameters<const float>& parameters, const RingScene& scene,
-                   const float* color_gradient, const RingParameters<float>& gradients,
+                   const RingUpstream& upstream, const RingParameters<float>& gradients,
                    const RingRowGradients& row_gradients, float* workspace) {
-  write_unlit_gradients(shape, scene, color_gradient, row_gradients);
+  write_unlit_gradients(shape, scene, upstream, row_gradients);
   Arena memory{workspace};
-  auto [active, weights] = plan(shape, scene.visible_count, memory);
-  const std::size_t count = list_active(scene, color_gradient, active);
-  const RingPanels panels = pack_layers(shape, parameters, weights);
-  const GradientPanels transposed = pack_transposed(shape, parameters, weights);
-  const Backward pass{shape, parameters, scene, panels, transposed, color_gradient, row_gradients};
+  Plan planned = plan(shape, scene.visible_count, memory);
+  std::memcpy(planned.rows, scene.visible, scene.visible_count * sizeof *planned.rows);
+  const ColorGradient of_colors{upstream.color_gradient, 3, 1, upstream.color};
+  const std::size_t count = draw_lots(of_colors, upstream.share, scene.visible_count, planned.rows, planned.weights);
+  const RingPanels panels = pack_layers(shape, parameters, planned.panels);
+  const GradientPanels transposed = pack_transposed(shape, parameters, planned.panels);
+  const Backward pass{shape,     parameters,   scene,           panels,       transposed,
+                      of_colors, planned.rows, planned.weights, row_gradients};
   Arena of_shard{nullptr};
   lay_out_sums(shape, of_shard);
   const int shards = ring_shards(count);
   float* const sums = memory.take(of_shard.used * shards);
   const std::size_t share = (count + shards - 1) / shards;
-  const std::int32_t* const rows = active;
-  parallel_for(shards, [&, rows](std::size_t shard) {
+  parallel_for(shards, [&](std::size_t shard) {
     const std::size_t begin = shard * share, end = begin + share < count ? begin + share : count;
-    run_shard(pass, rows, begin, end, sums + shard * of_shard.used);
+    run_shard(pass, begin, end, sums + shard * of_shard.used);
   });
   add_up_shards(shape, {sums, of_shard.used, shards}, gradients);
 }

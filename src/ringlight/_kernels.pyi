@@ -80,7 +80,9 @@ def ring_backward(
     latents: Tensor,
     visible: Tensor,
     frame: Tensor,
+    color: Tensor,
     color_gradient: Tensor,
+    share: float,
     gradients: Sequence[Tensor],
     base_gradient: Tensor,
     latents_gradient: Tensor,
@@ -175,6 +177,7 @@ def reflection_backward(
     view: Sequence[float],
     planes: Sequence[Tensor],
     color_gradient: Tensor,
+    share: float,
     gradients: Sequence[Tensor],
     plane_gradients: Sequence[Tensor],
 ) -> None: ...

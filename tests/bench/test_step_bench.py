@@ -20,7 +20,7 @@ def subject(method):
     return subject_of_workload(method, METHODS[method], TINY, rasterizer_for("cpu"))
 
 
-@pytest.mark.parametrize("method", ["3dgs", "ringlight"])
+@pytest.mark.parametrize("method", ["3dgs", "ringlight", "ringlight-mirror"])
 def test_stages_do_what_the_loop_does(method):
     looped, staged = subject(method), subject(method)
     next(train(looped.training))
@@ -53,6 +53,12 @@ def test_repeating_leaves_the_training_where_it_was(circumstances):
     assert result.image == "32x32"
     assert set(result.stages) == set(StagedStep(before.training, before.step).stages())
     assert set(result.kernels) == {"raster forward", "loss", "raster backward", "adam", TOTAL}
+    assert result.wall_floor_ratio > 0
+
+
+def test_deferred_shading_has_stages_of_its_own(circumstances):
+    result = bench_step(subject("ringlight-mirror"), Budget(rounds=1, seconds=60.0), circumstances)
+    assert {"shade forward", "shade backward"} <= set(result.stages)
     assert result.wall_floor_ratio > 0
 
 

@@ -150,6 +150,26 @@ def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, field, lat
     compare(chosen, count, seed)
 
 
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(share=st.floats(0.02, 0.98), count=st.integers(1, 300), seed=st.integers(0, 10_000))
+def test_rows_drawn_by_lot_are_the_twins(share, count, seed):
+    """The same lots, for they are made of the same bits; all rows keep the gradient that does not go by the light."""
+    chosen = replace(LATENT, gradient_share=share)
+    assume(is_smooth(chosen, count, seed))
+    model, gaussians = model_and_table(chosen, count, seed)
+    twin, table = doubled(model, gaussians)
+    upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(seed + 1)) ** 3
+    fast = evaluate(model, gaussians, upstream)
+    appearance = {name: column.requires_grad_() for name, column in table.appearance.items()}
+    twin.twin(replace(table, appearance=appearance), camera(), share).color.backward(upstream.double())
+    slow = {name: p.grad for name, p in twin.named_parameters()}
+    slow |= {name: appearance[name].grad for name in ("base", "latents")}
+    for name, expected in slow.items():
+        error = (fast.gradients[name].double() - expected).abs().max()
+        assert error <= GRADIENT_TOLERANCE * expected.abs().max() + 1e-7, name
+    assert (slow["latents"] == 0).all(1).sum() >= (fast.gradients["latents"] == 0).all(1).sum() > 0 or count < 20
+
+
 @pytest.mark.parametrize(
     ("rank", "features", "hidden", "latents"),
     [(8, 24, 64, 0), (16, 24, 64, 4), (16, 48, 128, 0), (16, 48, 128, 3), (24, 60, 96, 4), (32, 64, 128, 0)],

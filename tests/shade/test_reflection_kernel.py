@@ -127,6 +127,28 @@ def test_equals_the_twin(kind: str, size: tuple[int, int]):
     assert_equal(shader_with(chosen), blended, view)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_pixels_drawn_by_lot_are_the_twins(share: float):
+    """The same lots, for they are made of the same bits."""
+    chosen, view = replace(SMALL, gradient_share=share), camera(70, 41)
+    shader = shader_with(chosen)
+    blended = smooth(shader_with(SMALL), buffers(view, chosen.latents), view)
+    found = run(shader, blended, view)
+    leaves = {name: values.double().requires_grad_() for name, values in blended.items()}
+    exact = shader.double()
+    color = exact.twin(leaves, view, GREY, share)
+    exact.zero_grad()
+    upstream = torch.randn(color.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    color.backward(upstream)
+    expected = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
+    expected |= {name: p.grad for name, p in exact.named_parameters()}
+    undrawn = (found.gradients["normal"] == 0).all(-1) & (blended["normal"] != 0).any(-1)
+    assert 0.5 * (1 - share) < undrawn.float().mean()
+    for name, gradient in expected.items():
+        error = (found.gradients[name] - gradient).abs().max()
+        assert error <= GRADIENT_TOLERANCE * gradient.abs().max() + 1e-7, name
+
+
 @given(
     hidden=st.integers(FEWEST, 40),
     layers=st.integers(1, 2),

@@ -69,11 +69,17 @@ class RasterKernel:
 
 
 class LossKernel:
-    """Value and gradient of the photometric loss of one image; ``gradient`` [3 H W] is overwritten each time."""
+    """Value and gradient of the photometric loss of one image; ``gradient`` is overwritten each time."""
 
-    def __init__(self, image: Float[Tensor, "3 H W"], target: Target, settings: PhotometricLoss):
+    def __init__(
+        self,
+        image: Float[Tensor, "3 H W"],
+        target: Target,
+        settings: PhotometricLoss,
+        gradient: Float[Tensor, "3 H W"] | None = None,
+    ):
         _, height, width = image.shape
-        self.gradient = torch.empty_like(image)
+        self.gradient = torch.empty_like(image) if gradient is None else gradient
         workspace = image.new_empty(_kernels.photometric_workspace(height, width, _kernels.threads()))
         weights = (settings.scale * (1 - settings.ssim_weight), settings.scale * settings.ssim_weight)
         blurs = (target.blur, target.square_blur)

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 
-from ringlight.bench.seams import seams_of
+from ringlight.bench.seams import seams_of, shades
 from ringlight.core.rendering import Rendering
 from ringlight.fit.losses import photometric_gradient
 from ringlight.fit.train import Training
 
 
 class StagedStep:
-    """For models whose shader passes the blended colour through."""
+    """The stages of one step; those of the shader only where it does anything."""
 
     def __init__(self, training: Training, step: int):
         self.training, self.step = training, step
@@ -17,16 +17,26 @@ class StagedStep:
 
     def stages(self) -> dict[str, Callable[[], object]]:
         """What to run, in order."""
-        return {
+        seams = self.seams
+        stages: dict[str, Callable[[], object]] = {
             "photograph": self.photograph,
-            "colour forward": lambda: self.seams.colour_forward(self.batch),
-            "raster forward": lambda: self.seams.raster_forward(self.batch),
+            "colour forward": lambda: seams.colour_forward(self.batch),
+            "raster forward": seams.raster_forward,
+            "shade forward": seams.shade_forward,
             "loss": self.loss,
-            "raster backward": lambda: self.seams.raster_backward(self.by_image),
-            "colour backward": lambda: self.seams.colour_backward(),
+            "shade backward": lambda: seams.shade_backward(self.by_color),
+            "raster backward": seams.raster_backward,
+            "colour backward": seams.colour_backward,
             "adam": self.adam,
             "strategies": self.strategies,
         }
+        if shades(self.training):
+            return stages
+        joined = {
+            "raster forward": lambda: (seams.raster_forward(), stages["shade forward"]()),
+            "raster backward": lambda: (stages["shade backward"](), seams.raster_backward()),
+        }
+        return {name: joined.get(name, stage) for name, stage in stages.items() if not name.startswith("shade")}
 
     def photograph(self) -> None:
         fixed = self.training.batches.scene.background != "random"
@@ -34,7 +44,7 @@ class StagedStep:
         self.target = self.training.targets.of(self.batch, fixed)
 
     def loss(self) -> None:
-        _, self.by_image = photometric_gradient(self.seams.raster.image, self.target, self.training.loss)
+        _, self.by_color = photometric_gradient(self.seams.color, self.target, self.training.loss)
 
     def adam(self) -> None:
         radii = self.seams.raster.footprint.radii
@@ -42,6 +52,6 @@ class StagedStep:
 
     def strategies(self) -> None:
         raster = self.seams.raster
-        rendering = Rendering(raster.image, raster.alpha, {}, raster)
+        rendering = Rendering(self.seams.color, raster.alpha, {}, raster)
         for strategy in self.training.strategies:
             strategy.update(self.step, self.training.model, self.training.optimizer, rendering)

@@ -20,6 +20,7 @@ from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.fit.train import Training, train
+from ringlight.models.parts import joined
 from ringlight.models.splats import COLUMNS_PREFIX
 from ringlight.rasterize.contract import Rasterizer
 
@@ -134,11 +135,12 @@ def _kernels_alone(subject: Subject) -> dict[str, Callable[[], object]]:
     with torch.no_grad():
         channels = dict(model.color.channels(table, batch.camera))
     factor = channels.pop(OPACITY_FACTOR, None)
-    raster = RasterKernel(
-        table, channels["rgb"], batch.camera, batch.background, model.options,
-        None if factor is None else factor[:, 0],
-    )  # fmt: skip
-    loss = LossKernel(raster.image, target, training.loss)
+    blended = joined(list(channels.values()))
+    behind = torch.nn.functional.pad(batch.background, (0, blended.shape[1] - len(batch.background)))
+    raster = RasterKernel(table, blended, batch.camera, behind, model.options, None if factor is None else factor[:, 0])
+    # For channels that the loss does not see any number will do: what a gradient costs does not depend on it.
+    by_image = torch.ones_like(raster.image)
+    loss = LossKernel(raster.image[:3], target, training.loss, by_image[:3])
     parameters = dict(model.named_parameters())
     known = {COLUMNS_PREFIX + name: gradient for name, gradient in raster.gradients.items()}
     groups = [training.optimizer.groups[name] for name in parameters]
@@ -146,7 +148,7 @@ def _kernels_alone(subject: Subject) -> dict[str, Callable[[], object]]:
     return {
         "raster forward": raster.forward,
         "loss": loss.run,
-        "raster backward": lambda: raster.backward(loss.gradient),
+        "raster backward": lambda: raster.backward(by_image),
         "adam": adam.run,
     }
 

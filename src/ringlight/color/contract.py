@@ -1,5 +1,6 @@
 """The socket: what each Gaussian emits towards a camera."""
 
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 from jaxtyping import Bool, Float
@@ -38,15 +39,18 @@ class ColorModel(Protocol):
 
 @runtime_checkable
 class DirectColor(Protocol):
-    """Colours and their gradient without autograd, of a model that emits "rgb" and nothing else.
+    """What a colour model emits, and its gradient, without autograd.
 
     A colour model that can may have a method ``direct()`` that returns one of these, or None.
     """
 
-    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
-        """The colours."""
+    widths: Mapping[str, int]
+    """The channels of the last view drawn, by name, in order: "rgb" comes first."""
+
+    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N C"]:
+        """All channels side by side."""
         ...
 
-    def differentiate(self, by_colors: Float[Tensor, "N 3"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
+    def differentiate(self, by_channels: Float[Tensor, "N C"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
         """Gradients of the colour's columns for the last view drawn; adds to ``by_means``."""
         ...

@@ -1,5 +1,6 @@
 """Spherical harmonics per Gaussian: the colour of 3DGS (Kerbl et al. 2023, section 5 and appendix)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -134,6 +135,8 @@ class RestGradient:
 
 class DirectHarmonics:
     """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""
+
+    widths: Mapping[str, int] = {"rgb": 3}
 
     def __init__(self, active_degree: Tensor):
         self._active_degree = active_degree

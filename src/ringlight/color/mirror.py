@@ -1,14 +1,18 @@
 """What Gaussians emit for deferred reflection shading: a base colour, a normal, latents and a depth."""
 
+from collections.abc import Mapping
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ringlight.color.mirror_kernel import kernel_takes, mirror_channels
+from ringlight import _kernels
+from ringlight.color.mirror_kernel import MAX_LATENTS, kernel_takes, mirror_channels, mirror_view
 from ringlight.color.ringlight import BASE, DARKEST, LATENT_SPREAD, LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradient
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
@@ -18,6 +22,11 @@ NORMALS = "normals"
 FLIP_BELOW = -0.25
 """Cosine between normal and direction to the camera below which a normal is turned round. At 0 normals at silhouettes
 jump there and back between views; never turned, those of backs blend with those of fronts."""
+
+
+def lit_widths(latents: int) -> dict[str, int]:
+    """What is blended once the shader is lit, in order."""
+    return {"rgb": 3, "normal": 3, "latents": latents, "depth": 1}
 
 
 class Mirror(nn.Module):
@@ -60,8 +69,12 @@ class Mirror(nn.Module):
         if not kernel_takes(gaussians.means, base, normals, latents):
             return self.twin(gaussians, camera)
         channels = mirror_channels(gaussians.means, base, normals, latents, camera, FLIP_BELOW)
-        widths = (3, 3, latents.shape[1], 1)
-        return dict(zip(("rgb", "normal", "latents", "depth"), channels.split(widths, -1), strict=True))
+        widths = lit_widths(latents.shape[1])
+        return dict(zip(widths, channels.split(tuple(widths.values()), -1), strict=True))
+
+    def direct(self) -> "DirectMirror | None":
+        """The same without autograd, by the kernel; None where it takes no so many latents."""
+        return DirectMirror(self.lit, self.latents) if self.latents <= MAX_LATENTS else None
 
     def twin(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """What the kernel computes once lit, in torch and in any precision."""
@@ -81,6 +94,42 @@ class Mirror(nn.Module):
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row."""
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
+
+
+class DirectMirror:
+    """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""
+
+    widths: Mapping[str, int]
+
+    def __init__(self, lit: Tensor, latents: int):
+        self._lit, self._lit_widths = lit, lit_widths(latents)
+        self.widths = self._lit_widths
+        self._channels = torch.empty(0, 0, dtype=torch.float32, device="cpu")
+        self._gradients: list[Tensor] = []
+
+    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N C"]:
+        """What :meth:`Mirror.channels` gives, side by side."""
+        base, normals, latents = (gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS))
+        self.widths = self._lit_widths if self._lit else {"rgb": 3}
+        if not self._lit:
+            self._channels = base.sigmoid()
+            return self._channels
+        self._columns = (gaussians.means, base, normals, latents)
+        self._view = mirror_view(camera, FLIP_BELOW)
+        shape = (len(base), sum(self.widths.values()))
+        if self._channels.shape != shape:
+            self._channels = base.new_empty(shape)
+            self._gradients = [torch.empty_like(column) for column in self._columns]
+        _kernels.mirror_channels(self._view, self._columns, self._channels)
+        return self._channels
+
+    def differentiate(self, by_channels: Float[Tensor, "N C"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
+        """Gradients of the colour's columns by name; adds to ``by_means``, unless no depth had a gradient."""
+        if len(self.widths) == 1:
+            return {BASE: torch.ops.aten.sigmoid_backward(by_channels, self._channels)}
+        if _kernels.mirror_gradient(self._view, self._columns, by_channels, self._gradients):
+            by_means += self._gradients[0]
+        return dict(zip((BASE, NORMALS, LATENTS), self._gradients[1:], strict=True))
 
 
 def facing_normals(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:

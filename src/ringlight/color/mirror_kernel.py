@@ -29,11 +29,14 @@ def mirror_channels(
     flip_below: float,
 ) -> Float[Tensor, "N C"]:
     """Base colour 3 from its logits, unit normal 3 towards the camera, latents L and depth 1, side by side."""
-    row = camera.world_to_camera[2]
-    view = [*camera.position.tolist(), *row.tolist(), flip_below, SMALLEST_LENGTH]
     columns = (column.contiguous() for column in (means, base, normals, latents))
-    channels: Tensor = _MirrorChannels.apply(view, *columns)
+    channels: Tensor = _MirrorChannels.apply(mirror_view(camera, flip_below), *columns)
     return channels
+
+
+def mirror_view(camera: Camera, flip_below: float) -> list[float]:
+    """The camera as the kernel takes it."""
+    return [*camera.position.tolist(), *camera.world_to_camera[2].tolist(), flip_below, SMALLEST_LENGTH]
 
 
 class _MirrorChannels(torch.autograd.Function):

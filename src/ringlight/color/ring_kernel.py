@@ -76,6 +76,7 @@ class _LightField(torch.autograd.Function):
         ctx: Any,
         rows: LitRows,
         shape: list[int],
+        share: float,
         workspace: Workspace,
         base: Tensor,
         latents: Tensor,
@@ -83,23 +84,23 @@ class _LightField(torch.autograd.Function):
     ) -> Tensor:
         color = torch.empty_like(base)
         _kernels.ring_forward(shape, parameters, rows.means, base, latents, rows.visible, rows.frame, color)
-        ctx.rows, ctx.shape, ctx.workspace = rows, shape, workspace
-        ctx.save_for_backward(base, latents, *parameters)
+        ctx.rows, ctx.shape, ctx.share, ctx.workspace = rows, shape, share, workspace
+        ctx.save_for_backward(color, base, latents, *parameters)
         return color
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, color_gradient: Tensor) -> tuple[Tensor | None, ...]:
-        base, latents, *parameters = ctx.saved_tensors
+        color, base, latents, *parameters = ctx.saved_tensors
         rows: LitRows = ctx.rows
         gradients = [torch.empty_like(parameter) for parameter in parameters]
         base_gradient, latents_gradient = torch.empty_like(base), torch.empty_like(latents)
         workspace = ctx.workspace.floats(_kernels.ring_workspace(ctx.shape, len(rows.visible)))
         _kernels.ring_backward(
             ctx.shape, parameters, rows.means, base, latents, rows.visible, rows.frame,
-            color_gradient.contiguous(), gradients, base_gradient, latents_gradient, workspace,
+            color, color_gradient.contiguous(), ctx.share, gradients, base_gradient, latents_gradient, workspace,
         )  # fmt: skip
-        return None, None, None, base_gradient, latents_gradient, *gradients
+        return None, None, None, None, base_gradient, latents_gradient, *gradients
 
 
 def light(
@@ -107,15 +108,17 @@ def light(
     base: Float[Tensor, "N 3"],
     latents: Float[Tensor, "N L"],
     parameters: RingParameters,
+    share: float,
     workspace: Workspace,
 ) -> Float[Tensor, "N 3"]:
     """Colours in [0, 1], differentiable in the base colours' logits ``base``, the latents and all parameters.
 
-    The same bits for any number of threads. The gradient of rows whose colour got none is not computed.
+    The same bits for any number of threads. The gradient of rows whose colour got none is not computed; of the others
+    at most ``share`` are expected to be, see ``core/lot.py``.
     """
     tensors = [tensor.contiguous() for tensor in parameters.tensors]
     color: Tensor = _LightField.apply(
-        rows, parameters.shape, workspace, base.contiguous(), latents.contiguous(), *tensors
+        rows, parameters.shape, share, workspace, base.contiguous(), latents.contiguous(), *tensors
     )
     return color
 

@@ -32,6 +32,10 @@ class RingLightSettings:
     evaluation: Literal["tabulated", "exact"] = "tabulated"
     """Heads read from tables (fast), or run at every Gaussian (the slow twin). A model belongs to the one it was
     trained with."""
+    gradient_share: float = 1.0
+    """Share of the Gaussians whose light is differentiated in a step, drawn by lot in proportion to their gradients and
+    weighted, so that the expectation is the same; all of them still get their base colour's gradient. By kernel only:
+    other fields and other devices differentiate all."""
     mask: bool = True
     """Whether a visibility mask is learned per Gaussian (eq. 10)."""
     mask_threshold: float = 0.01
@@ -56,5 +60,7 @@ class RingLightSettings:
                 raise RecipeError(f"light.{name} is {getattr(self, name)}; give 1 to {LARGEST_HIDDEN}")
         if not 0 <= self.latents <= MAX_LATENTS:
             raise RecipeError(f"light.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian")
+        if not 0 < self.gradient_share <= 1:
+            raise RecipeError(f"light.gradient_share is {self.gradient_share}; give a share above 0, at most 1")
         if not 0 <= self.mask_threshold < 1:
             raise RecipeError(f"light.mask_threshold is {self.mask_threshold}; a sigmoid lies between 0 and 1")

@@ -40,6 +40,7 @@ OURS = RingLightSettings(
     render_hidden=64,
     modulation_hidden=64,
     latents=4,
+    gradient_share=0.5,
 )
 """Narrower than the paper's field: rank 16 with 48 features doubles the cost of a step for 0.1 dB on NeRF-Synthetic's
 chair. Four latents give each Gaussian a say in how it reflects, for 0.5 dB there. Four view bands do not alias in a

@@ -11,28 +11,62 @@ from ringlight.core.camera import Camera
 from ringlight.core.gradients import Gradient
 from ringlight.core.rendering import Rendering
 from ringlight.rasterize.contract import DirectRasterizer
+from ringlight.shade.contract import DirectShader
 
 if TYPE_CHECKING:
     from ringlight.models.splats import SplatModel
 
+SHADER_PREFIX = "shader."
+"""Names of the shader's parameters in the model begin with this."""
+
+
+ImageGradients = tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None, dict[str, Tensor]]
+"""By the blended channels, by alpha, and by the shader's parameters."""
+
+
+def unshaded(by_color: Float[Tensor, "H W 3"]) -> ImageGradients:
+    """What a :class:`ringlight.shade.contract.DirectShader` that hands "rgb" on would find."""
+    return by_color, None, {}
+
 
 class DirectModel:
-    """One view at a time: :meth:`render`, then :meth:`differentiate`. The same bits as autograd's."""
+    """One view at a time: :meth:`render`, then :meth:`differentiate`. The same bits as autograd's.
 
-    def __init__(self, model: "SplatModel", color: DirectColor, rasterize: DirectRasterizer):
-        self.color, self.rasterize = color, rasterize
+    ``shader`` is None where the blended "rgb" is the colour.
+    """
+
+    def __init__(
+        self, model: "SplatModel", color: DirectColor, rasterize: DirectRasterizer, shader: DirectShader | None
+    ):
+        self.color, self.rasterize, self.shader = color, rasterize, shader
         self._model = model
 
     @torch.no_grad()
     def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
         """What the model's own ``render`` gives."""
-        gaussians = self._model.gaussians
-        colors = self.color.draw(gaussians, camera)
-        raster = self.rasterize.draw(gaussians, colors, camera, background, self._model.options)
-        return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
+        channels = self.color.draw(self._model.gaussians, camera)
+        return self.shade(self.blend(channels, camera, background), camera, background)
+
+    def blend(self, channels: Float[Tensor, "N C"], camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+        """The channels blended, "rgb" over the background and the others over nothing; ``color`` is still "rgb"."""
+        widths = self.color.widths
+        behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
+        gaussians, options = self._model.gaussians, self._model.options
+        raster = self.rasterize.draw(gaussians, channels, camera, behind, options)
+        buffers = dict(zip(widths, raster.image.split(tuple(widths.values()), -1), strict=True))
+        return Rendering(buffers["rgb"], raster.alpha, buffers | {"alpha": raster.alpha}, raster)
+
+    def shade(self, blended: Rendering, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+        """With the shader's colour."""
+        if self.shader is None:
+            return blended
+        color = self.shader.draw(blended.buffers, camera, background)
+        return Rendering(color, blended.alpha, blended.buffers, blended.raster)
 
     @torch.no_grad()
     def differentiate(self, by_color: Float[Tensor, "H W 3"]) -> dict[str, Gradient]:
-        """Gradients by column, for the last view rendered."""
-        by_geometry, by_channels = self.rasterize.differentiate(by_color)
-        return by_geometry | self.color.differentiate(by_channels, by_geometry["means"])
+        """Gradients by column, and by name of the shader's parameters, for the last view rendered."""
+        by_image, by_alpha, shared = unshaded(by_color) if self.shader is None else self.shader.differentiate(by_color)
+        by_geometry, by_channels = self.rasterize.differentiate(by_image, by_alpha)
+        by_columns = by_geometry | self.color.differentiate(by_channels, by_geometry["means"])
+        return by_columns | {SHADER_PREFIX + name: gradient for name, gradient in shared.items()}

@@ -77,17 +77,18 @@ class SplatModel(nn.Module):
         gaussians = self.gaussians
         channels = dict(self.color.channels(gaussians, camera))
         factor = channels.pop(OPACITY_FACTOR, None)
-        rendering = self._blend(gaussians, channels, factor, camera, background)
+        rendering = self.blend(gaussians, channels, factor, camera, background)
         color = self.shader.shade(rendering.buffers, camera, background)
         return Rendering(color, rendering.alpha, rendering.buffers, rendering.raster)
 
     def direct(self) -> DirectModel | None:
         """Pictures and gradients without autograd, or None where a part of this model has no such form."""
-        color, rasterize = getattr(self.color, "direct", None), getattr(self.rasterize, "direct", None)
-        if color is None or rasterize is None or not getattr(self.shader, "passes_through", False):
+        parts = (self.color, self.rasterize, self.shader)
+        color, rasterize, shader = (getattr(part, "direct", lambda: None)() for part in parts)
+        shades = not getattr(self.shader, "passes_through", False)
+        if color is None or rasterize is None or (shader is None and shades):
             return None
-        light = color()
-        return None if light is None else DirectModel(self, light, rasterize())
+        return DirectModel(self, color, rasterize, shader)
 
     @torch.no_grad()
     def layers(self, camera: Camera) -> Channels:
@@ -102,7 +103,7 @@ class SplatModel(nn.Module):
         channels = dict(self.color.layers(gaussians, camera))
         channels["depth"] = camera.depths(gaussians.means)[:, None]
         channels.setdefault("normal", shortest_axes(gaussians, camera.position.to(self.device)))
-        rendering = self._blend(gaussians, channels, factor, camera, torch.zeros(3))
+        rendering = self.blend(gaussians, channels, factor, camera, torch.zeros(3))
         buffers = dict(rendering.buffers)
         surface = rendering.alpha > FAINTEST_SURFACE
         buffers["depth"] = torch.where(surface, buffers["depth"] / rendering.alpha.clamp_min(FAINTEST_SURFACE), 0)
@@ -117,7 +118,7 @@ class SplatModel(nn.Module):
         """The colour that each of these rows would show alone."""
         return self.shader.emitted(self.color.channels(gaussians, camera), gaussians.means, camera)
 
-    def _blend(
+    def blend(
         self,
         gaussians: Gaussians,
         channels: Channels,

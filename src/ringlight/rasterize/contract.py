@@ -69,6 +69,8 @@ class DirectRasterizer(Protocol):
         """As :class:`Rasterizer`."""
         ...
 
-    def differentiate(self, by_image: Float[Tensor, "H W C"]) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
+    def differentiate(
+        self, by_image: Float[Tensor, "H W C"], by_alpha: Float[Tensor, "H W 1"] | None = None
+    ) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
         """Gradients of the geometry's columns by name, and of the channels; fills in the footprint."""
         ...

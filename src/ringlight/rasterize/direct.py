@@ -45,7 +45,9 @@ class DirectRaster:
             self._image, alpha = self._job.draw(self._workspace, self._table)
         return Raster(*as_raster(self._image, alpha), self._job.footprint)
 
-    def differentiate(self, by_image: Float[Tensor, "H W C"]) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
+    def differentiate(
+        self, by_image: Float[Tensor, "H W C"], by_alpha: Float[Tensor, "H W 1"] | None = None
+    ) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
         """Gradients of the geometry's columns by name, and of the channels; fills in the footprint."""
         job = self._job
         gradients = self._arrays()
@@ -54,7 +56,8 @@ class DirectRaster:
         means, log_scales, quats, opacity_logits, channels = gradients
         into = _kernels.SplatGradients(means, log_scales, quats, opacity_logits, None, channels, by_center, absolute)
         by_planes = by_image.permute(2, 0, 1).contiguous()
-        self._workspace.backward(self._table, self._image, by_planes, None, into)
+        by_plane = None if by_alpha is None else by_alpha[..., 0].contiguous()
+        self._workspace.backward(self._table, self._image, by_planes, by_plane, into)
         job.note(by_center, absolute)
         return dict(zip(GEOMETRY, gradients, strict=False)), channels
 

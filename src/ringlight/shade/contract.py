@@ -24,3 +24,20 @@ class Shader(Protocol):
     def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
         """What single Gaussians at ``points`` would show, each alone and opaque, from their channels [N c]."""
         ...
+
+
+@runtime_checkable
+class DirectShader(Protocol):
+    """Shading and its gradient without autograd; a shader that can has a method ``direct()`` that makes one or None."""
+
+    def draw(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
+        """As :meth:`Shader.shade`."""
+        ...
+
+    def differentiate(
+        self, by_color: Float[Tensor, "H W 3"]
+    ) -> tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None, dict[str, Tensor]]:
+        """Gradients for the last picture drawn: of the blended channels side by side, as the colour model has them, of
+        "alpha", and of the shader's own parameters by name. None for alpha, and no parameters, where they had no part.
+        """
+        ...

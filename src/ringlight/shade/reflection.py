@@ -11,13 +11,21 @@ from torch import Tensor, nn
 
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
+from ringlight.core.lot import by_lot
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels
 from ringlight.fields.networks import perceptron
 from ringlight.fields.octahedral import OctahedralMaps
 from ringlight.fields.parallax import sphere_exits
 from ringlight.shade.covered import CoveredPixels, covered_pixels
-from ringlight.shade.reflection_kernel import ReflectionJob, kernel_takes, reflect_by_kernel, reflection_job
+from ringlight.shade.reflection_direct import DirectReflection
+from ringlight.shade.reflection_kernel import (
+    ReflectionJob,
+    kernel_takes,
+    reflect_by_kernel,
+    reflection_job,
+    sizes_fit,
+)
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
 
 # The last layer starts smaller than PyTorch's: the first shaded picture shall be near that of the base colours.
@@ -62,12 +70,18 @@ class ReflectionShader(nn.Module):
             return buffers["rgb"]
         if not kernel_takes(self.settings, buffers):
             return self.twin(buffers, camera, background)
-        return reflect_by_kernel(self._job(camera, background), buffers, self._kernel_parameters())
+        return reflect_by_kernel(self.job(camera, background), buffers, self.kernel_parameters())
 
-    def twin(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
-        """What the kernel computes, in torch and in any precision."""
+    def direct(self) -> DirectReflection | None:
+        """The same without autograd, by the kernel; None where it does not take the sizes."""
+        return DirectReflection(self) if sizes_fit(self.settings) else None
+
+    def twin(
+        self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"], gradient_share: float = 1.0
+    ) -> Float[Tensor, "H W 3"]:
+        """What the kernel computes, in torch and in any precision. Here ``gradient_share`` saves no time."""
         pixels = covered_pixels(buffers, camera, background, self.settings.depth_gradient)
-        added = pixels.alpha * self.mlp(self._inputs(pixels))
+        added = by_lot(pixels.alpha * self.mlp(self._inputs(pixels)), gradient_share)
         rgb = buffers["rgb"]
         residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)
         return rgb + residual.unflatten(1, rgb.shape[:2]).permute(1, 2, 0)
@@ -82,10 +96,12 @@ class ReflectionShader(nn.Module):
         alone = CoveredPixels(everyone, opaque, base, channels["latents"], channels["normal"], directions, points)
         return (base + self.mlp(self._inputs(alone))).clamp(0, 1)
 
-    def _job(self, camera: Camera, background: Float[Tensor, "3"]) -> ReflectionJob:
+    def job(self, camera: Camera, background: Float[Tensor, "3"]) -> ReflectionJob:
+        """What the kernel is told of a view."""
         return reflection_job(self.settings, camera, background, self.box)
 
-    def _kernel_parameters(self) -> list[Tensor]:
+    def kernel_parameters(self) -> list[Tensor]:
+        """In the kernel's order."""
         spheres = [self.sphere] if self.settings.parallax else []
         return [*self.maps.parameters(), *spheres, *self.mlp.parameters()]
 

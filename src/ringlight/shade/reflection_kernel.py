@@ -1,5 +1,6 @@
 """Autograd glue over the fused reflection shader: planes and parameters in, colours out, nothing kept in between."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,11 +20,16 @@ MAX_HIDDEN, MAX_LATENTS, MAX_FEATURES, MAX_LEVELS, MAX_SIDE, QUAD = 128, 16, 16,
 
 
 def kernel_takes(settings: ReflectionSettings, buffers: Channels) -> bool:
-    """Whether the kernel can do it: float32 on the CPU, features in fours, and no size beyond its limits."""
+    """Whether the kernel can do it: float32 on the CPU, and sizes that it takes."""
+    kinds = {(values.dtype, values.device.type) for values in buffers.values()}
+    return sizes_fit(settings) and kinds == {(torch.float32, "cpu")}
+
+
+def sizes_fit(settings: ReflectionSettings) -> bool:
+    """Whether the kernel takes them: features in fours, and none beyond its limits."""
     fits = settings.hidden <= MAX_HIDDEN and settings.latents <= MAX_LATENTS and max(settings.levels) <= MAX_SIDE
     fits = fits and settings.features <= MAX_FEATURES and settings.features % QUAD == 0
-    kinds = {(values.dtype, values.device.type) for values in buffers.values()}
-    return fits and len(settings.levels) <= MAX_LEVELS and kinds == {(torch.float32, "cpu")}
+    return fits and len(settings.levels) <= MAX_LEVELS
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,7 @@ class ReflectionJob:
     view: list[float]
     parallax: bool
     depth_gradient: bool
+    gradient_share: float
 
 
 def reflection_job(
@@ -58,7 +65,7 @@ def reflection_job(
         *origin.tolist(), scale.item(), *background.tolist(),
         FAINTEST_SHADED, SHORTEST_NORMAL, SMALLEST_HALF_CHORD_SQUARED,
     ]  # fmt: skip
-    return ReflectionJob([*sizes, *settings.levels], view, settings.parallax, depth_gradient)
+    return ReflectionJob([*sizes, *settings.levels], view, settings.parallax, depth_gradient, settings.gradient_share)
 
 
 def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Tensor]) -> Float[Tensor, "H W 3"]:
@@ -72,12 +79,20 @@ def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Te
     return color
 
 
+def planes_of(job: ReflectionJob, buffers: Channels) -> list[Float[Tensor, "_ H W"]]:
+    """The blended planes in the kernel's order: rgb, normal, latents, alpha and, where there are spheres, depth."""
+    rgb = buffers["rgb"]
+    latents = buffers.get("latents", rgb.new_empty(*rgb.shape[:2], 0))
+    planes = [rgb, buffers["normal"], latents, buffers["alpha"], *([buffers["depth"]] if job.parallax else [])]
+    return [_planar(values) for values in planes]
+
+
 def _planar(values: Float[Tensor, "H W c"]) -> Float[Tensor, "c H W"]:
     return values.permute(2, 0, 1).contiguous()
 
 
 ALPHA = 3
-"""Its place among the kernel's planes: rgb, normal, latents, alpha and, where there are spheres, depth."""
+"""Its place among the kernel's planes, see :func:`planes_of`."""
 
 
 class _Reflect(torch.autograd.Function):
@@ -105,17 +120,34 @@ class _Reflect(torch.autograd.Function):
     def backward(ctx: Any, by_color: Tensor) -> tuple[Tensor | None, ...]:
         job, planes, parameters = ctx.job, ctx.saved_tensors[: ctx.count], ctx.saved_tensors[ctx.count :]
         gradients = [torch.empty_like(parameter) for parameter in parameters]
-        # One block, in the order in which colour models blend: whoever parted the image can hand it on as it is.
+        block, by_alpha = plane_gradients(job, planes, parameters, by_color, gradients)
         blended = [plane for index, plane in enumerate(planes) if index != ALPHA]
-        block = by_color.new_empty(sum(map(len, blended)), *blended[0].shape[1:])
         by_rgb, by_normal, by_latents, *by_depth = block.split([len(plane) for plane in blended])
-        by_alpha = torch.empty_like(planes[ALPHA])
-        by_planes = [by_rgb, by_normal, by_latents, by_alpha]
-        _kernels.reflection_backward(
-            job.shape, parameters, job.view, planes, _planar(by_color), gradients,
-            [*by_planes, *by_depth] if job.depth_gradient else by_planes,
-        )  # fmt: skip
-        if by_depth and not job.depth_gradient:
-            by_depth[0].zero_()
-        by_buffers = [plane.permute(1, 2, 0) for plane in [*by_planes, *by_depth]]
+        by_buffers = [plane.permute(1, 2, 0) for plane in [by_rgb, by_normal, by_latents, by_alpha, *by_depth]]
         return None, *by_buffers, *([] if by_depth else [None]), *gradients
+
+
+def plane_gradients(
+    job: ReflectionJob,
+    planes: Sequence[Tensor],
+    parameters: Sequence[Tensor],
+    by_color: Float[Tensor, "H W 3"],
+    gradients: Sequence[Tensor],
+) -> tuple[Float[Tensor, "C H W"], Float[Tensor, "1 H W"]]:
+    """Gradients of the blended planes and of alpha; fills in those of the parameters.
+
+    The planes' are one block, in the order in which colour models blend: whoever parted the image can hand it on as it
+    is.
+    """
+    blended = [plane for index, plane in enumerate(planes) if index != ALPHA]
+    block = by_color.new_empty(sum(map(len, blended)), *blended[0].shape[1:])
+    by_rgb, by_normal, by_latents, *by_depth = block.split([len(plane) for plane in blended])
+    by_alpha = torch.empty_like(planes[ALPHA])
+    by_planes = [by_rgb, by_normal, by_latents, by_alpha]
+    _kernels.reflection_backward(
+        job.shape, parameters, job.view, planes, _planar(by_color), job.gradient_share, gradients,
+        [*by_planes, *by_depth] if job.depth_gradient else by_planes,
+    )  # fmt: skip
+    if by_depth and not job.depth_gradient:
+        by_depth[0].zero_()
+    return block, by_alpha

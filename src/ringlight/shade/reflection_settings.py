@@ -31,6 +31,9 @@ class ReflectionSettings:
     """Whether reflections lie on spheres of learned centre and size, or infinitely far away."""
     raw_direction: bool = True
     """Whether the network sees the viewing direction too, not only the reflected one."""
+    gradient_share: float = 1.0
+    """Share of the pixels whose shading is differentiated in a step, drawn by lot in proportion to their gradients and
+    weighted, so that the expectation is the same. By kernel only: other devices differentiate all."""
     depth_gradient: bool = False
     """Whether the gradient of the reflecting point reaches the blended depth, and with it the Gaussians' places."""
 
@@ -46,6 +49,8 @@ class ReflectionSettings:
         for side in self.levels:
             if not 2 <= side <= LARGEST["side"]:
                 raise RecipeError(f"shader.levels has a side of {side} nodes; give 2 to {LARGEST['side']}")
+        if not 0 < self.gradient_share <= 1:
+            raise RecipeError(f"shader.gradient_share is {self.gradient_share}; give a share above 0, at most 1")
         most = len(FIRST_LOG_INVERSE_RADII) if self.parallax else 1
         if not 1 <= self.shells <= most:
             without = "" if self.parallax else " without parallax, where all shells would be one"

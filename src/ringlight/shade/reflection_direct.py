@@ -1,0 +1,45 @@
+"""The reflection shader without autograd, for training loops: the same kernel, at a fraction of what surrounds it."""
+
+from typing import TYPE_CHECKING
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Channels
+from ringlight.shade.reflection_kernel import plane_gradients, planes_of
+
+if TYPE_CHECKING:
+    from ringlight.shade.reflection import ReflectionShader
+
+
+class DirectReflection:
+    """One view at a time: :meth:`draw`, then :meth:`differentiate`."""
+
+    def __init__(self, shader: "ReflectionShader"):
+        self._shader = shader
+        names = {id(parameter): name for name, parameter in shader.named_parameters()}
+        self._names = [names[id(parameter)] for parameter in shader.kernel_parameters()]
+
+    def draw(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
+        """See :meth:`ringlight.shade.reflection.ReflectionShader.shade`."""
+        self._lit = bool(self._shader.lit)
+        if not self._lit:
+            return buffers["rgb"]
+        self._job = self._shader.job(camera, background)
+        self._planes, self._parameters = planes_of(self._job, buffers), self._shader.kernel_parameters()
+        color = torch.empty_like(self._planes[0])
+        _kernels.reflection_forward(self._job.shape, self._parameters, self._job.view, self._planes, color)
+        return color.permute(1, 2, 0)
+
+    def differentiate(
+        self, by_color: Float[Tensor, "H W 3"]
+    ) -> tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None, dict[str, Tensor]]:
+        """See :class:`ringlight.shade.contract.DirectShader`."""
+        if not self._lit:
+            return by_color, None, {}
+        gradients = [torch.empty_like(parameter) for parameter in self._parameters]
+        block, by_alpha = plane_gradients(self._job, self._planes, self._parameters, by_color, gradients)
+        return block.permute(1, 2, 0), by_alpha.permute(1, 2, 0), dict(zip(self._names, gradients, strict=True))
