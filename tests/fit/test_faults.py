@@ -7,7 +7,7 @@ import torch
 
 from ringlight.core.scene import View
 from ringlight.data.synthetic import tiny_scene
-from ringlight.errors import DivergedError, ModelFileError
+from ringlight.errors import BackendError, DivergedError, ModelFileError
 from ringlight.files.model_file import write_model_file
 from ringlight.fit.faults import MOST_IN_A_ROW
 from ringlight.fit.train import Training, direct_model, train
@@ -16,6 +16,9 @@ from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 
 BAD = (float("nan"), float("inf"), -float("inf"))
+
+FAMILIES = ("3dgs", "ringlight", "ringlight-mirror")
+"""Of recipes: harmonics, light on Gaussians, light on pixels."""
 
 
 class BrokenView(View):
@@ -52,7 +55,7 @@ def spoil_gradient(training: Training, name: str, bad: float, row: int) -> None:
 
 PARAMETERS = [
     (method, name)
-    for method in ("3dgs", "ringlight")
+    for method in FAMILIES
     for name, parameter in training_of(method).model.named_parameters()
     if parameter.ndim > 0
 ]
@@ -108,10 +111,11 @@ def test_without_autograd_a_gradient_is_named_and_left_out_too(monkeypatch, colu
     assert all_finite(training)
 
 
-def test_a_photograph_that_is_not_finite_is_named_each_time_and_changes_nothing() -> None:
+@pytest.mark.parametrize("method", FAMILIES)
+def test_a_photograph_that_is_not_finite_is_named_each_time_and_changes_nothing(method: str) -> None:
     scene = tiny_scene(views=4, size=16)
     broken = BrokenView(**vars(scene.train[2]))
-    training = training_of(scene=dataclasses.replace(scene, train=(*scene.train[:2], broken, *scene.train[3:])))
+    training = training_of(method, scene=dataclasses.replace(scene, train=(*scene.train[:2], broken, *scene.train[3:])))
     faults = []
     for progress in train(training):
         if progress.fault is not None:
@@ -123,6 +127,28 @@ def test_a_photograph_that_is_not_finite_is_named_each_time_and_changes_nothing(
             break
     assert len(faults) == 5, "once an epoch of four views"
     assert all_finite(training)
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("place", [(0, 0), (2, 1), (1, 3)])
+@pytest.mark.parametrize("direct", [True, False])
+@pytest.mark.parametrize("method", FAMILIES)
+def test_a_pose_that_is_not_finite_is_named_and_changes_nothing(
+    method: str, direct: bool, place: tuple[int, int], bad: float
+) -> None:
+    """As a program of one's own may make it: loaders refuse such poses by image."""
+    training = training_of(method, steps=12)
+    steps = train(training, direct)
+    for _ in range(5):  # the light field is switched on
+        next(steps)
+    view = training.batches.at(6).view
+    before = {name: tensor.clone() for name, tensor in training.state().items()}
+    view.camera.world_to_camera[place] = bad
+    with pytest.raises(BackendError) as caught:
+        next(steps)
+    for word in ("step 6", f"view {view.name}", "pose"):
+        assert word in str(caught.value)
+    assert all(torch.equal(tensor, before[name]) for name, tensor in training.state().items())
 
 
 def test_too_many_in_a_row_end_the_run_with_a_finite_model() -> None:

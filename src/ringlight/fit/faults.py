@@ -57,12 +57,16 @@ Render = Callable[[Camera, Float[Tensor, "3"]], Rendering]
 
 
 def drawn(render: Render, model: SplatModel, step: int, batch: ImageBatch) -> Rendering:
-    """The batch's view. Raises DivergedError naming the parameter that cannot be drawn because it is not finite."""
+    """The batch's view.
+
+    Raises DivergedError naming the parameter that cannot be drawn because it is not finite, else BackendError naming
+    the view, for what the rasterizer refuses: a pose that is not finite, more than the memory holds.
+    """
     try:
         return render(batch.camera, batch.background)
-    except BackendError:
+    except BackendError as error:
         refuse_broken(model, step, batch)
-        raise
+        raise BackendError(f"step {step}, view {batch.view.name}: {error}") from error
 
 
 def refuse_broken(model: SplatModel, step: int, batch: ImageBatch) -> None:

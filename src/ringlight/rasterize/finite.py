@@ -11,16 +11,17 @@ from ringlight.errors import BackendError
 
 
 def refuse_if_not_finite(columns: Mapping[str, Tensor | None], camera: Camera, background: Tensor) -> None:
-    """Raise BackendError naming the first column that holds a NaN or an infinity, and the rows; else do nothing.
+    """Raise BackendError naming what holds a NaN or an infinity: background, pose or lens, of which channels are made,
+    or else the first such column and its rows. Do nothing where all are finite.
 
     ``columns`` have N rows each; None stands for a column that is absent.
     """
+    lens = torch.tensor([*camera.focal, *camera.center])
+    for what, values in (("background", background), ("camera's pose", camera.world_to_camera), ("lens", lens)):
+        if not values.isfinite().all():
+            raise BackendError(f"the {what} holds a value that is not finite; only finite numbers can be drawn")
     broken = first_not_finite({name: column for name, column in columns.items() if column is not None})
     if broken is not None:
         raise BackendError(
             f"column {broken}; remove these rows, or go back to a state from before and learn at lower rates"
         )
-    lens = torch.tensor([*camera.focal, *camera.center])
-    for what, values in (("background", background), ("camera's pose", camera.world_to_camera), ("lens", lens)):
-        if not values.isfinite().all():
-            raise BackendError(f"the {what} holds a value that is not finite; only finite numbers can be drawn")
