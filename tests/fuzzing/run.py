@@ -41,11 +41,19 @@ SLACK = 1 << 18
 LARGE_EVERY = 1000
 """One file of so many is made from a large seed, where the loader has one; these are a hundred times slower."""
 
+WATCHDOG = 600
+"""Seconds for BATCH files, a thousand times what they take, before the process ends itself and says where it was."""
+
 BATCH = 200
 """Files between two words to the watchdog."""
 
 LEGAL_SHARE = 0.5
 """Of the damaged files are made from legal ones, the others from any that had an outcome of their own."""
+
+ROUND = 20_000
+"""Files of each loader in turn, so that a run which is stopped has looked at all of them."""
+
+DAY = 86_400.0
 
 MOST_SEEDS = 400
 
@@ -69,6 +77,7 @@ class Runner:
         self.seeds = list(self.target.seeds)
         self.sentences: dict[str, int] = {}
         self.found: list[str] = []
+        self.files, self.cpu = 0, 0.0
         self.slowest, self.largest, self.peak = 0.0, 0, MemoryPeak()
         self.legal = {False: self._legal(self.target.seeds), True: self._legal(self.target.large)}
         for path in sorted((home / "corpus" / name).glob("*")):
@@ -134,13 +143,15 @@ class Runner:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / hashlib.sha256(content).hexdigest()[:12]).write_bytes(bytes([kind]) + content)
 
-    def run(self, count: int, seed: int, seconds: float) -> int:
-        """Plain mutation, guided by outcomes; returns how many files were read."""
+    def run(self, count: int, seed: str, end: float) -> None:
+        """Plain mutation, guided by outcomes; no file is begun after ``end`` on the monotonic clock."""
         draw = random.Random(f"{self.name}/{seed}")
-        end = time.monotonic() + seconds
+        begun = time.process_time()
         for number in range(count):
+            if time.monotonic() > end:
+                break
             if number % BATCH == 0:
-                faulthandler.dump_traceback_later(120, exit=True)  # what no signal interrupts
+                faulthandler.dump_traceback_later(WATCHDOG, exit=True)  # what no signal interrupts
                 self.peak.reset()  # memory that was given back meanwhile
             is_large = number % LARGE_EVERY == 0 and bool(self.target.large)
             legal = self.target.large if is_large else self.target.seeds
@@ -153,9 +164,24 @@ class Runner:
                 self.seeds.append((kind, damaged))
                 self.keep("corpus", kind, damaged)
             self.sentences[outcome] = self.sentences.get(outcome, 0) + 1
-            if time.monotonic() > end:
-                return number + 1
-        return count
+            self.files += 1
+        faulthandler.cancel_dump_traceback_later()
+        self.cpu += time.process_time() - begun
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """What a record says of this loader."""
+        return {
+            "loader": self.name,
+            "files": self.files,
+            "read": self.sentences.get("read", 0),
+            "outcomes": len(self.sentences),
+            "found": len(self.found),
+            "slowest_s": self.slowest,
+            "most_mb": self.largest / 1e6,
+            "allowed_mb": TIMES_LEGAL * max(self.legal.values()) / 1e6,
+            "cpu_s": self.cpu,
+        }
 
 
 def _hang(number: int, frame: object) -> None:
@@ -196,7 +222,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="loaders; by default all")
     parser.add_argument("--count", type=int, default=10_000, help="files for each loader")
-    parser.add_argument("--seconds", type=float, default=3600, help="at most so long for each loader")
+    parser.add_argument("--seconds", type=float, default=DAY, help="at most so long; with --guided, for each loader")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--home", type=Path, default=Path("build/fuzz"))
     parser.add_argument("--record", type=Path, help="JSON file to write, after each loader")
@@ -210,43 +236,31 @@ def main() -> int:
         guided(asked.names[0], asked.home, asked.count, asked.seconds)
     from targets import TARGETS
 
-    bad, rows = 0, []
-    for name in asked.names or TARGETS:
-        if asked.guided:  # one process each: the fuzzer ends its own
-            words = [sys.executable, __file__, name, "--guided", "--count", str(asked.count), "--home", str(asked.home)]
-            bad += subprocess.run([*words, "--seconds", str(asked.seconds)], check=False).returncode != 0
-            continue
-        runner = Runner(name, asked.home)
-        begun = time.process_time()
-        done = runner.run(asked.count, asked.seed, asked.seconds)
-        rows.append(_row(runner, done, time.process_time() - begun))
+    names = asked.names or list(TARGETS)
+    if asked.guided:  # one process each: the fuzzer ends its own
+        words = [sys.executable, __file__, "--guided", "--count", str(asked.count), "--home", str(asked.home)]
+        words += ["--seconds", str(asked.seconds)]
+        return int(any([subprocess.run([*words, name], check=False).returncode for name in names]))
+    runners = [Runner(name, asked.home) for name in names]
+    mutate(runners, asked.count, asked.seed, time.monotonic() + asked.seconds, asked.record)
+    for runner in runners:
         print(  # noqa: T201
             "{loader:13} {files:8} files, {read} read, {outcomes} outcomes, {found} found, slowest {slowest_s:.3f} s, "
-            "most memory {most_mb:.1f} of {allowed_mb:.1f} MB, {cpu_s:.0f} s".format(**rows[-1]),
+            "most memory {most_mb:.1f} of {allowed_mb:.1f} MB, {cpu_s:.0f} s".format(**runner.row),
             *(f"\n    {what}" for what in sorted(set(runner.found))[:20]),
-            flush=True,
         )
-        bad += bool(runner.found)
-        if asked.record:
+    return int(any(runner.found for runner in runners))
+
+
+def mutate(runners: list[Runner], count: int, seed: int, end: float, record: Path | None) -> None:
+    """``count`` files for each, in rounds, or as many as there is time for; the record is kept up to date."""
+    for first in range(0, count, ROUND):
+        for runner in runners:
+            runner.run(min(ROUND, count - first), f"{seed}/{first}", end)
+        if record is not None:
             from long_record import write_record
 
-            write_record(asked.record, command=" ".join(["python", *sys.argv]), rows=rows)
-    return int(bad > 0)
-
-
-def _row(runner: Runner, done: int, cpu: float) -> dict[str, Any]:
-    """What a record says of one loader."""
-    return {
-        "loader": runner.name,
-        "files": done,
-        "read": runner.sentences.get("read", 0),
-        "outcomes": len(runner.sentences),
-        "found": len(runner.found),
-        "slowest_s": runner.slowest,
-        "most_mb": runner.largest / 1e6,
-        "allowed_mb": TIMES_LEGAL * max(runner.legal.values()) / 1e6,
-        "cpu_s": cpu,
-    }
+            write_record(record, command=" ".join(["python", *sys.argv]), rows=[runner.row for runner in runners])
 
 
 if __name__ == "__main__":
