@@ -182,7 +182,7 @@ def test_the_gradient_in_factors_is_autograds(kernels, degree: int):
     _, by_means, by_dc, by_rest = colors_and_gradients(table, CAMERA, degree, upstream)
     model, before = DirectHarmonics(torch.tensor(degree)), torch.ones(37, 3)
     colors = model.draw(table, CAMERA)
-    found = model.differentiate(upstream, before)
+    found = model.differentiate(upstream, {"means": before})
     assert torch.equal(colors, colors_and_gradients(table, CAMERA, degree, upstream)[0])
     assert torch.equal(before, 1 + by_means)
     assert torch.equal(found["sh_dc"], by_dc)
@@ -192,6 +192,6 @@ def test_the_gradient_in_factors_is_autograds(kernels, degree: int):
 def rest_gradient(table: Gaussians, degree: int, upstream: Tensor) -> RestGradient:
     model = DirectHarmonics(torch.tensor(degree))
     model.draw(table, CAMERA)
-    found = model.differentiate(upstream, torch.zeros(len(table), 3))["sh_rest"]
+    found = model.differentiate(upstream, {"means": torch.zeros(len(table), 3)})["sh_rest"]
     assert isinstance(found, RestGradient)
     return found

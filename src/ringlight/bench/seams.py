@@ -56,7 +56,7 @@ class DirectSeams:
 
     @torch.no_grad()
     def colour_backward(self) -> None:
-        by_columns = self._direct.color.differentiate(self._by_channels, self._by_geometry["means"])
+        by_columns = self._direct.color.differentiate(self._by_channels, self._by_geometry)
         shared = {SHADER_PREFIX + name: gradient for name, gradient in self._shared.items()}
         self.gradients = {**self._by_geometry, **by_columns, **shared}
 

@@ -47,10 +47,17 @@ class DirectColor(Protocol):
     widths: Mapping[str, int]
     """The channels of the last view drawn, by name, in order: "rgb" comes first."""
 
+    opacity_factor: Float[Tensor, "N"] | None
+    """Of the last view drawn, see ``Channels``; not among ``widths``."""
+
     def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N C"]:
         """All channels side by side."""
         ...
 
-    def differentiate(self, by_channels: Float[Tensor, "N C"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
-        """Gradients of the colour's columns for the last view drawn; adds to ``by_means``."""
+    def differentiate(self, by_channels: Float[Tensor, "N C"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:
+        """Gradients for the last view drawn: of the colour's columns by name, of shared parameters by "color.name".
+
+        ``by_geometry`` are the geometry's, by column: what the colour's positions add goes there, and the gradient of
+        ``opacity_factor``, under that name, is taken out.
+        """
         ...

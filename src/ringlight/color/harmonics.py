@@ -137,6 +137,7 @@ class DirectHarmonics:
     """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""
 
     widths: Mapping[str, int] = {"rgb": 3}
+    opacity_factor: Float[Tensor, "N"] | None = None
 
     def __init__(self, active_degree: Tensor):
         self._active_degree = active_degree
@@ -152,7 +153,7 @@ class DirectHarmonics:
         _kernels.sh_colors(means, dc, rest, *self._seen[1:], self._colors, self._slopes)
         return self._colors
 
-    def differentiate(self, by_colors: Float[Tensor, "N 3"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
-        """Gradients of the colour's columns by name; adds to ``by_means``."""
-        _kernels.sh_gradient(by_colors, self._colors, self._slopes, by_means, self._by_dc, True)
+    def differentiate(self, by_channels: Float[Tensor, "N 3"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:
+        """See :class:`ringlight.color.contract.DirectColor`."""
+        _kernels.sh_gradient(by_channels, self._colors, self._slopes, by_geometry["means"], self._by_dc, True)
         return {"sh_dc": self._by_dc, "sh_rest": RestGradient(*self._seen, self._by_dc)}

@@ -100,6 +100,7 @@ class DirectMirror:
     """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""
 
     widths: Mapping[str, int]
+    opacity_factor: Float[Tensor, "N"] | None = None
 
     def __init__(self, lit: Tensor, latents: int):
         self._lit, self._lit_widths = lit, lit_widths(latents)
@@ -123,12 +124,12 @@ class DirectMirror:
         _kernels.mirror_channels(self._view, self._columns, self._channels)
         return self._channels
 
-    def differentiate(self, by_channels: Float[Tensor, "N C"], by_means: Float[Tensor, "N 3"]) -> dict[str, Gradient]:
-        """Gradients of the colour's columns by name; adds to ``by_means``, unless no depth had a gradient."""
+    def differentiate(self, by_channels: Float[Tensor, "N C"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:
+        """See :class:`ringlight.color.contract.DirectColor`; positions are left alone unless a depth had a gradient."""
         if len(self.widths) == 1:
             return {BASE: torch.ops.aten.sigmoid_backward(by_channels, self._channels)}
         if _kernels.mirror_gradient(self._view, self._columns, by_channels, self._gradients):
-            by_means += self._gradients[0]
+            by_geometry["means"] += self._gradients[0]
         return dict(zip((BASE, NORMALS, LATENTS), self._gradients[1:], strict=True))
 
 

@@ -1,5 +1,7 @@
 """The RingLight colour model: a base colour per Gaussian, and a residual from one shared light field."""
 
+from collections.abc import Iterator
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
@@ -16,6 +18,7 @@ from ringlight.color.ring_kernel import (
     light_layers,
     ring_parameters,
 )
+from ringlight.color.ringlight_direct import BASE, LATENTS, MASK, DirectRingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.color.table_memory import TableMemory
 from ringlight.color.visibility_mask import straight_through_mask
@@ -28,10 +31,6 @@ from ringlight.core.rendering import OPACITY_FACTOR, Channels
 from ringlight.core.scene import PointCloud
 from ringlight.fields.contract import LightField
 from ringlight.fields.ring_tables import RingTables
-
-BASE = "base"
-MASK = "mask_logits"
-LATENTS = "latents"
 
 # The logit of pure black or white would be infinite; a quarter of an 8-bit step away still rounds to either.
 DARKEST = 0.25 / 255
@@ -90,6 +89,22 @@ class RingLight(nn.Module):
             channels[OPACITY_FACTOR] = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)
         return channels
 
+    def direct(self) -> DirectRingLight | None:
+        """The same without autograd, by the kernels; None where they do not apply."""
+        with torch.no_grad():
+            tables = None if self.settings.evaluation == "exact" else self.field.tables()
+        if tables is None or not self.settings.base_color or not kernel_takes(tables, self.shading, self.box):
+            return None
+        return DirectRingLight(self)
+
+    def field_parameters(self) -> Iterator[nn.Parameter]:
+        """Those that the features are made of."""
+        return self.get_submodule(self.settings.field).parameters()
+
+    def workspace(self, count: int) -> Float[Tensor, "K"]:
+        """At least that many floats for the kernel's backward pass, of any content, until the next call."""
+        return self._workspace.floats(count)
+
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """Parts of the colour, without gradient: "base" [N 3], "residual" [N 3] signed, "modulation" [N 1].
@@ -126,14 +141,14 @@ class RingLight(nn.Module):
         """
         if torch.is_grad_enabled():
             return self.field.tables()
-        return self._memory.recall(self.get_submodule(self.settings.field).parameters(), self.field.tables)
+        return self._memory.recall(self.field_parameters(), self.field.tables)
 
     def _emitted(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
         parameters = self._kernel_parameters(gaussians)
         if parameters is None:
             return self.twin(gaussians, camera).color
         base, latents = self._base(gaussians), self._latents(gaussians)
-        rows, share = self._lit_rows(gaussians, camera), self.settings.gradient_share
+        rows, share = self.lit_rows(gaussians, camera), self.settings.gradient_share
         return light(rows, base, latents, parameters, share, self._workspace)
 
     def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
@@ -141,7 +156,7 @@ class RingLight(nn.Module):
         if parameters is None:
             return self.twin(gaussians, camera)
         base, latents = self._base(gaussians), self._latents(gaussians)
-        return light_layers(self._lit_rows(gaussians, camera), base, latents, parameters)
+        return light_layers(self.lit_rows(gaussians, camera), base, latents, parameters)
 
     def _base(self, gaussians: Gaussians) -> Float[Tensor, "N 3"]:
         """The table's; logits of grey where the settings want no base colour."""
@@ -165,7 +180,8 @@ class RingLight(nn.Module):
             return None
         return ring_parameters(tables, self.shading)
 
-    def _lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
+    def lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
+        """Which rows the light field reaches from there."""
         frame = torch.cat([camera.position[None], self.box])
         return LitRows(gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera), frame)
 

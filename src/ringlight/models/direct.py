@@ -52,7 +52,7 @@ class DirectModel:
         widths = self.color.widths
         behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
         gaussians, options = self._model.gaussians, self._model.options
-        raster = self.rasterize.draw(gaussians, channels, camera, behind, options)
+        raster = self.rasterize.draw(gaussians, channels, camera, behind, options, self.color.opacity_factor)
         buffers = dict(zip(widths, raster.image.split(tuple(widths.values()), -1), strict=True))
         return Rendering(buffers["rgb"], raster.alpha, buffers | {"alpha": raster.alpha}, raster)
 
@@ -65,8 +65,8 @@ class DirectModel:
 
     @torch.no_grad()
     def differentiate(self, by_color: Float[Tensor, "H W 3"]) -> dict[str, Gradient]:
-        """Gradients by column, and by name of the shader's parameters, for the last view rendered."""
+        """Gradients by column, and of shared parameters by their names in the model, for the last view rendered."""
         by_image, by_alpha, shared = unshaded(by_color) if self.shader is None else self.shader.differentiate(by_color)
         by_geometry, by_channels = self.rasterize.differentiate(by_image, by_alpha)
-        by_columns = by_geometry | self.color.differentiate(by_channels, by_geometry["means"])
-        return by_columns | {SHADER_PREFIX + name: gradient for name, gradient in shared.items()}
+        by_columns = self.color.differentiate(by_channels, by_geometry)
+        return {**by_geometry, **by_columns} | {SHADER_PREFIX + name: gradient for name, gradient in shared.items()}

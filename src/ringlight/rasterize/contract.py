@@ -65,6 +65,7 @@ class DirectRasterizer(Protocol):
         camera: Camera,
         background: Float[Tensor, "C"],
         options: RasterOptions,
+        opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster:
         """As :class:`Rasterizer`."""
         ...
@@ -72,5 +73,6 @@ class DirectRasterizer(Protocol):
     def differentiate(
         self, by_image: Float[Tensor, "H W C"], by_alpha: Float[Tensor, "H W 1"] | None = None
     ) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
-        """Gradients of the geometry's columns by name, and of the channels; fills in the footprint."""
+        """Gradients of the geometry's columns, and of "opacity_factor" if there was one, by name, and of the channels;
+        fills in the footprint."""
         ...

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
-from ringlight.core.rendering import Raster
+from ringlight.core.rendering import OPACITY_FACTOR, Raster
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.cpu_job import Job, as_raster, check, refusals_named
 
@@ -33,15 +33,17 @@ class DirectRaster:
         camera: Camera,
         background: Float[Tensor, "C"],
         options: RasterOptions,
+        opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster:
         """See :class:`ringlight.rasterize.contract.Rasterizer`; every column is contiguous."""
         self._columns = [gaussians.means, gaussians.log_scales, gaussians.quats, gaussians.opacity_logits]
         self._columns += [channels]
-        geometry = [*self._columns[:-1], None, channels]
-        check(geometry, camera)
-        with refusals_named(geometry, camera, background):
+        self._factor = opacity_factor
+        table = [*self._columns[:-1], opacity_factor, channels]
+        check(table, camera)
+        with refusals_named(table, camera, background):
             self._job = Job(camera, background, options, len(gaussians))
-            self._table = self._job.table(geometry)
+            self._table = self._job.table(table)
             self._image, alpha = self._job.draw(self._workspace, self._table)
         return Raster(*as_raster(self._image, alpha), self._job.footprint)
 
@@ -54,12 +56,14 @@ class DirectRaster:
         by_center = torch.empty_like(job.footprint.means2d)
         absolute = torch.empty_like(by_center) if job.absgrad else None
         means, log_scales, quats, opacity_logits, channels = gradients
-        into = _kernels.SplatGradients(means, log_scales, quats, opacity_logits, None, channels, by_center, absolute)
+        factor = None if self._factor is None else torch.empty_like(self._factor)
+        into = _kernels.SplatGradients(means, log_scales, quats, opacity_logits, factor, channels, by_center, absolute)
         by_planes = by_image.permute(2, 0, 1).contiguous()
         by_plane = None if by_alpha is None else by_alpha[..., 0].contiguous()
         self._workspace.backward(self._table, self._image, by_planes, by_plane, into)
         job.note(by_center, absolute)
-        return dict(zip(GEOMETRY, gradients, strict=False)), channels
+        found = dict(zip(GEOMETRY, gradients, strict=False))
+        return found if factor is None else found | {OPACITY_FACTOR: factor}, channels
 
     def _arrays(self) -> list[Tensor]:
         """One for each column, made anew when the table has another size."""

@@ -1,0 +1,90 @@
+"""The RingLight colour model without autograd, for training loops: the same kernels, and less around them.
+
+Only the tables, a few thousand rows, are still made and differentiated by autograd.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.color.ring_kernel import ring_parameters
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradient
+from ringlight.core.rendering import OPACITY_FACTOR
+
+if TYPE_CHECKING:
+    from ringlight.color.ringlight import RingLight
+
+BASE, MASK, LATENTS = "base", "mask_logits", "latents"
+"""Columns, see :class:`ringlight.color.ringlight.RingLight`."""
+
+TABLES = len(("axes", "view", "core"))
+"""The first of the kernel's parameters, see :func:`ringlight.color.ring_kernel.ring_parameters`."""
+
+
+class DirectRingLight:
+    """One view at a time: :meth:`draw`, then :meth:`differentiate`."""
+
+    widths: Mapping[str, int] = {"rgb": 3}
+    opacity_factor: Float[Tensor, "N"] | None = None
+
+    def __init__(self, model: "RingLight"):
+        self._model = model
+        self._names = {id(parameter): name for name, parameter in model.named_parameters()}
+
+    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
+        """What :meth:`ringlight.color.ringlight.RingLight.channels` calls "rgb"; sets ``opacity_factor``."""
+        model, columns = self._model, gaussians.appearance
+        self._columns = columns
+        self._lit = bool(model.lit)
+        if MASK in columns:
+            self.opacity_factor = torch.empty_like(columns[MASK])
+            _kernels.straight_through(columns[MASK], model.settings.mask_threshold, self.opacity_factor[:, None])
+        if not self._lit:
+            self._color = columns[BASE].sigmoid()
+            return self._color
+        with torch.enable_grad():
+            tables = model.field.tables()
+        assert tables is not None  # else RingLight.direct() gives none of these
+        parameters = ring_parameters(tables, model.shading)
+        self._shape, self._parameters = parameters.shape, parameters.tensors
+        rows = model.lit_rows(gaussians, camera)
+        latents = columns.get(LATENTS, gaussians.means.new_empty(len(gaussians), 0))
+        # What both passes are given, in their order.
+        self._inputs = (rows.means, columns[BASE], latents, rows.visible, rows.frame)
+        self._values = [tensor.detach().contiguous() for tensor in self._parameters]
+        self._color = torch.empty_like(columns[BASE])
+        _kernels.ring_forward(self._shape, self._values, *self._inputs, self._color)
+        return self._color
+
+    def differentiate(self, by_channels: Float[Tensor, "N 3"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:
+        """See :class:`ringlight.color.contract.DirectColor`."""
+        gradients: dict[str, Gradient] = {}
+        if MASK in self._columns:
+            gradients[MASK] = by_mask = torch.empty_like(self._columns[MASK])
+            _kernels.straight_through_gradient(self._columns[MASK], by_geometry.pop(OPACITY_FACTOR)[:, None], by_mask)
+        if not self._lit:
+            return gradients | {BASE: torch.ops.aten.sigmoid_backward(by_channels, self._color)}
+        by_parameters = [torch.empty_like(value) for value in self._values]
+        _, base, latents, visible, _ = self._inputs
+        by_base, by_latents = torch.empty_like(base), torch.empty_like(latents)
+        workspace = self._model.workspace(_kernels.ring_workspace(self._shape, len(visible)))
+        _kernels.ring_backward(
+            self._shape, self._values, *self._inputs, self._color, by_channels, self._model.settings.gradient_share,
+            by_parameters, by_base, by_latents, workspace,
+        )  # fmt: skip
+        gradients |= {BASE: by_base} | ({LATENTS: by_latents} if LATENTS in self._columns else {})
+        return gradients | self._shared(by_parameters)
+
+    def _shared(self, by_parameters: list[Tensor]) -> dict[str, Gradient]:
+        """By full name: of what the kernel reads as it is, and through the tables of the field's own parameters."""
+        tables, rest = self._parameters[:TABLES], self._parameters[TABLES:]
+        field: list[Tensor] = list(self._model.field_parameters())
+        by_field = torch.autograd.grad(tables, field, by_parameters[:TABLES], allow_unused=True)
+        pairs = zip([*field, *rest], [*by_field, *by_parameters[TABLES:]], strict=True)
+        return {f"color.{self._names[id(p)]}": gradient for p, gradient in pairs if gradient is not None}
