@@ -17,7 +17,7 @@ import signal
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from cli_session import QUICK, SMALL_LIGHT
 from scenes_on_disk import write_tiny_scene
 
 import ringlight
+from long_record import write_record
 from ringlight.files.atomic import BEGUN, HALF_DONE
 from ringlight.files.tensor_file import read_tensors
 from ringlight.runs.folder import FRESH_NAME, RunFolder
@@ -76,7 +77,8 @@ def start(words: list[str], log: Path) -> int:
         os.dup2(output, 2)
         from ringlight.cli.main import run
 
-        faulthandler.dump_traceback_later(PATIENCE - 10, exit=True)  # where it hangs
+        faulthandler.enable(output)  # where it crashes
+        faulthandler.dump_traceback_later(PATIENCE - 10, exit=True, file=output)  # where it hangs
         code = run(["train", *words])
     finally:
         os._exit(code)
@@ -94,17 +96,21 @@ def finish(process: int) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
 
 
-def kill_after(process: int, run: Path, seconds: float, draw: random.Random) -> bool:
-    """Whether it was still alive then; nearly always the time counts from the first checkpoint."""
+def kill_after(process: int, run: Path, seconds: float, draw: random.Random) -> int | None:
+    """None where it was still alive then, else how it had ended by itself; nearly always the time counts from the first
+    checkpoint."""
     end = time.monotonic() + PATIENCE
-    while draw.random() > EARLY and not RunFolder(run).checkpoints and time.monotonic() < end:
-        time.sleep(0.002)
-    time.sleep(seconds)
-    if os.waitpid(process, os.WNOHANG)[0]:
-        return False
+    waits_for_checkpoint, deadline = True, end
+    while time.monotonic() < deadline:
+        done, status = os.waitpid(process, os.WNOHANG)
+        if done:  # it may have crashed before there was a checkpoint: nothing would come
+            return os.waitstatus_to_exitcode(status)
+        if waits_for_checkpoint and (draw.random() < EARLY or RunFolder(run).checkpoints):
+            waits_for_checkpoint, deadline = False, time.monotonic() + seconds
+        time.sleep(min(0.002, max(deadline - time.monotonic(), 0)))
     os.kill(process, signal.SIGKILL)
     os.waitpid(process, 0)
-    return True
+    return None
 
 
 def results(run: Path) -> dict[str, object]:
@@ -129,20 +135,27 @@ def count_kill(run: Path, tally: Tally) -> None:
         tally.while_training += 1
 
 
+def _end_of(log: Path) -> str:
+    """What a process that failed has said, with its stack if it crashed or hung."""
+    return log.read_text(errors="replace")[-3000:]
+
+
 def unplugged(run: Path, words: list[str], length: float, draw: random.Random, tally: Tally) -> int:
     """One run, killed once or twice and resumed; the exit code of its last process."""
     threads = ["--threads", str(draw.choice([1, 2]))]
     log = run.with_suffix(".log")
     command = [*words, "--out", str(run), *threads]
     for _ in range(draw.choice([1, 2])):
-        is_over = not kill_after(start(command, log), run, draw.random() * length, draw)
-        if not is_over:
+        code = kill_after(start(command, log), run, draw.random() * length, draw)
+        if code is None:
             count_kill(run, tally)
+        elif code != 0:
+            tally.different.append(f"{run.name} ended by itself with {code}: {_end_of(log)}")
         if RunFolder(run).checkpoints:
             command = ["--resume", str(run), *threads, "--quiet", "--lpips", "--save-every", "0.00001"]
         else:  # nothing to resume: the user starts again, in another folder
             shutil.rmtree(run, ignore_errors=True)
-        if is_over:
+        if code is not None:
             break
     return finish(start(command, log))
 
@@ -152,6 +165,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--record", type=Path, help="JSON file to write")
     asked = parser.parse_args()
     _import_everything()
     draw, tally = random.Random(asked.seed), Tally()
@@ -175,7 +189,7 @@ def main() -> int:
             words = [str(scene), method, *WORDS, *SMALL[method]]
             code = unplugged(run, words, length[method], draw, tally)
             if code != 0:
-                tally.different.append(f"run {number} ended with {code}: {run.with_suffix('.log').read_text()[-300:]}")
+                tally.different.append(f"{run.name} ended with {code}: {_end_of(run.with_suffix('.log'))}")
             else:
                 found = results(run)
                 names = [
@@ -189,6 +203,9 @@ def main() -> int:
         *tally.different,
         sep="\n",
     )
+    if asked.record:
+        command = " ".join(["python", *sys.argv])
+        write_record(asked.record, command=command, kills=tally.kills, runs=number, **asdict(tally))
     return int(bool(tally.different))
 
 
@@ -198,7 +215,11 @@ def _import_everything() -> None:
         import_module(module)
     for module in pkgutil.walk_packages(ringlight.__path__, "ringlight."):
         if module.name != "ringlight.__main__":
-            import_module(module.name)
+            try:
+                import_module(module.name)
+            except ModuleNotFoundError as error:  # what only some machines have
+                if str(error.name).startswith("ringlight"):
+                    raise
     import torch
 
     torch.set_num_threads(1)
