@@ -14,6 +14,7 @@ SMALL = {
     "color": ["--gaussians", "50"],
     "shade": ["--hidden", "8", "--covered", "300"],
     "step": ["ringlight", "--size", "300@24"],
+    "fps": ["--sizes", "300@24"],
 }
 
 

@@ -17,6 +17,7 @@ from ringlight.core.randomness import generator
 from ringlight.core.scene import PointCloud
 from ringlight.errors import RecipeError
 from ringlight.methods.ringlight import OURS, PAPER
+from ringlight.models.splats import move
 
 PIXELS = 400
 """The camera's image; it decides nothing but which Gaussians are in view, and all are."""
@@ -55,8 +56,10 @@ def color_models() -> dict[str, ColorModel]:
     }
 
 
-def bench_color(names: Sequence[str], counts: Sequence[int], budget: Budget, seed: int = 0) -> tuple[ColorRow, ...]:
-    """Time the named models on each number of Gaussians; the models take turns.
+def bench_color(
+    names: Sequence[str], counts: Sequence[int], budget: Budget, seed: int = 0, device: torch.device | None = None
+) -> tuple[ColorRow, ...]:
+    """Time the named models on each number of Gaussians; the models take turns. ``device`` is the CPU unless given.
 
     Raises RecipeError for an unknown model.
     """
@@ -64,20 +67,25 @@ def bench_color(names: Sequence[str], counts: Sequence[int], budget: Budget, see
     unknown = [name for name in names if name not in known]
     if unknown:
         raise RecipeError(f"no colour model is called {unknown[0]!r}; known: {', '.join(known)}")
-    return tuple(row for count in counts for row in _rows({n: known[n] for n in names}, count, budget, seed))
+    chosen, there = {name: known[name] for name in names}, device or torch.device("cpu")
+    for model in chosen.values():
+        if isinstance(model, nn.Module) and there.type != "cpu":
+            move(model, there)
+    return tuple(row for count in counts for row in _rows(chosen, count, budget, seed, there))
 
 
 class _Colors:
     """One colour model on one table, with gradients of the columns and of the shared parameters."""
 
-    def __init__(self, model: ColorModel, work: Workload, seed: int):
+    def __init__(self, model: ColorModel, work: Workload, seed: int, device: torch.device):
         appearance = model.new_columns(PointCloud(work.gaussians.means, work.channels))
         columns = work.gaussians.columns() | appearance
-        self.gaussians = Gaussians.from_columns({name: c.clone().requires_grad_() for name, c in columns.items()})
+        copies = {name: column.to(device, copy=True).requires_grad_() for name, column in columns.items()}
+        self.gaussians = Gaussians.from_columns(copies)
         self.model, self.camera = model, work.camera
         shared = list(model.parameters()) if isinstance(model, nn.Module) else []
         self.leaves = [*self.gaussians.columns().values(), *shared]
-        self.upstream = torch.randn(work.channels.shape, generator=generator(seed, 0, "colour gradient"))
+        self.upstream = torch.randn(work.channels.shape, generator=generator(seed, 0, "colour gradient")).to(device)
 
     def show(self) -> None:
         with torch.no_grad():
@@ -91,11 +99,11 @@ class _Colors:
         torch.autograd.grad(self.colors, self.leaves, self.upstream, allow_unused=True)
 
 
-def _rows(models: dict[str, ColorModel], count: int, budget: Budget, seed: int) -> list[ColorRow]:
+def _rows(models: dict[str, ColorModel], count: int, budget: Budget, seed: int, device: torch.device) -> list[ColorRow]:
     work = workload(Size(count, PIXELS), seed)
     contestants = {}
     for name, model in models.items():
-        colors = _Colors(model, work, seed)
+        colors = _Colors(model, work, seed, device)
         contestants[f"{name} {SHOW}"] = Contestant({SHOW: colors.show})
         contestants[name] = Contestant({FORWARD: colors.forward, BACKWARD: colors.backward})
     timings = interleaved(contestants, budget)

@@ -83,14 +83,15 @@ class OurRaster:
     """
 
     def __init__(self, work: Workload, upstream: Float[Tensor, "C H W"], rasterize: Rasterizer):
-        columns = {name: getattr(work.gaussians, name).clone().requires_grad_() for name in GEOMETRY}
+        there = rasterize.device
+        columns = {n: getattr(work.gaussians, n).to(there, copy=True).requires_grad_() for n in GEOMETRY}
         self.gaussians = Gaussians.from_columns(columns)
-        self.channels = work.channels.clone().requires_grad_()
+        self.channels = work.channels.to(there, copy=True).requires_grad_()
         self.camera, self.rasterize = work.camera, rasterize
         self.background = torch.ones(work.size.channels)
         self.leaves = [*columns.values(), self.channels]
         # Planar memory, as the losses give it.
-        self.upstream = upstream.permute(1, 2, 0)
+        self.upstream = upstream.to(there).permute(1, 2, 0)
 
     def forward(self) -> None:
         self.raster = self.rasterize(self.gaussians, self.channels, self.camera, self.background)
@@ -101,7 +102,7 @@ class OurRaster:
     @property
     def image(self) -> Float[Tensor, "C H W"]:
         """What the last forward pass drew."""
-        return self.raster.image.detach().permute(2, 0, 1)
+        return self.raster.image.detach().cpu().permute(2, 0, 1)
 
 
 def bench_raster(

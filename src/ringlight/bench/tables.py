@@ -8,6 +8,7 @@ from rich.text import Text
 
 from ringlight.bench.adam import AdamBench
 from ringlight.bench.color import ColorBench
+from ringlight.bench.fps import FpsBench
 from ringlight.bench.loss import LossBench
 from ringlight.bench.raster import Passes, RasterBench, RasterRow
 from ringlight.bench.record import Circumstances
@@ -135,6 +136,18 @@ def step_tables(record: StepBench) -> Iterator[Block]:
     if record.wall_floor_ratio is not None and record.cpu_floor_ratio is not None:
         ratios = f"{record.wall_floor_ratio:.2f} times (CPU {record.cpu_floor_ratio:.2f} times)"
         yield Text(f"the step takes {ratios} its raster + loss + Adam kernels alone")
+
+
+def fps_tables(record: FpsBench) -> Iterator[Block]:
+    """Frames a second."""
+    yield Text(f"frames per second of the {record.rasterizer} rasterizer, medians over passes", style="bold")
+    yield from _circumstances(record.circumstances)
+    table = _table("size", "method", "FPS", "ms", "CPU ms")
+    for row in record.rows:
+        times = (_ms(1e3 * row.wall_seconds), _ms(1e3 * row.cpu_seconds))
+        table.add_row(row.size.name, row.method, f"{row.fps:,.1f}", *times)
+    yield table
+    yield Text(record.rows[0].note if record.rows else "", style="dim")
 
 
 def _circumstances(now: Circumstances) -> Iterator[Text]:

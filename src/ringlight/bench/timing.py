@@ -1,6 +1,7 @@
 """Interleaved timing: contestants take turns, so that a busy moment of the machine falls on all of them alike."""
 
 import gc
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -69,11 +70,20 @@ def interleaved(contestants: Mapping[str, Contestant], budget: Budget) -> dict[s
 def _round(contestant: Contestant) -> list[tuple[float, float]]:
     """Wall and CPU seconds of each stage, once."""
     contestant.prepare()
+    _wait_for_gpu()
     marks = [(time.perf_counter(), time.process_time())]
     for stage in contestant.stages.values():
         stage()
+        _wait_for_gpu()
         marks.append((time.perf_counter(), time.process_time()))
     return [(after[0] - before[0], after[1] - before[1]) for before, after in pairwise(marks)]
+
+
+def _wait_for_gpu() -> None:
+    """A GPU works on after a call has returned: the clock is read when it has nothing left to do."""
+    torch = sys.modules.get("torch")
+    if torch is not None and torch.cuda.is_initialized():
+        torch.cuda.synchronize()
 
 
 def _timings(names: Sequence[str], rounds: Sequence[Sequence[tuple[float, float]]]) -> dict[str, Timing]:

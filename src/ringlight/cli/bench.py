@@ -1,4 +1,4 @@
-"""``ringlight bench raster|loss|adam|color|shade|step``: how fast this machine is, and where the time goes."""
+"""``ringlight bench raster|loss|adam|color|shade|step|fps``: how fast this machine is, and where the time goes."""
 
 import datetime
 import sys
@@ -79,6 +79,8 @@ class ColorArguments:
     """Numbers of Gaussians."""
     models: tuple[str, ...] = ("harmonics", "ring", "ring-paper")
     """harmonics, ring (our preset), ring-paper (the paper's sizes), ring-exact (the same without tables, the twin)."""
+    device: Device = "auto"
+    """Where the colours are computed."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
 
 
@@ -111,6 +113,19 @@ class StepArguments:
 
 
 @dataclass(frozen=True)
+class FpsArguments:
+    """Frames per second of whole renderings, of models with everything switched on."""
+
+    methods: tuple[str, ...] = ("3dgs", "ringlight")
+    """Methods whose models are shown."""
+    sizes: tuple[str, ...] = ("100k@400", "300k@800")
+    """Gaussians@pixels on a side."""
+    device: Device = "auto"
+    """Rasterizer."""
+    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+
+@dataclass(frozen=True)
 class BenchArguments:
     """Measure speed: medians of interleaved rounds, wall and CPU time, beside what this machine can do at best."""
 
@@ -120,7 +135,8 @@ class BenchArguments:
         | Annotated[AdamArguments, tyro.conf.subcommand("adam", prefix_name=False)]
         | Annotated[ColorArguments, tyro.conf.subcommand("color", prefix_name=False)]
         | Annotated[ShadeArguments, tyro.conf.subcommand("shade", prefix_name=False)]
-        | Annotated[StepArguments, tyro.conf.subcommand("step", prefix_name=False)],
+        | Annotated[StepArguments, tyro.conf.subcommand("step", prefix_name=False)]
+        | Annotated[FpsArguments, tyro.conf.subcommand("fps", prefix_name=False)],
         tyro.conf.arg(name=""),
     ]
 
@@ -138,7 +154,7 @@ def main(arguments: list[str]) -> int:
     if common.save is not None:
         result_path(common.save)
     use_threads(common.threads)
-    if not isinstance(asked, StepArguments):
+    if not isinstance(asked, StepArguments | FpsArguments):
         _let_torch_compete()
     now = circumstances(datetime.datetime.now(datetime.timezone.utc).date().isoformat())
     record, tables = _RUNNERS[type(asked)](asked, now)
@@ -200,7 +216,8 @@ def _color(asked: ColorArguments, now: "Circumstances") -> "tuple[Any, Iterator[
     from ringlight.bench.color import ColorBench, bench_color
     from ringlight.bench.tables import color_tables
 
-    rows = bench_color(asked.models, asked.gaussians, _budget(asked.common), asked.common.seed)
+    device = _rasterizer(asked.device).device
+    rows = bench_color(asked.models, asked.gaussians, _budget(asked.common), asked.common.seed, device)
     record = ColorBench(now, rows)
     return record, color_tables(record)
 
@@ -227,6 +244,18 @@ def _step(asked: StepArguments, now: "Circumstances") -> "tuple[Any, Iterator[Bl
     return record, step_tables(record)
 
 
+def _fps(asked: FpsArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.fps import FpsBench, bench_fps
+    from ringlight.bench.tables import fps_tables
+    from ringlight.bench.workload import Size
+
+    recipes = [(name, method_named(name)) for name in asked.methods]
+    rasterize, sizes = _rasterizer(asked.device), [Size.parse(text) for text in asked.sizes]
+    rows = bench_fps(recipes, sizes, rasterize, _budget(asked.common), asked.common.seed)
+    record = FpsBench(now, rasterize.name, rows)
+    return record, fps_tables(record)
+
+
 _RUNNERS: dict[type, Any] = {
     RasterArguments: _raster,
     LossArguments: _loss,
@@ -234,6 +263,7 @@ _RUNNERS: dict[type, Any] = {
     ColorArguments: _color,
     ShadeArguments: _shade,
     StepArguments: _step,
+    FpsArguments: _fps,
 }
 
 

@@ -48,6 +48,7 @@ def findings() -> Iterator[Finding]:
     yield _self_test()
     yield from _lpips()
     yield from (_extra(library) for library in EXTRAS)
+    yield from _gpu()
     yield _disk()
 
 
@@ -116,7 +117,7 @@ def _self_test() -> Finding:
     return Finding("self test", "ok", detail)
 
 
-def _difference_of_rasterizers() -> float:
+def _difference_of_rasterizers(ours: str = "cpu") -> float:
     import torch
 
     from ringlight.core.camera import Camera
@@ -132,13 +133,34 @@ def _difference_of_rasterizers() -> float:
     colors = torch.rand(count, 3, generator=generator)
     camera = Camera(torch.eye(4), (40.0, 40.0), (size / 2, size / 2), size, size)
     results = []
-    for name in ("cpu", "reference"):
-        columns = {column: getattr(table, column).clone().requires_grad_() for column in GEOMETRY}
-        image = rasterizer_for(name)(Gaussians.from_columns(columns), colors, camera, torch.ones(3)).image
+    for name in (ours, "reference"):
+        rasterize = rasterizer_for(name)
+        there = rasterize.device
+        columns = {column: getattr(table, column).to(there, copy=True).requires_grad_() for column in GEOMETRY}
+        image = rasterize(Gaussians.from_columns(columns), colors.to(there), camera, torch.ones(3)).image
         image.square().sum().backward()
-        results.append([image.detach(), *(tensor.grad for tensor in columns.values())])
+        results.append([tensor.cpu() for tensor in (image.detach(), *(column.grad for column in columns.values()))])
     pairs = zip(*results, strict=True)
-    return max(((ours - truth).abs().max() / truth.abs().max().clamp_min(1)).item() for ours, truth in pairs)
+    return max(((mine - truth).abs().max() / truth.abs().max().clamp_min(1)).item() for mine, truth in pairs)
+
+
+def _gpu() -> Iterator[Finding]:
+    """The GPU, all that its back end needs, and where kernels are built a picture by them."""
+    from ringlight.cli.gpu_checks import gpu_findings
+    from ringlight.cli.gpu_facts import gather
+
+    facts = gather()
+    yield from gpu_findings(facts)
+    if facts.gpu is None or facts.gsplat is None or not facts.built:
+        return
+    try:
+        difference = _difference_of_rasterizers("cuda")
+    except RinglightError as error:
+        yield Finding("GPU test", "problem", str(error), "use --device cpu")
+        return
+    detail = f"picture and gradient of a small scene differ from the reference by {difference:.0e}"
+    fine = difference < AGREEMENT
+    yield Finding("GPU test", "ok" if fine else "problem", detail, "" if fine else "use --device cpu")
 
 
 def _lpips() -> Iterator[Finding]:

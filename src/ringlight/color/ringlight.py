@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
+from torch.utils.checkpoint import checkpoint
 
 from ringlight.color.drawable import drawable_rows
 from ringlight.color.light_fields import light_field
@@ -29,6 +30,7 @@ from ringlight.core.lot import by_lot
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import OPACITY_FACTOR, Channels
 from ringlight.core.scene import PointCloud
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.fields.contract import LightField
 from ringlight.fields.ring_tables import RingTables
 
@@ -188,17 +190,25 @@ class RingLight(nn.Module):
     def twin(self, gaussians: Gaussians, camera: Camera, gradient_share: float = 1.0) -> LitColor:
         """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.
 
-        Residual and modulation are zero where the camera cannot see. Here ``gradient_share`` saves no time.
+        On a GPU field and networks are Triton's. Residual and modulation are zero where the camera cannot see. Here
+        ``gradient_share`` saves no time.
         """
         visible = drawable_rows(gaussians, camera).long()
         means, base = gaussians.means.detach()[visible], self._base(gaussians).sigmoid()
         directions = view_directions(means, camera.position.to(means))
-        points = self.unit_points(means)
-        if self.settings.evaluation == "exact":
-            features = self.field.exact(points, directions)
-        else:
-            features = self.field.tabulated(points, directions, self.tables())
-        lit = self.shading(features, directions, base[visible], self._latents(gaussians)[visible])
+        points, latents = self.unit_points(means), self._latents(gaussians)[visible]
+        tables = None if self.settings.evaluation == "exact" else self.tables()
+
+        def lit_rows() -> LitColor:
+            if self.settings.evaluation == "exact":
+                features = self.field.exact(points, directions)
+            else:
+                features = self.field.tabulated(points, directions, tables)
+            return self.shading(features, directions, base[visible], latents)
+
+        # On a GPU nothing of a row is kept for the backward pass: kernels make it again sooner than memory is read.
+        again = runs_triton(means) and torch.is_grad_enabled()
+        lit = checkpoint(lit_rows, use_reentrant=False) if again else lit_rows()
         color = (base[visible] + by_lot(lit.residual, gradient_share)).clamp(0, 1)
         return LitColor(
             base.index_put((visible,), color),

@@ -7,16 +7,22 @@ import os
 import torch
 from torch import Tensor
 
-OFF = "RINGLIGHT_TRITON"
-"""Set to "0" for torch operations in place of our kernels: to tell which of both is wrong."""
+SWITCH = "RINGLIGHT_TRITON"
+"""Set to "0" for torch operations in place of our kernels, to tell which of both is wrong; to "bf16" for products of
+bfloat16 numbers in networks, which are faster and round their factors to three digits."""
 
 
 def runs_triton(*tensors: Tensor) -> bool:
     """Whether all are float32 on one CUDA device, and Triton is installed."""
-    if os.environ.get(OFF) == "0" or not is_installed():
+    if os.environ.get(SWITCH) == "0" or not is_installed():
         return False
     fits = all(tensor.dtype == torch.float32 for tensor in tensors)
     return fits and len({tensor.device for tensor in tensors}) == 1 and tensors[0].is_cuda
+
+
+def multiplies_halves() -> bool:
+    """Whether networks shall multiply bfloat16 numbers; sums stay in float32."""
+    return os.environ.get(SWITCH) == "bf16"
 
 
 @functools.cache

@@ -7,6 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ringlight.core.triton_kernels import multiplies_halves, runs_triton
+
 
 def fan_in_uniform(shape: Sequence[int], fan_in: int, generator: torch.Generator) -> nn.Parameter:
     """Uniform within 1/sqrt(fan_in), what ``nn.Linear`` starts with for weights and biases alike."""
@@ -14,7 +16,31 @@ def fan_in_uniform(shape: Sequence[int], fan_in: int, generator: torch.Generator
     return nn.Parameter(torch.empty(tuple(shape)).uniform_(-bound, bound, generator=generator))
 
 
-def perceptron(widths: Sequence[int], generator: torch.Generator) -> nn.Sequential:
+WIDEST_IN_TRITON = 128
+"""Inputs and hidden units whose weights fit beside the rows on any GPU."""
+
+
+class Perceptron(nn.Sequential):
+    """Linear layers with ReLU in between; on a GPU one kernel, where the network is small enough."""
+
+    def forward(self, rows: Float[Tensor, "N inputs"]) -> Float[Tensor, "N outputs"]:
+        """The outputs for each row."""
+        if not self._fits_triton(rows):
+            result: Tensor = super().forward(rows)
+            return result
+        from ringlight.fields.perceptron_triton import perceptron_by_triton
+
+        return perceptron_by_triton(rows, list(self.parameters()), half=multiplies_halves())
+
+    def _fits_triton(self, rows: Tensor) -> bool:
+        layers = [layer for layer in self if isinstance(layer, nn.Linear)]
+        hidden = {layer.out_features for layer in layers[:-1]}
+        small = len(layers) in (2, 3) and len(hidden) == 1 and layers[-1].out_features <= WIDEST_IN_TRITON
+        small = small and max(*hidden, layers[0].in_features) <= WIDEST_IN_TRITON
+        return small and runs_triton(rows, *self.parameters())
+
+
+def perceptron(widths: Sequence[int], generator: torch.Generator) -> Perceptron:
     """Linear layers between ``widths`` with ReLU in between, none after the last."""
     layers: list[nn.Module] = []
     for inputs, outputs in pairwise(widths):
@@ -22,7 +48,7 @@ def perceptron(widths: Sequence[int], generator: torch.Generator) -> nn.Sequenti
         layer.weight = fan_in_uniform((outputs, inputs), inputs, generator)
         layer.bias = fan_in_uniform((outputs,), inputs, generator)
         layers += [layer, nn.ReLU()]
-    return nn.Sequential(*layers[:-1])
+    return Perceptron(*layers[:-1])
 
 
 class PerceptronStack(nn.Module):

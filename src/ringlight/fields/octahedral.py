@@ -11,6 +11,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ringlight.core.triton_kernels import runs_triton
+
 FIRST_SPREAD = 0.01
 """Standard deviation of new features: small beside colours; not zero, so that the network's weights get gradients."""
 
@@ -38,6 +40,10 @@ class OctahedralMaps(nn.Module):
 
     def forward(self, uv: Float[Tensor, "N 2"]) -> Float[Tensor, "N D"]:
         """Features at (u, v) in [-1, 1]^2, first those of the first level; D is levels times F."""
+        if runs_triton(uv, *self.levels):
+            from ringlight.fields.octahedral_triton import maps_by_triton
+
+            return maps_by_triton(uv, list(self.levels))
         return torch.cat([_between_nodes(sewn(level), uv) for level in self.levels], -1)
 
 

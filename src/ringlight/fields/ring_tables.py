@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.directions import octahedral_from_directions
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.fields.tables import between_map_nodes, between_nodes
 
 
@@ -26,6 +27,15 @@ class RingTables:
     core: Float[Tensor, "C D"]
     diagonal: bool = False
     """Whether rows are the D components of diagonal matrices instead, whose product is taken one by one."""
+
+
+WIDEST_RANK = 32
+"""Of Triton's kernels: a matrix of each Gaussian must fit into registers."""
+
+
+def _fits_triton(tables: RingTables, points: Tensor) -> bool:
+    small = not tables.diagonal and tables.axes.shape[2] <= WIDEST_RANK**2
+    return small and not points.requires_grad and runs_triton(points, tables.axes, tables.view, tables.core)
 
 
 def heads_between(
@@ -57,6 +67,14 @@ def contracted(
 def ring_features(
     tables: RingTables, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]
 ) -> Float[Tensor, "N C"]:
-    """Features at points in [-1, 1]^3 and unit directions: the slow twin of what the kernel makes of the tables."""
+    """Features at points in [-1, 1]^3 and unit directions: the slow twin of what the kernels make of the tables.
+
+    On a GPU by Triton's, whose gradient reaches the tables only.
+    """
+    if _fits_triton(tables, points):
+        from ringlight.fields.ring_triton import ring_features_by_triton
+
+        uv = octahedral_from_directions(directions)
+        return ring_features_by_triton(points, uv, tables.axes, tables.view, tables.core)
     x, y, z, view = heads_between(tables, points, directions)
     return (x * y * z * view) @ tables.core.T if tables.diagonal else contracted(x, y, z, view, tables.core)

@@ -23,7 +23,7 @@ COLUMNS_PREFIX = "columns."
 """Tensors below this name have one row a Gaussian."""
 
 
-def _move(model: nn.Module, device: torch.device) -> None:
+def move(model: nn.Module, device: torch.device) -> None:
     """All parameters, and what can be made anew; buffers of model files are switches and boxes, which Python reads."""
     if any(parameter.is_meta for parameter in model.parameters()):
         return  # an outline has no numbers to move
@@ -51,7 +51,7 @@ class SplatModel(nn.Module):
         self.color, self.shader = color, shader
         self.rasterize, self.options = rasterize, options
         if self.device.type != "cpu":
-            _move(self, self.device)
+            move(self, self.device)
 
     @property
     def device(self) -> torch.device:

@@ -1,0 +1,92 @@
+"""What ``ringlight doctor`` finds out about GPUs, in environments that are made up."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from ringlight.cli.gpu_checks import gpu_findings
+from ringlight.cli.gpu_facts import GpuFacts, gather, version_in
+
+READY = GpuFacts(
+    driver=True,
+    torch_cuda=(12, 4),
+    gpu="NVIDIA H100",
+    capability=(9, 0),
+    triton=True,
+    gsplat="1.5.3",
+    built=False,
+    nvcc=(12, 4),
+    architectures=frozenset({"compute_80", "compute_90"}),
+    compiler="g++",
+    gcc=13,
+    ninja=True,
+    ninja_beside=True,
+    arch_list=None,
+    free_bytes=32 << 30,
+    max_jobs=None,
+)
+
+
+def found(facts: GpuFacts) -> dict[str, tuple[str, str, str]]:
+    return {finding.name: (finding.state, finding.detail, finding.remedy) for finding in gpu_findings(facts)}
+
+
+def test_a_machine_that_is_ready_has_nothing_to_mend():
+    findings = found(READY)
+    assert {state for state, _, _ in findings.values()} == {"ok"}
+    assert {"GPU", "triton", "gsplat", "nvcc", "GPU build", "C++ for GPU", "ninja", "build memory"} == set(findings)
+    assert "takes minutes" in findings["gsplat"][1]
+
+
+def test_built_kernels_need_no_compiler():
+    findings = found(replace(READY, built=True, nvcc=None, compiler=None, ninja=False))
+    assert set(findings) == {"GPU", "triton", "gsplat"}
+
+
+def test_without_a_gpu_nothing_else_is_asked():
+    findings = found(replace(READY, driver=False, torch_cuda=None, gpu=None, capability=None))
+    assert set(findings) == {"GPU"}
+    assert findings["GPU"][0] == "missing", "no problem: ringlight trains on the CPU"
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "detail", "remedy"),
+    [
+        ({"torch_cuda": None, "gpu": None}, "GPU", "CPU build", "pip install --force-reinstall torch"),
+        ({"gpu": None}, "GPU", "CUDA 12.4 finds no GPU", "driver"),
+        ({"triton": False}, "triton", "torch operations", "pip install triton"),
+        ({"gsplat": None}, "gsplat", "optional", r'pip install "ringlight\[cuda\]"'),
+        ({"gsplat": "1.4.0"}, "gsplat", "1.4.0 is too old", "ringlight"),
+        ({"nvcc": None}, "nvcc", "no CUDA compiler", "toolkit 12.4"),
+        ({"nvcc": (13, 0)}, "nvcc", "13.0, torch was built with 12.4", "toolkit 12.4"),
+        ({"capability": (12, 0)}, "GPU build", "cannot compile for sm_120", "newer CUDA toolkit"),
+        ({"arch_list": "8.0;8.6"}, "GPU build", "leaves out this GPU, 9.0", "unset TORCH_CUDA_ARCH_LIST"),
+        ({"compiler": None}, "C++ for GPU", r"no C\+\+ compiler", "apt install g"),
+        ({"gcc": 14}, "C++ for GPU", "does not accept GCC 14", "CXX=g..-13"),
+        ({"nvcc": (12, 9), "gcc": 15}, "C++ for GPU", "does not accept GCC 15", "CXX=g..-14"),
+        ({"ninja": False}, "ninja", "not on PATH", "activate"),
+        ({"ninja": False, "ninja_beside": False}, "ninja", "not installed", "pip install ninja"),
+        ({"free_bytes": 1 << 30}, "build memory", "1.1 GB free", "end other programs"),
+        ({"free_bytes": 8 << 30, "max_jobs": "10"}, "build memory", "MAX_JOBS=10", "MAX_JOBS=2"),
+    ],
+)
+def test_each_thing_that_breaks_a_build_has_a_remedy(change: dict[str, object], name: str, detail: str, remedy: str):
+    findings = found(replace(READY, **change))
+    state, told, mending = findings[name]
+    assert state != "ok"
+    assert re.search(detail, told)
+    assert re.search(remedy, mending)
+    others = {other: state for other, (state, _, _) in findings.items() if other != name}
+    assert set(others.values()) <= {"ok"}, "one cause, one complaint"
+
+
+def test_versions_are_read_from_what_nvcc_says():
+    assert version_in("Cuda compilation tools, release 12.4, V12.4.131") == (12, 4)
+    assert version_in("nvcc: command not found") is None
+
+
+def test_gathering_on_this_machine_does_not_raise():
+    facts = gather()
+    assert facts.free_bytes > 0
+    assert list(gpu_findings(facts))
