@@ -10,13 +10,13 @@ from torch import Tensor
 
 from contracts.raster_cases import Case, Outcome, certain_pixels, judge, random_case, random_cotangents, run
 from gsplat_torch import torch_gsplat_rasterizer
+from on_gpu import RasterizerOnGpu
 from raster_oracle import ORACLES, load_oracle
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import BackendError
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
-from ringlight.rasterize.cuda import CudaRasterizer
 
 # Float32 rounds at 6e-8; an alpha passes through a projection of some twenty steps and an exponential (polynomial in
 # kernels, 3e-6), a pixel blends up to eighty of them.
@@ -30,6 +30,7 @@ GRADIENT_TOLERANCE = 1e-4
         pytest.param("reference", marks=pytest.mark.no_kernel),
         "cpu",
         pytest.param("gsplat-torch", marks=pytest.mark.no_kernel),
+        pytest.param("cuda", marks=[pytest.mark.no_kernel, pytest.mark.cuda]),
     ]
 )
 def rasterizer(request: pytest.FixtureRequest) -> Rasterizer:
@@ -38,12 +39,12 @@ def rasterizer(request: pytest.FixtureRequest) -> Rasterizer:
         pytest.importorskip("ringlight.rasterize.cpu", reason="needs the CPU back end")
     if request.param == "gsplat-torch":  # the CUDA back end's own code, around gsplat's functions in torch
         return torch_gsplat_rasterizer()
-    return rasterizer_for(request.param)
+    return RasterizerOnGpu() if request.param == "cuda" else rasterizer_for(request.param)
 
 
 def skip_unless_compiled_in(rasterizer: Rasterizer, max_alpha: float):
     """gsplat's clamp is a constant of its kernels: what it cannot obey it must refuse."""
-    if isinstance(rasterizer, CudaRasterizer) and max_alpha != rasterizer.gsplat.numbers.max_alpha:
+    if rasterizer.name == "cuda" and max_alpha != rasterizer.gsplat.numbers.max_alpha:
         case = replace(random_case(5), options=RasterOptions(max_alpha=max_alpha))
         with pytest.raises(BackendError, match="compiled into it"):
             run(rasterizer, case, *random_cotangents(case, 0))
@@ -51,7 +52,7 @@ def skip_unless_compiled_in(rasterizer: Rasterizer, max_alpha: float):
 
 
 def skip_where_sums_have_no_order(rasterizer: Rasterizer):
-    if isinstance(rasterizer, CudaRasterizer):
+    if rasterizer.name == "cuda":
         pytest.skip("gsplat adds gradients up in any order")
 
 

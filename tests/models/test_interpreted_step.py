@@ -32,11 +32,11 @@ def training(method: str, rasterize: Rasterizer) -> Training:
     recipe = dataclasses.replace(METHODS[method], steps=3)
     if isinstance(recipe, RingLightRecipe):
         ring = dataclasses.replace(recipe.light.ring, rank=4, position_nodes=8, view_nodes=6)
-        light = dataclasses.replace(recipe.light, ring=ring, render_hidden=16, modulation_hidden=16)
+        light = dataclasses.replace(recipe.light, ring=ring, render_hidden=16, modulation_hidden=16, gradient_share=1.0)
         recipe = dataclasses.replace(recipe, light=light, warmup=0.0, shading="forward")
     else:
         recipe = dataclasses.replace(
-            recipe, shader=dataclasses.replace(recipe.shader, hidden=16, levels=(4, 6)), warmup=0.0
+            recipe, shader=dataclasses.replace(recipe.shader, hidden=16, levels=(4, 6), gradient_share=1.0), warmup=0.0
         )
     return recipe.build(scene, rasterize, seed=0)
 

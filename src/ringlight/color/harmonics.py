@@ -16,6 +16,7 @@ from ringlight.core.gradients import AdamStep, Gradient
 from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_sh, sh_basis, sh_from_rgb
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.errors import RecipeError
 
 try:
@@ -51,6 +52,10 @@ class SphericalHarmonics(nn.Module):
     def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
         dc, rest = gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
         colors = _NativeColors.apply if _runs_native(gaussians.means, dc, rest) else sh_colors_reference
+        if runs_triton(gaussians.means, dc, rest):
+            from ringlight.color.harmonics_triton import sh_colors_by_triton
+
+            colors = sh_colors_by_triton
         return {"rgb": colors(gaussians.means, dc, rest, camera.position, int(self.active_degree))}
 
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:

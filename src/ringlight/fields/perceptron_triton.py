@@ -31,8 +31,10 @@ LAUNCH = {"num_warps": 8, "num_stages": 1}
 @triton.jit
 def _product(a, b, HALF: tl.constexpr):
     if HALF:
-        return tl.dot(a.to(tl.bfloat16), b.to(tl.bfloat16))
-    return tl.dot(a, b, input_precision="ieee")
+        result = tl.dot(a.to(tl.bfloat16), b.to(tl.bfloat16))
+    else:
+        result = tl.dot(a, b, input_precision="ieee")
+    return result
 
 
 @triton.jit

@@ -151,10 +151,12 @@ def photometric_by_triton(
     ssim_weight: float,
     squared: bool,
 ) -> tuple[Float[Tensor, ""], Float[Tensor, "H W 3"]]:
-    """Loss and gradient; the latter in memory of the same form as ``color``'s.
+    """Loss and gradient; the latter in memory of the same form as ``color``'s, or contiguous if that has gaps.
 
     ``constants`` are SSIM's C1 and C2. Partial sums are added by torch, in the same order each time.
     """
+    if not (color.is_contiguous() or color.permute(2, 0, 1).is_contiguous()):
+        color = color.contiguous()  # channels of a wider image: a gradient of the same strides would be as wide
     height, width = color.shape[:2]
     count = 3 * height * width
     reach = len(window) // 2

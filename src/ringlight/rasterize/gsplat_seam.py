@@ -81,7 +81,7 @@ class Gsplat:
         found = self._gsplat.fully_fused_projection(
             means, None, quats, scales, pose, lens, *size,
             eps2d=options.eps2d, near_plane=options.near, far_plane=float("inf"),
-            packed=True, calc_compensations=options.antialiased, opacities=opacities,
+            packed=True, calc_compensations=options.antialiased, opacities=opacities.detach(),
         )  # fmt: skip
         rows = found[2]
         radii, means2d, depths, conics, compensations = found[-5:]  # versions differ in what stands between

@@ -1,0 +1,26 @@
+#!/bin/sh
+# Everything that wants a GPU, in under ten minutes once gsplat's kernels are built: tests, parity with the CPU, speed.
+# Writes benchmarks/results/gpu-NAME-*.json. PYTHON names another interpreter than .venv's.
+set -eu
+cd "$(dirname "$0")/.."
+python=${PYTHON:-.venv/bin/python}
+ringlight() { "$python" -m ringlight "$@"; }
+
+name=$("$python" -c 'import sys, torch
+if not torch.cuda.is_available():
+    sys.exit("benchmarks/gpu.sh: torch finds no NVIDIA GPU; ringlight doctor says what is missing")
+print(torch.cuda.get_device_name().lower().replace(" ", "-"))')
+
+ringlight doctor
+"$python" -m pytest -n 0 -m cuda tests
+"$python" -m pytest -n 0 tests/fields/test_*_triton.py tests/color/test_*_triton.py tests/fit/test_*_triton.py
+
+# --seconds bounds each: together about four minutes.
+ringlight bench raster --device cuda --sizes 100k@400 300k@800 --seconds 10 --save "gpu-$name-raster"
+ringlight bench raster --device cuda --sizes 300k@800 --channels 11 --seconds 10 --save "gpu-$name-raster-11"
+ringlight bench color --device cuda --gaussians 100000 300000 --seconds 10 --save "gpu-$name-color"
+for method in 3dgs ringlight; do
+  ringlight bench step "$method" --device cuda --size 300k@800 --seconds 20 --save "gpu-$name-step-$method"
+done
+ringlight bench fps --device cuda --methods 3dgs ringlight --sizes 300k@800 --seconds 20 --save "gpu-$name-fps"
+echo "results: benchmarks/results/gpu-$name-*.json"

@@ -1,0 +1,28 @@
+"""The harmonics' Triton kernels against the slow twin, in value and gradient."""
+
+import pytest
+import torch
+
+import interpreted
+from ringlight.color.harmonics import REST_COUNT, sh_colors_reference
+from ringlight.color.harmonics_triton import sh_colors_by_triton
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("count", [1, 300])
+def test_equals_the_twin(degree: int, count: int):
+    generator = torch.Generator().manual_seed(degree)
+    draw = lambda *shape: torch.randn(*shape, generator=generator)  # noqa: E731
+    inputs, position, upstream = [draw(count, 3), draw(count, 3), draw(count, REST_COUNT, 3)], draw(3), draw(count, 3)
+
+    exact = [tensor.double().requires_grad_() for tensor in inputs]
+    expected = sh_colors_reference(*exact, position.double(), degree)
+    expected.backward(upstream.double())
+    ours = [tensor.to(interpreted.DEVICE).requires_grad_() for tensor in inputs]
+    found = sh_colors_by_triton(*ours, position, degree)
+    found.backward(upstream.to(interpreted.DEVICE))
+    assert count == 1 or (expected == 0).any(), "some are clamped"
+    for mine, truth in [(found, expected), *((a.grad, b.grad) for a, b in zip(ours, exact, strict=True))]:
+        truth = torch.zeros_like(mine, device="cpu").double() if truth is None else truth
+        scale = truth.abs().max().item()
+        torch.testing.assert_close(mine.cpu().double(), truth, rtol=0, atol=2e-5 * scale + 1e-9)
