@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.gpu_checks import gpu_findings
 from ringlight.cli.gpu_facts import GpuFacts, gather, version_in
 
@@ -84,6 +85,19 @@ def test_each_thing_that_breaks_a_build_has_a_remedy(change: dict[str, object], 
 def test_versions_are_read_from_what_nvcc_says():
     assert version_in("Cuda compilation tools, release 12.4, V12.4.131") == (12, 4)
     assert version_in("nvcc: command not found") is None
+
+
+@pytest.mark.parametrize(
+    ("device", "gpu", "built", "told"),
+    [("cuda", True, False, True), ("auto", True, False, True), ("cpu", True, False, False), ("auto", True, True, False),
+     ("auto", False, False, False)],
+)  # fmt: skip
+def test_a_build_is_told_of_before_it_begins(device, gpu, built, told, monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: name)
+    monkeypatch.setattr("ringlight.rasterize.choose.has_gpu", lambda: gpu)
+    monkeypatch.setattr("ringlight.rasterize.gsplat_build.is_built", lambda: built)
+    tell_of_build(device)
+    assert ("building gsplat's kernels" in capsys.readouterr().err) == told
 
 
 def test_gathering_on_this_machine_does_not_raise():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from ringlight.cli.arguments import Device
+from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
 from ringlight.methods.table import method_named
 
@@ -270,6 +271,7 @@ _RUNNERS: dict[type, Any] = {
 def _rasterizer(device: Device) -> "Rasterizer":
     from ringlight.rasterize.choose import rasterizer_for
 
+    tell_of_build(device)
     return rasterizer_for(device)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, ModelPath, Net, SceneFolder
+from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
 from ringlight.data.options import ReadingOptions, SceneOptions
 
@@ -54,6 +55,7 @@ def main(arguments: list[str]) -> int:
     from ringlight.runs.opened import open_model
 
     use_threads(asked.threads)
+    tell_of_build(asked.device)
     opened = open_model(asked.model, asked.device)
     report = _measured(asked, opened)
     if asked.json:

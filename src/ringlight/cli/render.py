@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ringlight.cli.arguments import Device, MaybeFolder, MaybeReal, MaybeWhole, ModelPath
+from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
 from ringlight.errors import RecipeError
 
@@ -86,6 +87,7 @@ def main(arguments: list[str]) -> int:
     if asked.video:
         video_library()
     use_threads(asked.threads)
+    tell_of_build(asked.device)
     opened = open_model(asked.model, asked.device)
     film = _film(asked, opened)
     layers = tuple(dict.fromkeys(asked.layers))

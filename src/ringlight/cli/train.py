@@ -10,6 +10,7 @@ import tyro
 from ringlight.cli.arguments import Device, MaybeFolder, MaybeWhole
 from ringlight.cli.fitting import ReaderOptions, check_steps, fit
 from ringlight.cli.flags import flags_in, flags_of, near
+from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
@@ -86,6 +87,7 @@ def _start(arguments: list[str]) -> int:
     from ringlight.runs.session import Session
 
     use_threads(asked.reader.threads)
+    tell_of_build(asked.device)
     if asked.verify is not None:
         check_verify(asked.verify, recipe.steps)
         return verify_run(asked.scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
