@@ -19,8 +19,15 @@ from ringlight.rasterize.contract import Rasterizer
 POINTS = 40
 """Gaussians: the interpreter takes a hundred microseconds an operation of a kernel."""
 
-CHOSEN = ("ringlight.color.ringlight", "ringlight.fields.networks", "ringlight.fields.octahedral",
-          "ringlight.fields.ring_tables", "ringlight.fit.adam")  # fmt: skip
+CHOSEN = (
+    "ringlight.color.drawable",
+    "ringlight.color.ringlight",
+    "ringlight.fields.networks",
+    "ringlight.fields.octahedral",
+    "ringlight.fields.ring_tables",
+    "ringlight.fit.adam",
+    "ringlight.rasterize.stored_form",
+)
 """Modules that choose between Triton's kernels and others; the loss has its own test."""
 
 

@@ -9,6 +9,7 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.triton_kernels import runs_triton
 
 # Standard deviations beyond which no rasterizer draws: more than the 3.33 that all of ours cut at.
 REACH_SIGMAS = 3.5
@@ -24,8 +25,12 @@ FAINTEST_LOGIT = math.log(1 / 255)
 
 @torch.no_grad()
 def drawable_rows(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "V"]:
-    """Numbers of the rows that :func:`drawable` marks, ascending; by the kernel for float32 on the CPU."""
-    columns = [gaussians.means, gaussians.log_scales, gaussians.opacity_logits]
+    """Numbers of the rows that :func:`drawable` marks, ascending; by kernels for float32 on the CPU and on a GPU."""
+    columns = (gaussians.means, gaussians.log_scales, gaussians.opacity_logits)
+    if runs_triton(*columns):
+        from ringlight.color.drawable_triton import drawable_by_triton
+
+        return drawable_by_triton(*columns, view_numbers(camera)).nonzero()[:, 0].int()
     if any(column.dtype != torch.float32 or column.device.type != "cpu" for column in columns):
         return drawable(gaussians, camera).nonzero()[:, 0].int()
     pose = camera.world_to_camera[:3].flatten().tolist()
@@ -34,6 +39,16 @@ def drawable_rows(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "V"]:
     rows = torch.empty(len(gaussians), dtype=torch.int32)
     means, log_scales, opacity_logits = (column.detach().contiguous() for column in columns)
     return rows[: _kernels.drawable_rows(means, log_scales, opacity_logits, view, rows)]
+
+
+def view_numbers(camera: Camera) -> list[float]:
+    """What Triton's kernel is told of a camera."""
+    half = (camera.width / 2, camera.height / 2)
+    (fx, fy), (cx, cy) = camera.focal, camera.center
+    steepest = [SLOPE_MARGIN * max(cx, camera.width - cx) / fx, SLOPE_MARGIN * max(cy, camera.height - cy) / fy]
+    pose = camera.world_to_camera[:3].flatten().tolist()
+    middle = [cx - half[0], cy - half[1]]
+    return [*pose, fx, fy, *half, *middle, *steepest, REACH_SIGMAS, REACH_PIXELS, FAINTEST_LOGIT]
 
 
 @torch.no_grad()

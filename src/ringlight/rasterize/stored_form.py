@@ -13,6 +13,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.triton_kernels import runs_triton
 
 WIDEST_PIXELS = 1e9
 """Standard deviation on the image, pixels: its fourth power, which the determinant holds, is still a float32."""
@@ -36,10 +37,29 @@ class ActiveForm:
 def active_form(
     gaussians: Gaussians, camera: Camera, near: float, opacity_factor: Float[Tensor, "N"] | None
 ) -> ActiveForm:
-    """Differentiable in the columns and the factor."""
+    """Differentiable in the columns and the factor; by one kernel where Triton serves."""
+    geometry = (gaussians.means, gaussians.log_scales, gaussians.quats, gaussians.opacity_logits)
+    if not runs_triton(*geometry):
+        return active_form_twin(gaussians, camera, near, opacity_factor)
+    from ringlight.rasterize.stored_form_triton import activated_by_triton
+
+    plane = camera.world_to_camera[2].to(gaussians.means).contiguous()
+    bounds = (near, log_reach(camera), FARTHEST, SHORTEST_QUAT_SQUARED)
+    return ActiveForm(*activated_by_triton(*geometry, opacity_factor, plane, bounds))
+
+
+def log_reach(camera: Camera) -> float:
+    """The logarithm of the widest scale that can be projected at depth one."""
+    return math.log(WIDEST_PIXELS / max(camera.focal))
+
+
+def active_form_twin(
+    gaussians: Gaussians, camera: Camera, near: float, opacity_factor: Float[Tensor, "N"] | None
+) -> ActiveForm:
+    """The same in torch operations, on any device."""
     with torch.no_grad():
         depths = camera.depths(gaussians.means).clamp_min(near)
-        widest = math.log(WIDEST_PIXELS / max(camera.focal)) + depths.log()
+        widest = log_reach(camera) + depths.log()
         # Written so that what is not a number fails.
         fine = (gaussians.log_scales.amax(1) < widest) & (gaussians.means.abs().amax(1) < FARTHEST)
         turns = gaussians.quats.square().sum(1) > SHORTEST_QUAT_SQUARED
