@@ -176,7 +176,8 @@ class Saver:
     def __init__(self, save: Callable[[], None], seconds: float | None):
         self.save, self.seconds = save, seconds
         self.pause = SAVE_SECONDS if seconds is None else seconds
-        self.last = time.monotonic()
+        self.begun = self.last = time.monotonic()
+        self.spent = 0.0
 
     def save_if_due(self) -> None:
         """Save if the pause is over. Raises OutputError."""
@@ -185,8 +186,11 @@ class Saver:
             return
         self.save()
         self.last = time.monotonic()
+        self.spent += self.last - begun
         if self.seconds is None:
-            self.pause = min(max(SAVE_SECONDS, (self.last - begun) / LARGEST_SAVE_SHARE), LONGEST_PAUSE)
+            # So that with the next, and one when the run ends, its share is kept in the time since the run began.
+            due = (self.spent + 2 * (self.last - begun)) / LARGEST_SAVE_SHARE
+            self.pause = min(max(SAVE_SECONDS, self.begun + due - self.last), LONGEST_PAUSE)
 
 
 def _check(steps: int, seed: int) -> None:
