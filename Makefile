@@ -11,7 +11,7 @@ BUILT_FROM := pyproject.toml constraints.txt CMakeLists.txt cmake/write_conventi
 	src/ringlight/rasterize/convention.py $(wildcard kernels/*.*pp kernels/isa/*.*pp kernels/bindings/*.*pp)
 WORKERS ?= 2
 
-.PHONY: setup demo test lint bench unplug fuzz sanitize clean
+.PHONY: setup demo test lint bench unplug threads fuzz sanitize valgrind clean
 
 setup: $(STAMP)
 
@@ -38,6 +38,9 @@ FUZZ_SECONDS ?= 600
 unplug: setup
 	@$(BIN)/python tests/unplugging.py --kills $(KILLS)
 
+threads: setup
+	@$(BIN)/python tests/thread_hashes.py
+
 fuzz: setup
 	@$(BIN)/python tests/fuzzing/run.py --count $(FILES)
 	@if $(BIN)/python -m pip --disable-pip-version-check --quiet install atheris 2>/dev/null; \
@@ -46,6 +49,9 @@ fuzz: setup
 
 sanitize: setup
 	@PATH="$(CURDIR)/$(BIN):$$PATH" PYTHON="$(BIN)/python" sh scripts/sanitize.sh
+
+valgrind: setup
+	@PYTHON="$(BIN)/python" sh scripts/valgrind.sh
 
 clean:
 	rm -rf $(VENV) build

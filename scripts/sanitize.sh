@@ -1,6 +1,7 @@
 #!/bin/sh
-# Builds the kernels with the address and undefined-behaviour sanitizers and runs their tests; called by make sanitize.
-# ISAS chooses instruction sets, by default the best of this machine and the generic one.
+# Builds the kernels with the address and undefined-behaviour sanitizers, makes recorded calls of each of them again, and
+# runs their tests; called by make sanitize. ISAS chooses instruction sets, by default the best of this machine, AVX2 and
+# the generic one; TESTS=no leaves the tests out, which take most of the time.
 set -eu
 PYTHON=${PYTHON:-.venv/bin/python}
 PYTHON="$(cd "$(dirname "$PYTHON")" && pwd)/$(basename "$PYTHON")" # CMake wants it from the root
@@ -16,10 +17,21 @@ cp "$BUILD"/_kernels*.so "$BUILD/package/ringlight/"
 
 compiler=${CXX:-c++}
 preload="$("$compiler" -print-file-name=libasan.so) $("$compiler" -print-file-name=libstdc++.so)"
-for isa in ${ISAS:-best generic}; do
-  echo "sanitized kernels, instruction set: $isa"
-  [ "$isa" = best ] || export RINGLIGHT_ISA="$isa"
+
+sanitized() {
   # Leaks are not asked for: the interpreter keeps what it has until it ends.
   LD_PRELOAD="$preload" ASAN_OPTIONS=detect_leaks=0:abort_on_error=1 UBSAN_OPTIONS=print_stacktrace=1 \
-    RINGLIGHT_PATIENCE=3000 OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=1 "$PYTHON" scripts/sanitized_tests.py "$BUILD/package" "$@"
+    RINGLIGHT_PATIENCE=3000 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=1 "$PYTHON" "$@"
+}
+
+others="generic"
+[ "$(uname -m)" != x86_64 ] || others="avx2 generic"
+for isa in ${ISAS:-best $others}; do
+  echo "sanitized kernels, instruction set: $isa"
+  [ "$isa" = best ] || export RINGLIGHT_ISA="$isa"
+  "$PYTHON" scripts/recorded_calls.py record "$BUILD/calls.npz"
+  sanitized scripts/recorded_calls.py replay "$BUILD/calls.npz" "$BUILD"/_kernels*.so
+  [ "${TESTS:-yes}" = no ] || sanitized scripts/sanitized_tests.py "$BUILD/package" "$@"
 done
+rm "$BUILD/calls.npz"
+echo "no finding"
