@@ -28,4 +28,7 @@ def multiplies_halves() -> bool:
 @functools.cache
 def is_installed() -> bool:
     """Whether there is a package ``triton``; looks without importing it."""
-    return importlib.util.find_spec("triton") is not None
+    found = importlib.util.find_spec("triton") is not None
+    if found:  # multiply-adds as one: what Triton has always done, and warns of where nobody says so
+        os.environ.setdefault("TRITON_DEFAULT_FP_FUSION", "1")
+    return found

@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 ROWS = 32
-"""Rows a block: with layers of 128 the block's numbers fill half of a program's registers."""
+"""Rows a block."""
 
 MOST_PROGRAMS = 256
 """Of the backward kernel; two for each processor of a large GPU, and a slab of gradients for each."""
