@@ -30,7 +30,7 @@ ADDRESSES = {"levels", "gradients", "tensors"}
 FLOATS = {"pixel_weight", "ssim_weight", "near", "log_reach", "farthest", "shortest"}
 OTHERS = {"sides": "*i32", "left": "*i32", "marks": "*i8"}
 
-EXACT, WIDE = dict(INPUTS=64, HIDDEN=64, OUTPUTS=3), dict(WIDE_INPUTS=64, WIDE_HIDDEN=64, WIDE_OUTPUTS=16)
+EXACT, WIDE = dict(INPUTS=32, HIDDEN=64, OUTPUTS=3), dict(WIDE_INPUTS=32, WIDE_HIDDEN=64, WIDE_OUTPUTS=16)
 DEEP = EXACT | WIDE | dict(DEEP=True, HALF=False, B=perceptron_triton.ROWS)
 FLAT = DEEP | dict(DEEP=False, HIDDEN=128, WIDE_HIDDEN=128)
 SIZES = dict(REACH=5, SIZE=photometric_triton.BLOCK)

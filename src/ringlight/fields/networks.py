@@ -16,9 +16,9 @@ def fan_in_uniform(shape: Sequence[int], fan_in: int, generator: torch.Generator
     return nn.Parameter(torch.empty(tuple(shape)).uniform_(-bound, bound, generator=generator))
 
 
-WIDEST_IN_TRITON, WIDEST_FLAT_IN_TRITON = 64, 128
-"""Inputs and hidden units of networks with two hidden layers, and hidden units of those with one, whose weights fit
-beside the rows on any GPU: at 128 twice the backward kernel would take 114 KB, and spill 15 KB a thread."""
+MOST_INPUTS_IN_TRITON, WIDEST_IN_TRITON, WIDEST_FLAT_IN_TRITON = 32, 64, 128
+"""Inputs or outputs, hidden units in two layers, and in one, that fit a GPU's registers beside the rows: with 64 inputs
+the backward kernel would spill 4 KB a thread, with two layers of 128 ask for 114 KB of shared memory."""
 
 
 class Perceptron(nn.Sequential):
@@ -38,7 +38,7 @@ class Perceptron(nn.Sequential):
         hidden = {layer.out_features for layer in layers[:-1]}
         widest = WIDEST_FLAT_IN_TRITON if len(layers) == 2 else WIDEST_IN_TRITON
         small = len(layers) in (2, 3) and len(hidden) == 1 and max(hidden) <= widest
-        small = small and max(layers[0].in_features, layers[-1].out_features) <= WIDEST_IN_TRITON
+        small = small and max(layers[0].in_features, layers[-1].out_features) <= MOST_INPUTS_IN_TRITON
         return small and runs_triton(rows, *self.parameters())
 
 
