@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "parallel.hpp"
+#include "placement.hpp"
 #include "sort.hpp"
 
 namespace ringlight {
@@ -14,35 +15,28 @@ namespace {
 
 constexpr std::size_t PREFETCH = 16;  // rows ahead
 
-// Calls visit(tile number) for the tiles of a placement that is not 2 x 2, in row-major order.
-template <class Visit>
-inline void for_listed_tiles(const Placement& place, int tiles_x, Visit&& visit) {
-  std::uint32_t tiles = place.tiles;
-  const bool every = tiles == EVERY_TILE;
-  for (int y = place.y0; y <= place.y1; y++)
-    for (int x = place.x0; x <= place.x1; x++, tiles >>= 1)
-      if (every || (tiles & 1)) visit(y * tiles_x + x);
-}
-
 // The 2 x 2 case has no branches: which tiles are touched cannot be predicted. A tile that is not touched counts 0,
-// and its entry goes to a place that nobody reads.
+// and its entry goes to a place that nobody reads. Behind its horizon a tile gets no entry, though the slot is counted.
+template <bool Bounded>
 class Dealer {
  public:
   Dealer(const Frame& frame, const std::uint64_t* order, std::size_t drawn)
-      : placements_(frame.placements), pieces_(frame.pieces), order_(order), drawn_(drawn), tiles_x_(frame.tiles_x) {}
+      : placements_(frame.placements), pieces_(frame.pieces), order_(order), drawn_(drawn), horizon_(frame.horizon),
+        tiles_x_(frame.tiles_x) {}
 
   void count(std::size_t begin, std::size_t end, std::uint32_t* counts) const {
     for (std::size_t i = begin; i < end; i++) {
       const Placement& place = at(i);
       if (place.tiles & LISTED) [[unlikely]] {
-        for_listed_tiles(place, tiles_x_, [&](int tile) { counts[tile]++; });
+        for_listed_tiles(place, tiles_x_, [&](int tile) { counts[tile] += is_before(place, tile); });
         continue;
       }
-      std::uint32_t* const corner = counts + place.y0 * tiles_x_ + place.x0;
-      corner[0] += place.tiles & 1;
-      corner[1] += place.tiles >> 1 & 1;
-      corner[tiles_x_] += place.tiles >> 2 & 1;
-      corner[tiles_x_ + 1] += place.tiles >> 3 & 1;
+      const int first = place.y0 * tiles_x_ + place.x0;
+      std::uint32_t* const corner = counts + first;
+      corner[0] += place.tiles & 1 & is_before(place, first);
+      corner[1] += place.tiles >> 1 & 1 & is_before(place, first + 1);
+      corner[tiles_x_] += place.tiles >> 2 & 1 & is_before(place, first + tiles_x_);
+      corner[tiles_x_ + 1] += place.tiles >> 3 & 1 & is_before(place, first + tiles_x_ + 1);
     }
   }
 
@@ -55,19 +49,21 @@ class Dealer {
       constexpr std::uint64_t NEXT_SLOT = std::uint64_t{1} << 32;
       if (place.tiles & LISTED) [[unlikely]] {
         for_listed_tiles(place, tiles_x_, [&](int tile) {
-          entries[cursors[tile]++] = entry;
+          if (is_before(place, tile)) entries[cursors[tile]++] = entry;
           entry += NEXT_SLOT;
         });
         continue;
       }
-      std::uint32_t* const corner = cursors + place.y0 * tiles_x_ + place.x0;
+      const int first = place.y0 * tiles_x_ + place.x0;
+      std::uint32_t* const corner = cursors + first;
       const std::uint32_t corners[4] = {0, 1, static_cast<std::uint32_t>(tiles_x_),
                                         static_cast<std::uint32_t>(tiles_x_) + 1};
       for (int k = 0; k < 4; k++) {
         const std::uint32_t touched = place.tiles >> k & 1;
+        const std::uint32_t dealt = touched & is_before(place, first + static_cast<int>(corners[k]));
         std::uint32_t& cursor = corner[corners[k]];
-        entries[nowhere + (cursor - nowhere) * touched] = entry;
-        cursor += touched;
+        entries[nowhere + (cursor - nowhere) * dealt] = entry;
+        cursor += dealt;
         entry += touched * NEXT_SLOT;
       }
     }
@@ -79,23 +75,34 @@ class Dealer {
     return placements_[row_of(order_[i])];
   }
 
+  std::uint32_t is_before(const Placement& place, int tile) const {
+    if constexpr (Bounded) return place.depth_key <= horizon_[tile];
+    return 1;
+  }
+
   const Placement* placements_;
   const Piece* pieces_;
   const std::uint64_t* order_;
   std::size_t drawn_;
+  const std::uint32_t* horizon_;
   int tiles_x_;
 };
 
 }  // namespace
 
 void Binning::bin(Frame& frame, const std::uint64_t* order, std::size_t drawn) {
+  frame.horizon ? bin_with(Dealer<true>(frame, order, drawn), frame, drawn)
+                : bin_with(Dealer<false>(frame, order, drawn), frame, drawn);
+}
+
+template <class Dealer>
+void Binning::bin_with(const Dealer& dealer, Frame& frame, std::size_t drawn) {
   const std::size_t segments = static_cast<std::size_t>(frame.workers);
   const std::size_t tiles = static_cast<std::size_t>(frame.tiles_x) * static_cast<std::size_t>(frame.tiles_y);
   // A 2 x 2 placement at the right or lower edge reaches past it: those cells are read, and stay as they are.
   const std::size_t stride = tiles + static_cast<std::size_t>(frame.tiles_x) + 1;
   std::uint32_t* const cursors = cursors_.reserve(segments * stride);
   const auto begin = [&](std::size_t segment) { return drawn * segment / segments; };
-  const Dealer dealer(frame, order, drawn);
 
   parallel_for(segments, [&](std::size_t s) {
     std::fill(cursors + s * stride, cursors + (s + 1) * stride, 0u);
@@ -118,6 +125,7 @@ void Binning::bin(Frame& frame, const std::uint64_t* order, std::size_t drawn) {
   });
 
   // Longest first: the last tile to be blended should be a short one.
+  frame.tile_count = static_cast<int>(tiles);
   frame.tile_order = tile_order_.reserve(tiles);
   std::iota(frame.tile_order, frame.tile_order + tiles, 0u);
   const std::uint32_t* const starts = frame.tile_starts;

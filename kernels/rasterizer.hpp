@@ -2,6 +2,7 @@
 #pragma once
 #include "bin.hpp"
 #include "buffer.hpp"
+#include "horizon.hpp"
 #include "raster.hpp"
 #include "sort.hpp"
 
@@ -14,9 +15,10 @@ class Workspace {
  public:
   // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
   // view would not fit into the memory of the machine, std::domain_error when the table holds a value that is not
-  // finite.
+  // finite. `horizon` [T] is null, or the depths that the last pass of this view left, which become those of this one:
+  // they change nothing but the time that it takes (horizon.hpp).
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
-               const Footprints& footprints);
+               const Footprints& footprints, float* horizon);
 
   // Fills in `to` for the last forward pass; `splats` must hold the same values as then.
   void backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to);
@@ -26,6 +28,10 @@ class Workspace {
   // Whether the last forward pass came to its end, so that there is something for a backward pass.
   bool complete() const { return complete_; }
   const Frame& frame() const { return frame_; }
+  // The tiles that were blended once more, since they did not become opaque before their horizon.
+  Frame again() const;
+  // Rows that the horizon spared the sort.
+  std::uint64_t hidden() const { return hidden_; }
   // How long each stage took the last time.
   double seconds(Stage stage) const { return seconds_[stage]; }
 
@@ -33,19 +39,22 @@ class Workspace {
   void make_room();
   std::uint64_t number_slots();
   void reserve_scratch();
+  void blend_again(const Images& images);
 
   Frame frame_{};
+  TileLists again_{};
   double seconds_[STAGES] = {};
   bool complete_ = false;
-  std::uint64_t passes_ = 0, slots_in_use_ = 0;
+  std::uint64_t passes_ = 0, slots_in_use_ = 0, hidden_ = 0;
   DepthSort sort_;
-  Binning binning_;
+  Horizon horizon_;
+  Binning binning_, binning_again_;
   Buffer<float> records_, final_transmittance_, slots_, scratch_;
-  Buffer<std::uint32_t> tile_used_;
+  Buffer<std::uint32_t> tile_used_, tile_used_again_;
   Buffer<Placement> placements_;
   Buffer<Piece> pieces_;
-  Buffer<std::uint64_t> block_masks_;
-  Buffer<std::uint8_t> slot_used_;
+  Buffer<std::uint64_t> block_masks_, block_masks_again_;
+  Buffer<std::uint8_t> tile_open_, slot_used_;
 };
 
 }  // namespace ringlight

@@ -21,6 +21,7 @@ KERNEL_TESTS = (
     "rasterize/test_cpu.py",
     "rasterize/test_fuzz.py",
     "rasterize/test_gradients.py",
+    "rasterize/test_horizon.py",
     "color/test_harmonics.py",
     "color/test_ring_kernel.py",
     "color/test_drawable.py",
@@ -39,6 +40,7 @@ INDISPENSABLE = (
     "test_equals_the_reference_for_any_number_of_channels[cpu-False-3]",
     "test_equals_the_reference_for_any_image_size[cpu-True-size5]",
     "test_equals_the_reference_on_random_scenes[cpu]",
+    "test_moving_gaussians_leave_the_bits_alone",
     "test_kernel_and_twin_equal_torch",
 )
 

@@ -87,14 +87,21 @@ bool is_image(const Array& array, const Pinhole& camera) {
 }
 
 void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
-             Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii) {
+             Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
+             std::optional<Out<-1, -1>> horizon) {
   const Splats splats = table.splats();
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == table.channels.shape(1),
           "rasterizer: image must be [C H W] and alpha [H W]");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
+  const auto tiles_along = [](int pixels) {
+    return static_cast<std::size_t>((pixels + convention::TILE - 1) / convention::TILE);
+  };
+  require(!horizon || (horizon->shape(0) == tiles_along(camera.height) && horizon->shape(1) == tiles_along(camera.width)),
+          "rasterizer: the horizon needs one depth per tile");
   const nb::gil_scoped_release unlocked;
-  workspace.forward(camera, settings, splats, {image.data(), alpha.data()}, {means2d.data(), radii.data()});
+  workspace.forward(camera, settings, splats, {image.data(), alpha.data()}, {means2d.data(), radii.data()},
+                    horizon ? horizon->data() : nullptr);
 }
 
 struct Gradients {
@@ -149,8 +156,12 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
 std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
   require(workspace.complete(), "rasterizer: there is no forward pass whose pairs could be counted");
   const nb::gil_scoped_release unlocked;
-  const PairCounts counts = count_pairs(workspace.frame());
-  return {counts.evaluated, counts.blended};
+  const PairCounts counts = count_pairs(workspace.frame()), again = count_pairs(workspace.again());
+  return {counts.evaluated + again.evaluated, counts.blended + again.blended};
+}
+
+std::pair<std::uint64_t, int> beyond_horizon(const Workspace& workspace) {
+  return {workspace.hidden(), workspace.again().tile_count};
 }
 
 nb::dict stage_seconds(const Workspace& workspace) {
@@ -198,9 +209,13 @@ void bind_raster(nb::module_& module) {
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
-           "means2d"_a, "radii"_a, "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2].")
+           "means2d"_a, "radii"_a, "horizon"_a = nb::none(),
+           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] holds "
+           "depths that an earlier picture of this view left, infinity for none; it changes time alone, and is renewed.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
+      .def_prop_ro("beyond_horizon", &beyond_horizon,
+                   "Of the last forward pass: Gaussians that the horizon hid, tiles about which it was wrong.")
       .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");
 }
 

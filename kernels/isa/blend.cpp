@@ -93,11 +93,13 @@ RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t
   }
 }
 
-// Blends the listed rows into the block with pixel centres (x, y). Returns false when all of its pixels are finished.
-// `weights` has room for one Vec per row; only the general kernel uses it.
+constexpr int OPEN = -1;
+
+// Blends the listed rows into the block with pixel centres (x, y). Returns the number of the row that finished the last
+// of its pixels, OPEN if none did. `weights` has room for one Vec per row; only the general kernel uses it.
 template <int C>
-RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec strongest, int width, float* weights,
-                                  float* state) {
+RINGLIGHT_INLINE int blend_block(const RowList& list, Vec x, Vec y, Vec strongest, int width, float* weights,
+                                 float* state) {
   constexpr int KEPT = C == WIDE ? 1 : C;
   const std::size_t stride = static_cast<std::size_t>(row_stride(C == WIDE ? width : C));
   Vec running = load(state + RUNNING), final = load(state + FINAL), color[KEPT];
@@ -138,7 +140,7 @@ RINGLIGHT_INLINE bool blend_block(const RowList& list, Vec x, Vec y, Vec stronge
   else
 #pragma GCC unroll 16
     for (int c = 0; c < C; c++) store(state + COLOR + c * LANES, color[c]);
-  return open;
+  return open ? OPEN : list.numbers[k - 1];
 }
 
 template <int C>
@@ -183,8 +185,10 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
   std::uint8_t numbers[CHUNK + 64];  // list_set_bits may write past the end
   std::uint64_t alive = tile.inside;
   std::uint32_t at = tile.begin;
+  int closed_by = OPEN;  // the last row of a chunk that finished a block
   while (at < tile.end && alive) {
     const int count = tile.end - at < CHUNK ? static_cast<int>(tile.end - at) : CHUNK;
+    closed_by = OPEN;
     gather_chunk<C>(frame, tile, alive, {at, count, rows, masks});
     for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
     for (std::uint64_t left = alive; left; left &= left - 1) {
@@ -196,12 +200,15 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       const Vec x = load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * (block % BLOCKS_PER_SIDE)));
       const Vec y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * (block / BLOCKS_PER_SIDE)));
       const RowList list{rows, numbers, length};
-      if (!blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, weights, states + block * floats))
-        alive &= ~(std::uint64_t{1} << block);
+      const int closed = blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, weights, states + block * floats);
+      if (closed == OPEN) continue;
+      alive &= ~(std::uint64_t{1} << block);
+      closed_by = closed > closed_by ? closed : closed_by;
     }
-    at += static_cast<std::uint32_t>(count);
+    at += static_cast<std::uint32_t>(alive ? count : closed_by + 1);
   }
   frame.tile_used[tile.number] = at - tile.begin;
+  frame.tile_open[tile.number] = alive != 0;
   write_tile<C>(frame, tile, states, images);
 }
 

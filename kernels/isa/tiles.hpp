@@ -40,7 +40,7 @@ RINGLIGHT_INLINE void prefetch_floats(const float* from, int count) {
 // The next tile that nobody has, longest first; false when all are taken.
 RINGLIGHT_INLINE bool claim_tile(const Frame& frame, int& claimed, Tile& tile) {
   const int i = __atomic_fetch_add(&claimed, 1, __ATOMIC_RELAXED);
-  if (i >= frame.tiles_x * frame.tiles_y) return false;
+  if (i >= frame.tile_count) return false;
   tile = tile_at(frame, static_cast<int>(frame.tile_order[i]));
   return true;
 }

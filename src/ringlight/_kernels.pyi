@@ -145,7 +145,10 @@ class Workspace:
         alpha: Tensor,
         means2d: Tensor,
         radii: Tensor,
+        horizon: Tensor | None = None,
     ) -> None: ...
+    @property
+    def beyond_horizon(self) -> tuple[int, int]: ...
     def backward(
         self,
         table: SplatTable,

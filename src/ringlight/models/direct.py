@@ -11,6 +11,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gradients import Gradient
 from ringlight.core.rendering import Rendering
 from ringlight.rasterize.contract import DirectRasterizer
+from ringlight.rasterize.horizon import Horizon
 from ringlight.shade.contract import DirectShader
 
 if TYPE_CHECKING:
@@ -42,16 +43,22 @@ class DirectModel:
         self._model = model
 
     @torch.no_grad()
-    def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+    def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
         """What the model's own ``render`` gives."""
         channels = self.color.draw(self._model.gaussians, camera)
-        return self.shade(self.blend(channels, camera, background), camera, background)
+        return self.shade(self.blend(channels, camera, background, horizon), camera, background)
 
-    def blend(self, channels: Float[Tensor, "N C"], camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+    def blend(
+        self,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        horizon: Horizon | None = None,
+    ) -> Rendering:
         """The channels blended, "rgb" over the background and the others over nothing; ``color`` is still "rgb"."""
         widths = self.color.widths
         behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
-        gaussians, options = self._model.gaussians, self._model.options
+        gaussians, options = self._model.gaussians, self._model.options_with(horizon)
         raster = self.rasterize.draw(gaussians, channels, camera, behind, options, self.color.opacity_factor)
         buffers = dict(zip(widths, raster.image.split(tuple(widths.values()), -1), strict=True))
         return Rendering(buffers["rgb"], raster.alpha, buffers | {"alpha": raster.alpha}, raster)

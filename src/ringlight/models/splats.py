@@ -1,6 +1,7 @@
 """A splat model: a table of Gaussians, a colour model that says what each emits, a shader, and a rasterizer."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -14,6 +15,7 @@ from ringlight.core.rendering import OPACITY_FACTOR, Channels, Rendering
 from ringlight.models.direct import DirectModel
 from ringlight.models.parts import joined, parted
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
+from ringlight.rasterize.horizon import Horizon
 from ringlight.shade.contract import Shader
 
 # Alpha below which a pixel shows no surface: blended depth and normals are divided by at least this.
@@ -72,12 +74,16 @@ class SplatModel(nn.Module):
         for name, tensor in columns.items():
             self.columns[name] = nn.Parameter(tensor.detach().to(self.device, copy=True))
 
-    def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
-        """One image over ``background``."""
+    def options_with(self, horizon: Horizon | None) -> RasterOptions:
+        """The model's options for a view that has been drawn before."""
+        return self.options if horizon is None else replace(self.options, horizon=horizon)
+
+    def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
+        """One image over ``background``; ``horizon`` is this view's own, if it is drawn more than once."""
         gaussians = self.gaussians
         channels = dict(self.color.channels(gaussians, camera))
         factor = channels.pop(OPACITY_FACTOR, None)
-        rendering = self.blend(gaussians, channels, factor, camera, background)
+        rendering = self.blend(gaussians, channels, factor, camera, background, horizon)
         color = self.shader.shade(rendering.buffers, camera, background)
         return Rendering(color, rendering.alpha, rendering.buffers, rendering.raster)
 
@@ -125,16 +131,17 @@ class SplatModel(nn.Module):
         factor: Float[Tensor, "N 1"] | None,
         camera: Camera,
         background: Float[Tensor, "3"],
+        horizon: Horizon | None = None,
     ) -> Rendering:
         """Blend all channels, and "alpha", in one pass; the background applies to "rgb" only."""
-        opacity_factor = None if factor is None else factor[:, 0]
+        opacity_factor, options = None if factor is None else factor[:, 0], self.options_with(horizon)
         if list(channels) == ["rgb"]:
-            raster = self.rasterize(gaussians, channels["rgb"], camera, background, self.options, opacity_factor)
+            raster = self.rasterize(gaussians, channels["rgb"], camera, background, options, opacity_factor)
             return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
         widths = [values.shape[-1] for values in channels.values()]
         black = background.new_zeros
         behind = [background if name == "rgb" else black(w) for name, w in zip(channels, widths, strict=True)]
         values = joined(list(channels.values()))
-        raster = self.rasterize(gaussians, values, camera, torch.cat(behind), self.options, opacity_factor)
+        raster = self.rasterize(gaussians, values, camera, torch.cat(behind), options, opacity_factor)
         buffers = dict(zip(channels, parted(raster.image, widths), strict=True)) | {"alpha": raster.alpha}
         return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)

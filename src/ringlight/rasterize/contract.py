@@ -11,6 +11,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Raster
 from ringlight.rasterize import convention
+from ringlight.rasterize.horizon import Horizon
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class RasterOptions:
     """Scale the opacity by sqrt(det / det_blurred), so that the low-pass filter keeps the energy (Mip-Splatting)."""
     absgrad: bool = False
     """Also accumulate the absolute screen-space gradients (AbsGS)."""
+    horizon: Horizon | None = None
+    """What this view hid the last time, to be renewed: saves time and changes no bit."""
 
 
 @runtime_checkable

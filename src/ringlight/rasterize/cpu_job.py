@@ -57,6 +57,7 @@ class Job:
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
         self.absgrad = options.absgrad
+        self.horizon = None if options.horizon is None else options.horizon.sized(camera.width, camera.height)
         self.size = (camera.height, camera.width)
         self.background = background.detach().float().contiguous()
         # Type and device are the background's: torch's defaults may be others.
@@ -70,11 +71,11 @@ class Job:
     def draw(self, workspace: "_kernels.Workspace", table: "_kernels.SplatTable") -> tuple[Tensor, Tensor]:
         """The planar image [C H W] and alpha [H W]; fills in the footprint."""
         image, alpha = self.background.new_empty(len(self.background), *self.size), self.background.new_empty(self.size)
-        footprint = self.footprint
+        marks = (self.footprint.means2d, self.footprint.radii)
         try:
-            workspace.forward(table, self.camera, self.settings, image, alpha, footprint.means2d, footprint.radii)
+            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, self.horizon)
         except MemoryError as error:
-            size, count = f"{self.size[1]} x {self.size[0]}", len(footprint.radii)
+            size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
             raise BackendError(
                 f"{count} Gaussians on {size} pixels need more memory, or more time, than a view may take; "
                 "they cover too much of the image: make the scales, the image or their number smaller"
