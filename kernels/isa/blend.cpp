@@ -185,10 +185,9 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
   std::uint8_t numbers[CHUNK + 64];  // list_set_bits may write past the end
   std::uint64_t alive = tile.inside;
   std::uint32_t at = tile.begin;
-  int closed_by = OPEN;  // the last row of a chunk that finished a block
   while (at < tile.end && alive) {
     const int count = tile.end - at < CHUNK ? static_cast<int>(tile.end - at) : CHUNK;
-    closed_by = OPEN;
+    int closed_by = OPEN;  // the last row of the chunk that finished a block
     gather_chunk<C>(frame, tile, alive, {at, count, rows, masks});
     for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
     for (std::uint64_t left = alive; left; left &= left - 1) {
@@ -200,7 +199,8 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       const Vec x = load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * (block % BLOCKS_PER_SIDE)));
       const Vec y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * (block / BLOCKS_PER_SIDE)));
       const RowList list{rows, numbers, length};
-      const int closed = blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, weights, states + block * floats);
+      float* const state = states + block * floats;
+      const int closed = blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, weights, state);
       if (closed == OPEN) continue;
       alive &= ~(std::uint64_t{1} << block);
       closed_by = closed > closed_by ? closed : closed_by;

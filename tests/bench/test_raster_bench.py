@@ -24,7 +24,7 @@ def test_rows_tell_size_and_what_was_visible():
 
 
 def test_a_horizon_is_timed_beside_the_kernels_and_says_what_it_hid():
-    crowd = Size(100_000, 64)
+    crowd = Size(100_000, 160)
     (row,) = bench_raster([TINY], rasterizer_for("cpu"), ONE_ROUND)
     assert row.with_horizon is None
     (row,) = bench_raster([crowd], rasterizer_for("cpu"), ONE_ROUND, horizon=True)
