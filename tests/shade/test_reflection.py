@@ -9,11 +9,15 @@ from surfaces import BOX, buffers, camera
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.errors import RecipeError
+from ringlight.fields.ring_settings import RingSettings
 from ringlight.shade.contract import Shader
 from ringlight.shade.covered import FAINTEST_SHADED, covered_pixels
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
 
+TINY_RING = RingSettings(
+    rank=2, features=3, head_hidden=8, bands=2, view_bands=2, position_nodes=5, view_nodes=4, core_scale=1.0
+)
 SMALL = ReflectionSettings(hidden=16, levels=(4, 7), features=4, latents=3)
 GREY, BLACK = torch.full((3,), 0.5), torch.zeros(3)
 KINDS = {
@@ -23,6 +27,8 @@ KINDS = {
     "no direction, no latents": replace(SMALL, raw_direction=False, latents=0),
     "one hidden layer": replace(SMALL, hidden_layers=1),
     "depth": replace(SMALL, depth_gradient=True),
+    "ring": replace(SMALL, ring="full", near_field=TINY_RING),
+    "diagonal ring": replace(SMALL, ring="diagonal", near_field=TINY_RING),
 }
 
 

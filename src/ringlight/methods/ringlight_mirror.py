@@ -64,7 +64,7 @@ class RingLightMirrorRecipe:
     maps_rate: float = 2e-2
     """Learning rate of the octahedral maps at the start."""
     network_rate: float = 2e-3
-    """Learning rate of the shader's network at the start."""
+    """Learning rate of the shader's network, and of its ring if there is one, at the start."""
     sphere_rate: float = 5e-3
     """Learning rate of the parallax spheres at the start."""
     antialiased: bool = False
@@ -156,6 +156,7 @@ class RingLightMirrorRecipe:
             "columns.latents": lit(self.latents_rate),
             "shader.maps.*": lit(self.maps_rate),
             "shader.mlp.*": lit(self.network_rate),
+            "shader.ring.*": lit(self.network_rate),
             "shader.sphere": lit(self.sphere_rate),
         }
 

@@ -14,9 +14,11 @@ from ringlight.core.directions import octahedral_from_directions, reflect, view_
 from ringlight.core.lot import by_lot
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels
+from ringlight.fields.diagonal_ring import DiagonalRing
 from ringlight.fields.networks import perceptron
 from ringlight.fields.octahedral import OctahedralMaps
 from ringlight.fields.parallax import sphere_exits
+from ringlight.fields.tensor_ring import TensorRing
 from ringlight.shade.covered import CoveredPixels, covered_pixels
 from ringlight.shade.reflection_direct import DirectReflection
 from ringlight.shade.reflection_kernel import (
@@ -28,6 +30,9 @@ from ringlight.shade.reflection_kernel import (
 )
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
 
+RINGS = {"full": TensorRing, "diagonal": DiagonalRing}
+"""By the setting ``ring``."""
+
 # The last layer starts smaller than PyTorch's: the first shaded picture shall be near that of the base colours.
 FIRST_LAST_LAYER = 0.3
 
@@ -37,7 +42,7 @@ class ReflectionShader(nn.Module):
 
     ``shade`` takes "rgb" 3, "normal" 3 (world, outwards, blended unit vectors), "latents" L and "depth" 1 (camera z).
     Parameters: ``mlp``; ``maps.s``, the octahedral maps of shell s; ``sphere`` [shells 4] if there is parallax, see
-    ``fields/parallax.py``, in a frame where the longest side of the scene's box is [-1, 1].
+    ``fields/parallax.py``, in a frame where the longest side of the scene's box is [-1, 1]; ``ring``, if there is one.
     Buffers: ``box`` [low, high], world units; ``lit``, False during the warm-up, when "rgb" is the colour.
     """
 
@@ -54,6 +59,9 @@ class ReflectionShader(nn.Module):
             self.sphere = nn.Parameter(torch.tensor([[0.0, 0.0, 0.0, FIRST_LOG_INVERSE_RADII[s]] for s in shells]))
         inputs = 1 + settings.latents + 3 + settings.shells * len(settings.levels) * settings.features
         inputs += 3 * settings.raw_direction
+        if settings.ring != "none":
+            self.ring = RINGS[settings.ring](settings.near_field, drawn)
+            inputs += settings.near_field.features
         self.mlp = perceptron((inputs, *[settings.hidden] * settings.hidden_layers, 3), drawn)
         last = self.mlp[-1]
         assert isinstance(last, nn.Linear)
@@ -115,7 +123,13 @@ class ReflectionShader(nn.Module):
         for shell, maps in enumerate(self.maps):
             seen = sphere_exits(points, reflected, self.sphere[shell]) if self.settings.parallax else reflected
             inputs.append(maps(octahedral_from_directions(seen)))
-        return torch.cat([*inputs, directions] if self.settings.raw_direction else inputs, -1)
+        if self.settings.raw_direction:
+            inputs.append(directions)
+        if self.settings.ring != "none":
+            ring = self.get_submodule("ring")
+            assert isinstance(ring, TensorRing | DiagonalRing)
+            inputs.append(torch.tanh(ring.tabulated(points.clamp(-1, 1), reflected)))
+        return torch.cat(inputs, -1)
 
     def _unit_points(self, points: Float[Tensor, "P 3"]) -> Float[Tensor, "P 3"]:
         """World positions relative to the box's middle, in halves of its longest side: a sphere stays a sphere."""

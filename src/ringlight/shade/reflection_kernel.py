@@ -26,8 +26,13 @@ def kernel_takes(settings: ReflectionSettings, buffers: Channels) -> bool:
 
 
 def sizes_fit(settings: ReflectionSettings) -> bool:
-    """Whether the kernel takes them: features in fours, and none beyond its limits."""
-    fits = settings.hidden <= MAX_HIDDEN and settings.latents <= MAX_LATENTS and max(settings.levels) <= MAX_SIDE
+    """Whether the kernel takes them: no ring, features in fours, and none beyond its limits."""
+    fits = (
+        settings.ring == "none"
+        and settings.hidden <= MAX_HIDDEN
+        and settings.latents <= MAX_LATENTS
+        and max(settings.levels) <= MAX_SIDE
+    )
     fits = fits and settings.features <= MAX_FEATURES and settings.features % QUAD == 0
     return fits and len(settings.levels) <= MAX_LEVELS
 

@@ -1,14 +1,21 @@
 """Settings of the reflection shader; free of torch, so that the command line can print them at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 from ringlight.errors import RecipeError
+from ringlight.fields.ring_settings import RingSettings
 
 LARGEST = {"hidden": 1024, "features": 64, "latents": 64, "side": 1024}
 """Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
 
 FIRST_LOG_INVERSE_RADII = (-1.5, 0.0)
 """Where the shells' learned sizes begin, in half sides of the scene's box: far around it, and close."""
+
+NEAR_FIELD = RingSettings(
+    rank=8, features=8, head_hidden=64, bands=6, view_bands=4, position_nodes=128, view_nodes=24, core_scale=0.1
+)
+"""As the forward road's, with fewer features, for the maps are there as well."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,11 @@ class ReflectionSettings:
     """Spheres, each with maps of its own, on which reflections lie."""
     parallax: bool = True
     """Whether reflections lie on spheres of learned centre and size, or infinitely far away."""
+    ring: Literal["none", "full", "diagonal"] = "none"
+    """Whether the network also sees features of a tensor ring at the reflecting point, in the reflected direction: what
+    is reflected from near by depends on both. In torch alone, so that a step takes several times as long."""
+    near_field: RingSettings = field(default_factory=lambda: NEAR_FIELD)
+    """Of that ring."""
     raw_direction: bool = True
     """Whether the network sees the viewing direction too, not only the reflected one."""
     gradient_share: float = 1.0
