@@ -68,24 +68,6 @@ def test_train_prints_a_table_or_json_and_nothing_else_on_standard_output(
     assert (tmp_path / "a" / "model.safetensors").read_bytes() == (tmp_path / "b" / "model.safetensors").read_bytes()
 
 
-def test_a_horizon_for_every_photograph_changes_no_bit_of_the_model(
-    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    steps, photographs = Session.steps, set()
-
-    def watched(session: Session) -> Iterator[Progress]:
-        for progress in steps(session):
-            photographs.update(session.training.horizons)
-            yield progress
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Session, "steps", watched)
-        assert ringlight("train", tiny, "3dgs", "--out", tmp_path / "run", *QUICK, "--horizon").code == 0
-    assert len(photographs) > 1
-    model = "model.safetensors"
-    assert (tmp_path / "run" / model).read_bytes() == (trained["3dgs"] / model).read_bytes()
-
-
 def test_an_interrupted_run_goes_on_to_the_same_bits(
     tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
