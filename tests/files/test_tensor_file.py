@@ -211,3 +211,22 @@ def test_short_reads_are_read_on_and_failing_ones_are_one_sentence(
         return
     with pytest.raises(ModelFileError, match=r"cannot be read: Input/output error; "):
         read_tensors(tmp_path / "whole")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"__metadata__": {"ringlight.checksum": "\ud800"}},
+        {"__metadata__": {"note": "x\udfff"}},
+        {"__metadata__": {"\ud800": "x"}},
+        {"\ud8ff": entry()},
+    ],
+)
+def test_half_a_character_is_damage(header: dict[str, object], tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(assembled(header, bytes(8)))
+    for read in (read_tensors, read_metadata):
+        with pytest.raises(ModelFileError, match="the file is damaged"):
+            read(path)
+    path.write_bytes(assembled({"__metadata__": {"note": "\U0001f600"}}, b""))
+    assert read_metadata(path) == {"note": "\U0001f600"}

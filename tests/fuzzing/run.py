@@ -105,6 +105,8 @@ class Runner:
             self.peak.reset()
             self.one(kind, content)
         growth = self.peak.growth
+        if growth > bound:
+            bound = max(bound, TIMES_LEGAL * self.target.justified(content))
         if growth > SLACK:
             self.peak.reset()
         if growth > bound:

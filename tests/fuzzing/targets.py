@@ -21,7 +21,7 @@ from scene_folders import write_blender, write_colmap, write_nerfstudio
 
 from ringlight.core.gaussians import Gaussians
 from ringlight.data import colmap_binary, colmap_text
-from ringlight.data.images import Photograph, read_header
+from ringlight.data.images import BROKEN_IMAGE, PIXELS_A_BYTE, Photograph, read_header
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.data.ply_points import read_ply_points
@@ -48,11 +48,12 @@ atexit.register(shutil.rmtree, HOME, ignore_errors=True)
 @dataclass(frozen=True)
 class Target:
     """``seeds`` are legal files by kind, ``large`` some of about a megabyte; ``load`` reads the bytes of one of that
-    kind, and may raise RinglightError."""
+    kind, and may raise RinglightError. ``justified`` are the bytes that a legal file which begins so may take."""
 
     seeds: list[tuple[int, bytes]]
     load: Callable[[int, bytes], object]
     large: list[tuple[int, bytes]] = field(default_factory=list)
+    justified: Callable[[bytes], int] = lambda content: len(content)
 
 
 def _reading(name: str, *readers: Callable[[Path], object]) -> Callable[[int, bytes], object]:
@@ -237,7 +238,18 @@ def image() -> Target:
         header = read_header(path)
         Photograph(path, min(header.width, 16), min(header.height, 16))()
 
-    return Target(seeds, _reading("photograph", decode), large)
+    def four_bytes_a_pixel(content: bytes) -> int:
+        """A picture of one colour has few bytes and all its pixels: what its head says, where bytes can hold it.
+
+        Decoders work on blocks of 16 pixels: of a picture nine pixels high they have seven more rows.
+        """
+        try:
+            width, height = (-(-side // 16) * 16 for side in Image.open(io.BytesIO(content)).size)
+        except BROKEN_IMAGE:
+            return len(content)
+        return 4 * min(width * height, PIXELS_A_BYTE * len(content))
+
+    return Target(seeds, _reading("photograph", decode), large, four_bytes_a_pixel)
 
 
 TARGETS: dict[str, Callable[[], Target]] = {

@@ -206,10 +206,19 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
     encoded = file.read(length)
     header = _parse(path, encoded)
     metadata = header.pop(METADATA, {})
-    if not isinstance(metadata, dict) or not all(isinstance(value, str) for value in metadata.values()):
+    if not isinstance(metadata, dict) or not all(
+        _is_text(name) and _is_text(value) for name, value in metadata.items()
+    ):
         raise ModelFileError(f"{path}: the file is damaged: its metadata are not strings; {REMEDY}")
+    if not all(map(_is_text, header)):
+        raise ModelFileError(f"{path}: the file is damaged: a tensor's name is no text; {REMEDY}")
     places = {name: _place(path, name, entry) for name, entry in header.items()}
     return _Header(metadata, _checked(path, places, size - 8 - length), encoded)
+
+
+def _is_text(value: object) -> bool:
+    """Whether it can be written again: JSON may name halves of characters, which no file and no terminal takes."""
+    return isinstance(value, str) and not any("\ud800" <= character <= "\udfff" for character in value)
 
 
 def _parse(path: Path, encoded: bytes) -> dict[str, object]:
