@@ -1,6 +1,7 @@
 """What ``ringlight doctor`` finds out about GPUs, in environments that are made up."""
 
 import re
+import sys
 from dataclasses import replace
 
 import pytest
@@ -103,4 +104,15 @@ def test_a_build_is_told_of_before_it_begins(device, gpu, built, told, monkeypat
 def test_gathering_on_this_machine_does_not_raise():
     facts = gather()
     assert facts.free_bytes > 0
+    assert list(gpu_findings(facts))
+
+
+def test_a_gsplat_that_cannot_be_imported_does_not_stop_doctor(tmp_path, monkeypatch):
+    (tmp_path / "gsplat").mkdir()
+    (tmp_path / "gsplat" / "__init__.py").write_text("raise OSError('libcudart.so: cannot open shared object file')")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in [name for name in sys.modules if name.partition(".")[0] == "gsplat"]:
+        monkeypatch.delitem(sys.modules, name)
+    facts = gather()
+    assert facts.gsplat is None
     assert list(gpu_findings(facts))

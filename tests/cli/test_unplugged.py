@@ -202,6 +202,7 @@ def test_the_report_counts_the_seconds_of_saving_over_stops(
     [
         (MemoryError(), "not enough memory"),
         (RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory"), "not enough memory"),
+        (torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB"), "not enough memory"),
         (BackendError("9 Gaussians need more memory than a view may take; make the scales smaller"), "scales smaller"),
     ],
 )

@@ -140,6 +140,22 @@ def test_without_autograd_the_same_bits(method: str, visible_only: bool):
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
 
 
+@pytest.mark.parametrize("change", [{"parallax": False}, {"latents": 0}])
+def test_without_autograd_the_same_bits_whatever_the_shader_looks_at(change: dict[str, object]):
+    preset = METHODS["ringlight-mirror"]
+    shader = dataclasses.replace(preset.shader, levels=(9, 5), hidden=8, **change)
+    recipe = dataclasses.replace(preset, steps=8, shader=shader)
+    ends = []
+    for direct in (True, False):
+        training = recipe.build(tiny_scene(views=3, size=24), rasterizer_for("auto"), seed=5)
+        assert direct_model(training) is not None
+        for _ in train(training, direct):
+            pass
+        assert training.model.get_buffer("shader.lit")
+        ends.append(training.state())
+    assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
+
+
 def test_harmonics_are_trained_without_autograd_on_the_cpu():
     assert direct_model(quick("3dgs").build(tiny_scene(), rasterizer_for("cpu"), seed=0)) is not None
     assert direct_model(quick("3dgs").build(tiny_scene(), rasterizer_for("reference"), seed=0)) is None

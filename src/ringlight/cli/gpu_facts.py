@@ -100,7 +100,7 @@ def _torch() -> tuple[Version | None, str | None, Version | None]:
 
 
 def _gsplat() -> str | None:
-    with contextlib.suppress(ImportError):
+    with contextlib.suppress(Exception):  # whatever a damaged package raises when it is imported
         return str(importlib.import_module("gsplat").__version__)
     return None
 

@@ -85,8 +85,9 @@ def _run_verb(verb: Verb, arguments: list[str]) -> int:
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether it says so; torch has no class of its own for this."""
-    return isinstance(error, MemoryError) or "DefaultCPUAllocator" in str(error)
+    """Whether it says so; torch has a class for this on GPUs alone, known by its name: torch is not imported here."""
+    on_gpu = type(error).__name__ == "OutOfMemoryError"
+    return isinstance(error, MemoryError) or on_gpu or "DefaultCPUAllocator" in str(error)
 
 
 def _system_refused(error: OSError) -> int:
