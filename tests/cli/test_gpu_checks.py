@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from ringlight.cli import checks
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.gpu_checks import gpu_findings
 from ringlight.cli.gpu_facts import GpuFacts, gather, version_in
@@ -116,3 +117,14 @@ def test_a_gsplat_that_cannot_be_imported_does_not_stop_doctor(tmp_path, monkeyp
     facts = gather()
     assert facts.gsplat is None
     assert list(gpu_findings(facts))
+
+
+def test_kernels_that_fail_on_the_gpu_are_a_finding(monkeypatch):
+    def fail(_: str) -> float:
+        raise RuntimeError("CUDA error: no kernel image is available for execution on the device\nCompile with ...")
+
+    monkeypatch.setattr("ringlight.cli.gpu_facts.gather", lambda: replace(READY, built=True))
+    monkeypatch.setattr(checks, "_difference_of_rasterizers", fail)
+    *_, last = checks._gpu()
+    assert (last.state, last.remedy) == ("problem", "use --device cpu")
+    assert last.detail.endswith("on the device")
