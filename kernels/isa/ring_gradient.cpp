@@ -1,6 +1,6 @@
 // The backward pass of the light field. Rows whose colour got no gradient, because something opaque is in front of
-// them, are skipped: their part is exactly zero. Of the others some are drawn by lot (lot.hpp), and dealt to a fixed number of shards, each with sums of
-// its own, which are added in order: the same bits for any number of threads.
+// them, are skipped: their part is exactly zero. Of the others some are drawn by lot (lot.hpp), and dealt to a fixed
+// number of shards, each with sums of its own, which are added in order: the same bits for any number of threads.
 #include <cstring>
 
 #include "lot.hpp"
