@@ -262,7 +262,8 @@ void ring_backward(const RingShape& shape, const RingParameters<const float>& pa
   write_unlit_gradients(shape, scene, upstream, row_gradients);
   Arena memory{workspace};
   Plan planned = plan(shape, scene.visible_count, memory);
-  std::memcpy(planned.rows, scene.visible, scene.visible_count * sizeof *planned.rows);
+  // Nothing may be copied from no address, not even no bytes.
+  if (scene.visible_count) std::memcpy(planned.rows, scene.visible, scene.visible_count * sizeof *planned.rows);
   const ColorGradient of_colors{upstream.color_gradient, 3, 1, upstream.color};
   const std::size_t count = draw_lots(of_colors, upstream.share, scene.visible_count, planned.rows, planned.weights);
   const RingPanels panels = pack_layers(shape, parameters, planned.panels);
