@@ -206,7 +206,7 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
         refused(ringlight(verb), 2, f"ringlight {verb} --help")
         refused(ringlight(verb, "--nonsense"), 2, f"ringlight {verb} --help")
     refused(ringlight("render", tmp_path, "--layers", "nonsense"), 2, "nonsense")
-    refused(ringlight("train", tiny, "3dgs", "--device", "cuda", *out), 2, "--device", "reference")
+    refused(ringlight("train", tiny, "3dgs", "--device", "tpu", *out), 2, "--device", "reference")
     refused(ringlight("doctor", "everything"), 2, "everything")
     assert not (tmp_path / "out").exists()
 

@@ -30,6 +30,8 @@ VALUE_TOLERANCE = 0.02 if BF16 else 1e-5
 """Absolute, of colours in [0, 1]; single precision through seven chained products gives some 1e-6."""
 GRADIENT_TOLERANCE = 0.3 if BF16 else 1e-3
 """Of the largest entry of each gradient: the sums cancel, most at large ranks (1e-4 seen at rank 32)."""
+CANCELLED = 3e-5 if BF16 else 1e-7
+"""Absolute: a bias's gradient may cancel to nothing, of which 4e-6 were left at eight rows."""
 FAR_BIAS = 3.0
 """More than a hidden unit's inputs add up to, and four times as much in the next layer."""
 
@@ -126,7 +128,7 @@ def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     assert ("latents" in fast.gradients) == (chosen.latents > 0)
     for name, expected in slow.gradients.items():
         error = (fast.gradients[name].double() - expected).abs().max()
-        assert error <= GRADIENT_TOLERANCE * expected.abs().max() + 1e-7, name
+        assert error <= GRADIENT_TOLERANCE * expected.abs().max() + CANCELLED, name
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -166,7 +168,7 @@ def test_rows_drawn_by_lot_are_the_twins(share, count, seed):
     slow |= {name: appearance[name].grad for name in ("base", "latents")}
     for name, expected in slow.items():
         error = (fast.gradients[name].double() - expected).abs().max()
-        assert error <= GRADIENT_TOLERANCE * expected.abs().max() + 1e-7, name
+        assert error <= GRADIENT_TOLERANCE * expected.abs().max() + CANCELLED, name
     assert (slow["latents"] == 0).all(1).sum() >= (fast.gradients["latents"] == 0).all(1).sum() > 0 or count < 20
 
 
