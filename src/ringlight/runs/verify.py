@@ -5,15 +5,16 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from ringlight import _kernels
+from ringlight.core.scene import Scene
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.fit.train import Training, train
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.limits import Planned
 
 
 @dataclass(frozen=True)
@@ -41,15 +42,19 @@ class _Outcome:
     state: dict[str, Tensor]
 
 
-def verify(plan: Planned, seed: int, device: str, steps: int, use_threads: Callable[[int], None]) -> Iterator[Trial]:
-    """Do the first ``steps`` of a planned run four times; ``use_threads`` sets the number of threads.
+def verify(
+    recipe: Any, scene: Scene, seed: int, device: str, steps: int, use_threads: Callable[[int], None]
+) -> Iterator[Trial]:
+    """Do the first ``steps`` of a run four times, by a recipe that leaves nothing open.
+
+    ``use_threads`` sets the number of threads.
 
     The first trial is the yardstick of the others: once more, with another number of threads, and stopped halfway,
     written to disk and read back, with a photograph's view drawn after each step.
     """
 
     def begin() -> Training:
-        training: Training = plan.recipe.build(plan.scene, rasterizer_for(device), seed)
+        training: Training = recipe.build(scene, rasterizer_for(device), seed)
         return training
 
     threads = _kernels.threads()
