@@ -92,15 +92,32 @@ class _LightField(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, color_gradient: Tensor) -> tuple[Tensor | None, ...]:
         color, base, latents, *parameters = ctx.saved_tensors
-        rows: LitRows = ctx.rows
-        gradients = [torch.empty_like(parameter) for parameter in parameters]
-        base_gradient, latents_gradient = torch.empty_like(base), torch.empty_like(latents)
-        workspace = ctx.workspace.floats(_kernels.ring_workspace(ctx.shape, len(rows.visible)))
-        _kernels.ring_backward(
-            ctx.shape, parameters, rows.means, base, latents, rows.visible, rows.frame,
-            color, color_gradient.contiguous(), ctx.share, gradients, base_gradient, latents_gradient, workspace,
-        )  # fmt: skip
-        return None, None, None, None, base_gradient, latents_gradient, *gradients
+        lit = Lit(ctx.rows, ctx.shape, base, latents, parameters, color)
+        return None, None, None, None, *light_gradients(lit, color_gradient.contiguous(), ctx.share, ctx.workspace)
+
+
+@dataclass(frozen=True)
+class Lit:
+    """What the forward pass was given, and the colours that it made."""
+
+    rows: LitRows
+    shape: list[int]
+    base: Float[Tensor, "N 3"]
+    latents: Float[Tensor, "N L"]
+    parameters: list[Tensor]
+    color: Float[Tensor, "N 3"]
+
+
+def light_gradients(lit: Lit, by_color: Float[Tensor, "N 3"], share: float, workspace: Workspace) -> list[Tensor]:
+    """Gradients of the base colours' logits, of the latents and of each parameter, in this order."""
+    rows, leaves = lit.rows, [lit.base, lit.latents, *lit.parameters]
+    by_base, by_latents, *by_parameters = gradients = [torch.empty_like(leaf) for leaf in leaves]
+    floats = workspace.floats(_kernels.ring_workspace(lit.shape, len(rows.visible)))
+    _kernels.ring_backward(
+        lit.shape, lit.parameters, rows.means, lit.base, lit.latents, rows.visible, rows.frame,
+        lit.color, by_color, share, by_parameters, by_base, by_latents, floats,
+    )  # fmt: skip
+    return gradients
 
 
 def light(

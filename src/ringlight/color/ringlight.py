@@ -66,7 +66,7 @@ class RingLight(nn.Module):
         self.register_buffer("box", box.clone().float())
         self.register_buffer("lit", torch.tensor(True))
         self._memory = TableMemory()
-        self._workspace = Workspace()
+        self.workspace = Workspace()
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """Base colours equal to the points' (black and white to a quarter of an 8-bit step), masks open.
@@ -102,10 +102,6 @@ class RingLight(nn.Module):
     def field_parameters(self) -> Iterator[nn.Parameter]:
         """Those that the features are made of."""
         return self.get_submodule(self.settings.field).parameters()
-
-    def workspace(self, count: int) -> Float[Tensor, "K"]:
-        """At least that many floats for the kernel's backward pass, of any content, until the next call."""
-        return self._workspace.floats(count)
 
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
@@ -151,7 +147,7 @@ class RingLight(nn.Module):
             return self.twin(gaussians, camera).color
         base, latents = self._base(gaussians), self._latents(gaussians)
         rows, share = self.lit_rows(gaussians, camera), self.settings.gradient_share
-        return light(rows, base, latents, parameters, share, self._workspace)
+        return light(rows, base, latents, parameters, share, self.workspace)
 
     def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
         parameters = self._kernel_parameters(gaussians)

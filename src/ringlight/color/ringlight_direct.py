@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.color.ring_kernel import ring_parameters
+from ringlight.color.ring_kernel import Lit, light_gradients, ring_parameters
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradient
@@ -52,14 +52,14 @@ class DirectRingLight:
             tables = model.field.tables()
         assert tables is not None  # else RingLight.direct() gives none of these
         parameters = ring_parameters(tables, model.shading)
-        self._shape, self._parameters = parameters.shape, parameters.tensors
-        rows = model.lit_rows(gaussians, camera)
-        latents = columns.get(LATENTS, gaussians.means.new_empty(len(gaussians), 0))
-        # What both passes are given, in their order.
-        self._inputs = (rows.means, columns[BASE], latents, rows.visible, rows.frame)
-        self._values = [tensor.detach().contiguous() for tensor in self._parameters]
-        self._color = torch.empty_like(columns[BASE])
-        _kernels.ring_forward(self._shape, self._values, *self._inputs, self._color)
+        self._parameters = parameters.tensors
+        rows, values = model.lit_rows(gaussians, camera), [tensor.detach().contiguous() for tensor in self._parameters]
+        base, latents = columns[BASE], columns.get(LATENTS, gaussians.means.new_empty(len(gaussians), 0))
+        self._color = torch.empty_like(base)
+        self._drawn = Lit(rows, parameters.shape, base, latents, values, self._color)
+        _kernels.ring_forward(
+            parameters.shape, values, rows.means, base, latents, rows.visible, rows.frame, self._color
+        )
         return self._color
 
     def differentiate(self, by_channels: Float[Tensor, "N 3"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:
@@ -70,14 +70,8 @@ class DirectRingLight:
             _kernels.straight_through_gradient(self._columns[MASK], by_geometry.pop(OPACITY_FACTOR)[:, None], by_mask)
         if not self._lit:
             return gradients | {BASE: torch.ops.aten.sigmoid_backward(by_channels, self._color)}
-        by_parameters = [torch.empty_like(value) for value in self._values]
-        _, base, latents, visible, _ = self._inputs
-        by_base, by_latents = torch.empty_like(base), torch.empty_like(latents)
-        workspace = self._model.workspace(_kernels.ring_workspace(self._shape, len(visible)))
-        _kernels.ring_backward(
-            self._shape, self._values, *self._inputs, self._color, by_channels, self._model.settings.gradient_share,
-            by_parameters, by_base, by_latents, workspace,
-        )  # fmt: skip
+        share, workspace = self._model.settings.gradient_share, self._model.workspace
+        by_base, by_latents, *by_parameters = light_gradients(self._drawn, by_channels, share, workspace)
         gradients |= {BASE: by_base} | ({LATENTS: by_latents} if LATENTS in self._columns else {})
         return gradients | self._shared(by_parameters)
 
