@@ -85,9 +85,10 @@ class RingLightRecipe:
     """The light field and the render module."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
-    densify: DensifySettings = field(default_factory=lambda: DensifySettings(threshold=1.3e-4))
-    """Adaptive density control. The paper's threshold, 1.1, divided by its gamma is 1.1e-4; a little more keeps the
-    raw bytes under a third of 3DGS's at the same PSNR."""
+    densify: DensifySettings = field(default_factory=lambda: DensifySettings(threshold=6e-5, drop_share=0.6))
+    """Adaptive density control. The paper's threshold, 1.1, divided by its gamma is 1.1e-4. Half of it grows twice as many,
+    of which the better two fifths are kept: under a third of 3DGS's raw bytes, and 0.5 dB more on chair_400 than as many
+    that grow by 1.3e-4 and are all kept."""
     loss: PhotometricLoss = field(default_factory=lambda: PhotometricLoss(pixel="l2"))
     """What is compared with the photographs (equation 9)."""
 
@@ -170,14 +171,14 @@ class RingLightRecipe:
         }
 
     def _strategies(self, scene: "Scene", seed: int) -> "tuple[Strategy, ...]":
-        from ringlight.fit.strategies.densify import Densify
+        from ringlight.fit.strategies.density_control import density_control
         from ringlight.fit.strategies.prune import Prune
         from ringlight.fit.strategies.unlock import Unlock
 
         last = self.densify.last_step(self.steps)
         return (
             Unlock("color.lit", {self._first_lit_step: 1}),
-            Densify(self.densify.within(scene.pixels), scene.extent, self.steps, seed, scene.background == "white"),
+            *density_control(self.densify, scene, self.steps, seed),
             Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),
         )
 

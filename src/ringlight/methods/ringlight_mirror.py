@@ -112,7 +112,7 @@ class RingLightMirrorRecipe:
 
     def first_gaussians(self, scene: "Scene") -> int:
         """How many the run starts from where there is a hull to draw them from."""
-        most = self.densify.within(most_gaussians(scene.pixels)).max_gaussians
+        most = self.densify.within(most_gaussians(scene.pixels)).most_growing
         return math.ceil(self.start_share * most)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
@@ -161,10 +161,10 @@ class RingLightMirrorRecipe:
         }
 
     def _strategies(self, scene: "Scene", densify: DensifySettings, seed: int) -> "tuple[Strategy, ...]":
-        from ringlight.fit.strategies.densify import Densify
+        from ringlight.fit.strategies.density_control import density_control
         from ringlight.fit.strategies.unlock import Unlock
 
         return (
             *(Unlock(f"{part}.lit", {self._first_lit_step: 1}) for part in ("color", "shader")),
-            Densify(densify, scene.extent, self.steps, seed, scene.background == "white"),
+            *density_control(densify, scene, self.steps, seed),
         )

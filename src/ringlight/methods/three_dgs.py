@@ -80,7 +80,7 @@ class ThreeDGSRecipe:
         from ringlight.color.harmonics import SphericalHarmonics
         from ringlight.data.batches import ImageBatches
         from ringlight.fit.optimizer import Optimizer
-        from ringlight.fit.strategies.densify import Densify
+        from ringlight.fit.strategies.density_control import density_control
         from ringlight.fit.strategies.unlock import Unlock
         from ringlight.fit.train import Training
         from ringlight.models.initial import gaussians_from_points
@@ -94,7 +94,6 @@ class ThreeDGSRecipe:
         }
         every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
         degrees = {degree * every: degree for degree in range(1, self.sh_degree + 1)}
-        white = scene.background == "white"
         return Training(
             model=model,
             batches=ImageBatches(scene, seed, min(self.coarse_steps, self.steps // COARSE_SHARE)),
@@ -102,7 +101,7 @@ class ThreeDGSRecipe:
             optimizer=Optimizer(model, groups, self.steps, self.visible_only),
             strategies=(
                 Unlock("color.active_degree", degrees),
-                Densify(self.densify.within(scene.pixels), scene.extent, self.steps, seed, white),
+                *density_control(self.densify, scene, self.steps, seed),
             ),
             steps=self.steps,
         )

@@ -93,7 +93,8 @@ class Densify:
     def _strongest(self, pull: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
         """Rows over the threshold; where all would exceed the budget, those with the strongest pull."""
         strong = pull > self.settings.threshold
-        room = max(self.settings.max_gaussians - count, 0) if self.settings.max_gaussians else count
+        most = self.settings.most_growing
+        room = max(most - count, 0) if most else count
         if int(strong.sum()) > room:
             chosen = pull.argsort(descending=True, stable=True)[:room]
             strong = torch.zeros_like(strong).index_fill_(0, chosen, True) & strong

@@ -1,0 +1,56 @@
+"""Remove the Gaussians that add least to the training photographs, once density control has ended."""
+
+from collections.abc import Mapping, Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Rendering
+from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.models.splats import SplatModel
+
+
+class DropLeast:
+    """In each round, drop those rows whose blending weights over all ``cameras`` add up to least.
+
+    Density control cannot know what its children will be good for; a while later the photographs tell. Growing more
+    and dropping it again leaves better Gaussians than growing fewer (after LightGaussian, Fan et al. 2023, which drops
+    from finished models).
+    """
+
+    def __init__(self, settings: DensifySettings, cameras: Sequence[Camera], steps: int):
+        self.rounds, self.cameras = settings.drop_rounds(steps), cameras
+        self.kept = (1 - settings.drop_share) ** (1 / max(len(self.rounds), 1))
+
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+        if step not in self.rounds:
+            return
+        order = blending_weights(model, self.cameras).argsort(descending=True, stable=True)
+        optimizer.edit_rows(order[: max(int(self.kept * len(model)), 1)].sort().values)
+
+    def state(self) -> dict[str, Tensor]:
+        return {}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """Nothing is counted."""
+
+
+def blending_weights(model: SplatModel, cameras: Sequence[Camera]) -> Float[Tensor, "N"]:
+    """Each row's alpha times transmittance, summed over all pixels of all ``cameras``, in pixels.
+
+    A row's weight is what the picture's sum gains by its colour: a gradient, which any rasterizer gives.
+    """
+    table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
+    factor = model.color.wanted(table).to(table.means)[:, None]
+    total, black = torch.zeros_like(table.opacity_logits), torch.zeros(3)
+    for camera in cameras:
+        colors = torch.zeros_like(table.means, requires_grad=True)
+        with torch.enable_grad():
+            image = model.blend(table, {"rgb": colors}, factor, camera, black).color
+            (by_color,) = torch.autograd.grad(image[..., 0].sum(), colors)
+        total += by_color[:, 0]
+    return total
