@@ -86,9 +86,9 @@ class RingLightRecipe:
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(threshold=6e-5, drop_share=0.6))
-    """Adaptive density control. The paper's threshold, 1.1, divided by its gamma is 1.1e-4. Half of it grows twice as many,
-    of which the better two fifths are kept: under a third of 3DGS's raw bytes, and 0.5 dB more on chair_400 than as many
-    that grow by 1.3e-4 and are all kept."""
+    """Adaptive density control. The paper's threshold, 1.1, divided by its gamma is 1.1e-4. Half of it grows twice as
+    many, of which the better two fifths are kept: under a third of 3DGS's raw bytes, and 0.5 dB more on chair_400 than
+    as many that grow by 1.3e-4 and are all kept."""
     loss: PhotometricLoss = field(default_factory=lambda: PhotometricLoss(pixel="l2"))
     """What is compared with the photographs (equation 9)."""
 
