@@ -1,5 +1,7 @@
 """Dropping what adds least: who is weighed how much, who goes, when, and how many are left."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from hypothesis import given
@@ -83,7 +85,7 @@ def test_all_is_dropped_between_the_end_of_density_control_and_the_given_share()
 def test_the_bound_holds_once_all_are_dropped(most: int, share: float):
     settings = DensifySettings(begin=0, max_gaussians=most, drop_share=share)
     strategy = DropLeast(settings, [], steps=1000)
-    count = settings.most_growing
+    count = settings.most_growing(1000)
     assert count >= most * (1 - 1e-9)
     for _ in strategy.rounds:
         count = max(int(strategy.kept * count), 1)
@@ -93,6 +95,7 @@ def test_the_bound_holds_once_all_are_dropped(most: int, share: float):
 @pytest.mark.parametrize("settings", [DensifySettings(begin=0), DensifySettings(begin=500, drop_share=0.5)])
 def test_nothing_is_dropped_by_default_nor_where_nothing_was_grown(settings: DensifySettings):
     assert drop(model_of([2.0] * 9, [0.1] * 9), settings, steps=200)[-1] == 9
+    assert replace(settings, max_gaussians=9).most_growing(200) == 9
 
 
 @pytest.mark.parametrize("wrong", [{"drop_share": 1.0}, {"drop_share": -0.1}, {"drop_until": 1.5}])

@@ -79,7 +79,7 @@ class RingLightMirrorRecipe:
     photographs, 0.2 dB."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
-    densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0))
+    densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0, drop_share=0.3))
     """Adaptive density control, without opacity resets, which would tear the surface open. ``max_gaussians`` 0: one for
     every seven pixels of a photograph, or 10,000 if that is more and there are as many pixels."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
@@ -112,7 +112,7 @@ class RingLightMirrorRecipe:
 
     def first_gaussians(self, scene: "Scene") -> int:
         """How many the run starts from where there is a hull to draw them from."""
-        most = self.densify.within(most_gaussians(scene.pixels)).most_growing
+        most = self.densify.within(most_gaussians(scene.pixels)).most_growing(self.steps)
         return math.ceil(self.start_share * most)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":

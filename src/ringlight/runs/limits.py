@@ -67,7 +67,7 @@ def bounded(recipe: Any, scene: Scene, training: Training, most: int) -> tuple[A
     """
     notes: list[str] = []
     remedy = f"that is what {SHARE:.0%} of this machine's memory holds; --densify.max-gaussians sets another bound"
-    planned = max((s.settings.most_growing for s in training.strategies if isinstance(s, Densify)), default=0)
+    planned = max((s.most for s in training.strategies if isinstance(s, Densify)), default=0)
     if planned > most and recipe.densify.max_gaussians == 0:
         kept = max(int(most * (1 - recipe.densify.drop_share)), 1)
         recipe = replace(recipe, densify=replace(recipe.densify, max_gaussians=kept))

@@ -33,7 +33,7 @@ class Densify:
 
     def __init__(self, settings: DensifySettings, extent: float, steps: int, seed: int, white: bool):
         self.settings, self.extent, self.seed = settings, extent, seed
-        self.last_step = settings.last_step(steps)
+        self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
         self.white = white
         self._pull, self._views = torch.zeros(0), torch.zeros(0)
 
@@ -93,8 +93,7 @@ class Densify:
     def _strongest(self, pull: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
         """Rows over the threshold; where all would exceed the budget, those with the strongest pull."""
         strong = pull > self.settings.threshold
-        most = self.settings.most_growing
-        room = max(most - count, 0) if most else count
+        room = max(self.most - count, 0) if self.most else count
         if int(strong.sum()) > room:
             chosen = pull.argsort(descending=True, stable=True)[:room]
             strong = torch.zeros_like(strong).index_fill_(0, chosen, True) & strong

@@ -64,10 +64,9 @@ class DensifySettings:
         """These settings with a bound that is a number; ``pixels`` are those of the largest training photograph."""
         return self if self.max_gaussians else replace(self, max_gaussians=pixels)
 
-    @property
-    def most_growing(self) -> int:
-        """The bound until Gaussians are dropped; 0 where there is none."""
-        return int(self.max_gaussians / (1 - self.drop_share))
+    def most_growing(self, steps: int) -> int:
+        """The bound until Gaussians are dropped, in a run of so many ``steps``; 0 where there is none."""
+        return int(self.max_gaussians / (1 - self.drop_share)) if self.drop_rounds(steps) else self.max_gaussians
 
     def drop_rounds(self, steps: int) -> frozenset[int]:
         """The steps after which Gaussians are dropped; none in runs too short to have added any."""
