@@ -2,7 +2,7 @@
 // needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "arena.hpp"
-#include "diagonal_tables.hpp"
+#include "cell_tables.hpp"
 #include "lane_layers.hpp"
 #include "lane_matrices.hpp"
 #include "lane_tables.hpp"
@@ -14,23 +14,45 @@ namespace ringlight::RINGLIGHT_ISA {
 constexpr int ROW_RANK = LANES;
 constexpr int MATRIX = ROW_RANK * ROW_RANK;
 
-static inline bool by_rows(const RingShape& shape) { return shape.rank == ROW_RANK && !shape.diagonal; }
+static inline bool by_rows(const RingShape& shape) {
+  return shape.rank == ROW_RANK && !shape.diagonal && !in_tiles<FastTerms>(shape);
+}
 
-// The dense layers in the order of use, and the diagonal ring's tables.
+// The dense layers in the order of use, and the tables; these are the parameters' own but for diagonal matrices, and those
+// in tiles. `core` is the core's weights in the order of tiles, if matrices are.
 struct RingPanels {
   Panels core, modulation[2], render[3];
-  DiagonalTables tables;
+  CellTables tables;
+  const float* core_weights;
 };
 
+// [rows][R^2] with each matrix tile after tile.
+template <class Terms>
+static inline const float* to_tiles(const float* matrices, int rank, int rows, float* to) {
+  if constexpr (numbers_of<Terms> == 2)
+    for (int row = 0; to && row < rows; row++)
+      for (int h = 0; h < rank; h += TILE)
+        for (int c = 0; c < rank; c += TILE)
+          store(to + row * rank * rank + h * rank + c * TILE,
+                Terms::load_quarters(matrices + row * rank * rank + h * rank + c, rank));
+  return to;
+}
+
 static inline RingPanels pack_layers(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
-  const auto packed = [&](const RingLayer<const float>& layer, int outputs, int inputs) {
+  const auto packed = [&arena](const RingLayer<const float>& layer, int outputs, int inputs) {
     float* to = arena.take(static_cast<std::size_t>(outputs) * terms_of<FastTerms>(inputs));
     return to ? pack<FastTerms>(layer.weight, inputs, 1, layer.bias, outputs, inputs, to) : Panels{};
   };
   const int matrix = static_cast<int>(matrix_size(shape)), hidden = shape.render_hidden;
   RingPanels panels;
-  if (shape.diagonal) panels.tables = pack_tables<FastTerms>(shape, from, arena);
-  panels.core = packed({from.core, nullptr}, shape.features, matrix);
+  const bool tiles = in_tiles<FastTerms>(shape);
+  if (shape.diagonal || tiles) panels.tables = pack_tables<FastTerms>(shape, from, arena);
+  panels.core_weights = from.core;
+  if (tiles) {
+    float* const to = arena.take(static_cast<std::size_t>(shape.features) * matrix);
+    panels.core_weights = to_tiles<FastTerms>(from.core, shape.rank, shape.features, to);
+  }
+  panels.core = packed({panels.core_weights, nullptr}, shape.features, matrix);
   if (modulated(shape)) {
     panels.modulation[0] = packed(from.modulation[0], shape.modulation_hidden, modulation_inputs(shape));
     panels.modulation[1] = packed(from.modulation[1], 1, shape.modulation_hidden);
@@ -49,13 +71,16 @@ struct RingHalf {
   float *xy, *xyz;          // H_x H_y, H_x H_y H_z
 };
 
+static inline RingCells cells_of(const RingHalf& ring) { return {ring.axes, &ring.across, &ring.down}; }
+
 struct Batch {
   std::int32_t rows[GROUP];  // of the table of Gaussians; the last one is repeated in an incomplete group
   int count;                 // how many of them count
   bool consecutive;          // whether they are neighbours in the table, as most are where nearly all are visible
   bool keep_ring;            // whether the matrices of all are kept, or overwritten by the next
   RingHalf halves[2];
-  float* product;            // H_x H_y H_z H_v, [R^2][GROUP] like everything below
+  float* product;            // H_x H_y H_z H_v, [R^2][GROUP] like everything below; of tiles as terms, [R^2 / 2][GROUP]
+  float *packed_products, *transposes;  // of tiles: see ring_tiles.hpp
   float* inputs;             // v 3, a C, m 1 (if modulated), b 3, latents: the networks' inputs overlap
   float *activated, *modulation, *base, *latents;  // a, m, b and latents therein
   float *modulation_hidden, *render_hidden[2];
@@ -72,11 +97,16 @@ static inline int widest_layer(const RingShape& shape) {
   return widest;
 }
 
+constexpr int TRANSPOSES = 6;  // matrices of each Gaussian that the gradient of tiles needs
+
 // With keep_ring, both halves keep their matrices; else they share the memory.
 static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring, Arena& arena) {
   const std::size_t matrix = padded(static_cast<int>(matrix_size(shape))) * LANES;
   batch.keep_ring = keep_ring;
-  for (int half = 0; half < 2; half++) {
+  const bool tiles = in_tiles<FastTerms>(shape);
+  batch.packed_products = tiles ? arena.take(matrix_size(shape) / 2 * GROUP) : nullptr;
+  batch.transposes = tiles && keep_ring ? arena.take(TRANSPOSES * matrix_size(shape) / 2 * GROUP) : nullptr;
+  for (int half = 0; half < 2 && !tiles; half++) {
     RingHalf& ring = batch.halves[half];
     if (half && !keep_ring) {
       const RingHalf& shared = batch.halves[0];
@@ -184,7 +214,10 @@ static inline void apply(const Panels& layer, const float* from, float* terms, f
 // From the ring's product to the residual colour.
 static inline void shade(Batch& batch, const RingShape& shape, const RingPanels& panels) {
   const auto dense = [&batch](const Panels& layer, const float* from, float* to) { apply(layer, from, batch.terms, to); };
-  dense(panels.core, batch.product, batch.activated);
+  if (in_tiles<FastTerms>(shape))
+    ringlight::RINGLIGHT_ISA::dense<FastTerms>(panels.core, batch.product, batch.activated);
+  else
+    dense(panels.core, batch.product, batch.activated);
   for (int i = 0; i < shape.features * GROUP; i += LANES)
     store(batch.activated + i, tanh_fast(load(batch.activated + i)));
   if (modulated(shape)) {

@@ -2,26 +2,24 @@
 // gradient. Each Gaussian's components are read as they are stored, sixteen at a time; only the product is transposed.
 // Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
-#include "diagonal_tables.hpp"
+#include "cell_tables.hpp"
 #include "ring_rows.hpp"
 #include "ring_sums.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
-static inline DiagonalCells cells_of(const RingHalf& ring) { return {ring.axes, &ring.across, &ring.down}; }
-
 // multiply_ring for diagonal matrices. Nothing but the product is left: the gradient reads the tables again.
-static inline void multiply_diagonal(Batch& batch, const RingShape& shape, const DiagonalTables& tables) {
+static inline void multiply_diagonal(Batch& batch, const RingShape& shape, const CellTables& tables) {
   const int width = static_cast<int>(matrix_size(shape));
   for (int half = 0; half < 2; half++) {
     float* const rows = batch.halves[half].x;  // [16][padded(D)]
-    const DiagonalCells cells = cells_of(batch.halves[half]);
-    const DiagonalWeights<FastTerms> weights(cells);
+    const RingCells cells = cells_of(batch.halves[half]);
+    const CellWeights<FastTerms> weights(cells);
     for (int lane = 0; lane < LANES; lane++) {
-      const DiagonalPlace at(shape, cells, lane);
+      const RingPlace at(shape, cells, lane);
       float* const row = rows + lane * padded(width);
       each_part(width, [&](int first, auto part) __attribute__((always_inline)) {
-        const DiagonalFactors of = read_factors(shape, tables, at, weights, lane, first, part);
+        const RingFactors of = read_factors(shape, tables, at, weights, lane, first, part);
         store(row + first, of.x * of.y * (of.z * of.view));
       });
     }
@@ -35,20 +33,9 @@ static inline void multiply_diagonal(Batch& batch, const RingShape& shape, const
   }
 }
 
-// The ring's product, whatever its form.
-static inline void multiply(Batch& batch, const RingShape& shape, const RingParameters<const float>& parameters,
-                            const DiagonalTables& tables) {
-  if (shape.diagonal)
-    multiply_diagonal(batch, shape, tables);
-  else if (by_rows(shape))
-    multiply_ring_rows(batch, shape, parameters);
-  else
-    multiply_ring(batch, shape, parameters);
-}
-
 // From dL/d(product), [D][GROUP], to the tables of a half.
 static inline void ring_gradient_diagonal(const RingHalf& ring, const RingShape& shape,
-                                          const DiagonalTables& tables, const float* of_product,
+                                          const CellTables& tables, const float* of_product,
                                           const ShardSums& sums) {
   const int width = static_cast<int>(matrix_size(shape));
   const std::size_t line = static_cast<std::size_t>(width) * shape.view_nodes;
@@ -59,13 +46,13 @@ static inline void ring_gradient_diagonal(const RingHalf& ring, const RingShape&
     transpose(square);
     for (int lane = 0; lane < LANES; lane++) store(rows + lane * padded(width) + first, square[lane]);
   }
-  const DiagonalCells cells = cells_of(ring);
-  const DiagonalWeights<FastTerms> weights(cells);
+  const RingCells cells = cells_of(ring);
+  const CellWeights<FastTerms> weights(cells);
   for (int lane = 0; lane < LANES; lane++) {
-    const DiagonalPlace at(shape, cells, lane);
+    const RingPlace at(shape, cells, lane);
     const float* const row = rows + lane * padded(width);
     each_part(width, [&](int first, auto part) __attribute__((always_inline)) {
-      const DiagonalFactors of = read_factors(shape, tables, at, weights, lane, first, part);
+      const RingFactors of = read_factors(shape, tables, at, weights, lane, first, part);
       const Vec slope = load(row + first), near = slope * of.x * of.y, far = slope * of.z * of.view;
       const auto spread = [&](float* below, Vec value, Vec weight) {
         const Vec above = value * weight;

@@ -8,7 +8,9 @@ namespace ringlight::RINGLIGHT_ISA {
 
 // One shard's sums, in the layout of its part of the workspace.
 struct ShardSums {
-  float *axes, *view;  // as the tables, but each matrix of an axis is transposed if the ring is evaluated by rows
+  // As the tables, but each matrix of an axis is transposed if the ring is evaluated by rows, and all of them, the core's
+  // too, lie tile after tile if it is in tiles.
+  float *axes, *view;
   LayerSums core, modulation[2], render[3];
 };
 
@@ -50,17 +52,41 @@ static inline void add_up_transposed(const Shards& shards, const float* part, st
   });
 }
 
+// to[matrices][R^2] = the sum of the shards' matrices, rows first, which lie tile after tile.
+template <class Terms>
+static inline void add_up_tiles(const Shards& shards, const float* part, std::size_t matrices, int rank, float* to) {
+  if constexpr (numbers_of<Terms> == 2) {
+    const int width = rank * rank;
+    parallel_ranges(matrices, 1 + SUM_GRAIN / width, [=](std::size_t begin, std::size_t end) {
+      for (std::size_t at = begin * width; at < end * width; at += width)
+        for (int h = 0; h < rank; h += TILE)
+          for (int c = 0; c < rank; c += TILE) {
+            const float* from = part + at + h * rank + c * TILE;
+            Vec sum = load(from);
+            for (int shard = 1; shard < shards.count; shard++) sum += load(from + shard * shards.stride);
+            Terms::store_quarters(to + at + h * rank + c, rank, sum);
+          }
+    });
+  }
+}
+
 static inline void add_up_shards(const RingShape& shape, const Shards& shards, const RingParameters<float>& to) {
   Arena first{const_cast<float*>(shards.sums)};
   const ShardSums sums = lay_out_sums(shape, first);
   const std::size_t matrix = matrix_size(shape);
   const std::size_t nodes = 3 * static_cast<std::size_t>(shape.nodes);
-  if (by_rows(shape))
-    add_up_transposed(shards, sums.axes, nodes, to.axes);
-  else
-    add_up_rows(shards, sums.axes, matrix, nodes, matrix, to.axes);
-  add_up_rows(shards, sums.view, matrix, view_size(shape) / matrix, matrix, to.view);
-  add_up_layer(shards, sums.core, to.core, nullptr);
+  if (in_tiles<FastTerms>(shape)) {
+    add_up_tiles<FastTerms>(shards, sums.axes, nodes, shape.rank, to.axes);
+    add_up_tiles<FastTerms>(shards, sums.view, view_size(shape) / matrix, shape.rank, to.view);
+    add_up_tiles<FastTerms>(shards, sums.core.weight, shape.features, shape.rank, to.core);
+  } else {
+    if (by_rows(shape))
+      add_up_transposed(shards, sums.axes, nodes, to.axes);
+    else
+      add_up_rows(shards, sums.axes, matrix, nodes, matrix, to.axes);
+    add_up_rows(shards, sums.view, matrix, view_size(shape) / matrix, matrix, to.view);
+    add_up_layer(shards, sums.core, to.core, nullptr);
+  }
   for (int layer = 0; layer < 2 && modulated(shape); layer++)
     add_up_layer(shards, sums.modulation[layer], to.modulation[layer].weight, to.modulation[layer].bias);
   for (int layer = 0; layer < 3; layer++)

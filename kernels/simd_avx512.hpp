@@ -307,6 +307,51 @@ struct Bf16Pairs {
   __attribute__((always_inline)) static Bf16Pairs in_any_order(Vec first, Vec second) {
     return Vec((__m512)_mm512_cvtne2ps_pbh(second.v, first.v));
   }
+  // Lane K of each quarter of four lanes, in all lanes of that quarter.
+  template <int K>
+  __attribute__((always_inline)) Bf16Pairs lane_in_quarters() const {
+    return Vec(_mm512_permute_ps(bits().v, K * 0x55));
+  }
+  // Quarter K in place of every quarter.
+  template <int K>
+  __attribute__((always_inline)) Bf16Pairs quarter() const {
+    return Vec(_mm512_shuffle_f32x4(bits().v, bits().v, K * 0x55));
+  }
+  // Lane j of quarter i becomes lane i of quarter j.
+  __attribute__((always_inline)) Bf16Pairs turned() const {
+    const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+    return Vec(_mm512_permutexvar_ps(order, bits().v));
+  }
+  // Two 4 x 4 matrices, rows first: lane 2 m + k of quarter i holds elements (i, 2 k) and (i, 2 k + 1) of matrix m.
+  __attribute__((always_inline)) static Bf16Pairs two_by_rows(Vec first, Vec second) {
+    const __m512i order = _mm512_setr_epi64(0, 4, 1, 5, 2, 6, 3, 7);
+    return Vec((__m512)_mm512_permutexvar_epi64(order, (__m512i)in_any_order(first, second).bits().v));
+  }
+  // The same: lane j of quarter 2 m + k holds elements (2 k, j) and (2 k + 1, j) of matrix m.
+  __attribute__((always_inline)) static Bf16Pairs two_by_columns(Vec first, Vec second) {
+    const __m512i quarter = _mm512_setr_epi32(0x00040000, 0x00050001, 0x00060002, 0x00070003, 0x000c0008, 0x000d0009,
+                                              0x000e000a, 0x000f000b, 0x00140010, 0x00150011, 0x00160012, 0x00170013,
+                                              0x001c0018, 0x001d0019, 0x001e001a, 0x001f001b);
+    return Vec((__m512)_mm512_permutexvar_epi16(quarter, (__m512i)in_any_order(first, second).bits().v));
+  }
+  // Number i of both, side by side: for the first (Half 0) or the last (1) sixteen of the 32 numbers of each.
+  template <int Half>
+  __attribute__((always_inline)) static Bf16Pairs side_by_side(Bf16Pairs first, Bf16Pairs second) {
+    const __m512i order = _mm512_add_epi32(_mm512_set1_epi32(0x00200000 + 0x00100010 * Half), detail::every(0, 0x00010001));
+    return Vec((__m512)_mm512_permutex2var_epi16((__m512i)first.v, order, (__m512i)second.v));
+  }
+  // Quarter i from and to `stride` floats after quarter i - 1.
+  __attribute__((always_inline)) static Vec load_quarters(const float* from, int stride) {
+    const __m512 two = _mm512_insertf32x4(_mm512_castps128_ps512(_mm_loadu_ps(from)), _mm_loadu_ps(from + stride), 1);
+    const __m512 three = _mm512_insertf32x4(two, _mm_loadu_ps(from + 2 * stride), 2);
+    return _mm512_insertf32x4(three, _mm_loadu_ps(from + 3 * stride), 3);
+  }
+  __attribute__((always_inline)) static void store_quarters(float* to, int stride, Vec a) {
+    _mm_storeu_ps(to, _mm512_castps512_ps128(a.v));
+    _mm_storeu_ps(to + stride, _mm512_extractf32x4_ps(a.v, 1));
+    _mm_storeu_ps(to + 2 * stride, _mm512_extractf32x4_ps(a.v, 2));
+    _mm_storeu_ps(to + 3 * stride, _mm512_extractf32x4_ps(a.v, 3));
+  }
   // One lane: the bits of both as a float, to be copied only.
   static float one(float first, float second) {
     return _mm512_cvtss_f32(of(Vec(first), Vec(second)).bits().v);

@@ -2,7 +2,7 @@
 
 #include "parallel.hpp"
 #include "ring_batch.hpp"
-#include "ring_diagonal.hpp"
+#include "ring_product.hpp"
 #include "scratch.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -61,7 +61,7 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
     for (std::size_t first = begin; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
       start(batch, shape, scene, scene.visible + first, count);
-      multiply(batch, shape, parameters, panels.tables);
+      multiply<false>(batch, shape, parameters, panels.tables);
       shade(batch, shape, panels);
       write(batch, shape, outputs);
     }

@@ -7,7 +7,7 @@
 #include "parallel.hpp"
 #include "ring.hpp"
 #include "ring_batch.hpp"
-#include "ring_diagonal.hpp"
+#include "ring_product.hpp"
 #include "ring_sums.hpp"
 #include "scratch.hpp"
 
@@ -21,14 +21,15 @@ struct GradientPanels {
   Panels core, modulation[2], render[3];
 };
 
-GradientPanels pack_transposed(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
+GradientPanels pack_transposed(const RingShape& shape, const RingParameters<const float>& from, const float* core,
+                               Arena& arena) {
   const auto packed = [&](const float* weight, int outputs, int inputs, int skipped) {
     float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(outputs)) * (inputs - skipped));
     return to ? pack<FastTerms>(weight + skipped, 1, inputs, nullptr, inputs - skipped, outputs, to) : Panels{};
   };
   const int hidden = shape.render_hidden;
   GradientPanels panels;
-  panels.core = packed(from.core, shape.features, static_cast<int>(matrix_size(shape)), 0);
+  panels.core = packed(core, shape.features, static_cast<int>(matrix_size(shape)), 0);
   if (modulated(shape)) {
     // the direction's gradient is not wanted
     panels.modulation[0] = packed(from.modulation[0].weight, shape.modulation_hidden, modulation_inputs(shape), 3);
@@ -44,7 +45,7 @@ GradientPanels pack_transposed(const RingShape& shape, const RingParameters<cons
 struct BatchGradient {
   float *color, *base, *hidden[2], *inputs, *features, *product, *rows;
   float* terms;  // a gradient as multiply-adds take it
-  float *left, *right, *result;  // matrices of the ring, [R^2][16]
+  float *left, *right, *result;  // matrices of the ring, [R^2][16]; left and right as one of [R^2][GROUP]
 };
 
 void lay_out_gradient(BatchGradient& gradient, const RingShape& shape, Arena& arena) {
@@ -170,6 +171,15 @@ void write_row_gradients(const Backward& pass, const Batch& batch, BatchGradient
   }
 }
 
+// From dL/d(core's result), in gradient.features, to dL/d(product).
+void core_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
+  const bool done = with_tiles<FastTerms>(
+      pass.shape, [&](auto rank) { product_rows<FastTerms, decltype(rank)::VALUE>(batch, gradient.rows); });
+  if (!done) to_rows<FastTerms>(batch.product, sums.core.inputs, gradient.rows);
+  add_layer_gradient<FastTerms>(sums.core, gradient.features, gradient.rows, gradient.terms);
+  apply(pass.transposed.core, gradient.features, gradient.terms, gradient.product);
+}
+
 void backpropagate(const Backward& pass, Batch& batch, const float* weights, BatchGradient& gradient,
                    const ShardSums& sums) {
   const RingShape& shape = pass.shape;
@@ -181,7 +191,11 @@ void backpropagate(const Backward& pass, Batch& batch, const float* weights, Bat
     const Vec activated = load(batch.activated + i);
     store(gradient.features + i, load(gradient.inputs + i) * fnma(activated, activated, Vec(1.f)));
   }
-  layer_gradient(sums.core, pass.transposed.core, gradient.features, batch.product, gradient, gradient.product);
+  core_gradient(pass, batch, gradient, sums);
+  const bool done = with_tiles<FastTerms>(shape, [&](auto rank) {
+    ring_gradient_tiles<FastTerms, decltype(rank)::VALUE>(batch, shape, gradient.product, sums, gradient.left);
+  });
+  if (done) return;
   if (!shape.diagonal && !by_rows(shape)) return ring_gradient(pass, batch, gradient, sums);
   for (int half = 0; half < 2; half++) {
     const float* of_product = gradient.product + half * LANES;
@@ -225,7 +239,7 @@ void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* 
   for (std::size_t first = begin; first < end; first += GROUP) {
     const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
     start(batch, pass.shape, pass.scene, pass.rows + first, count);
-    multiply(batch, pass.shape, pass.parameters, pass.panels.tables);
+    multiply<true>(batch, pass.shape, pass.parameters, pass.panels.tables);
     shade(batch, pass.shape, pass.panels);
     backpropagate(pass, batch, pass.weights + first, gradient, sums);
   }
@@ -243,7 +257,7 @@ Plan plan(const RingShape& shape, std::size_t visible_count, Arena& memory) {
   float* weights = memory.take(visible_count);
   Arena counter{nullptr};
   pack_layers(shape, {}, counter);
-  pack_transposed(shape, {}, counter);
+  pack_transposed(shape, {}, nullptr, counter);
   return {rows, weights, {memory.take(counter.used)}};
 }
 
@@ -267,7 +281,7 @@ void ring_backward(const RingShape& shape, const RingParameters<const float>& pa
   const ColorGradient of_colors{upstream.color_gradient, 3, 1, upstream.color};
   const std::size_t count = draw_lots(of_colors, upstream.share, scene.visible_count, planned.rows, planned.weights);
   const RingPanels panels = pack_layers(shape, parameters, planned.panels);
-  const GradientPanels transposed = pack_transposed(shape, parameters, planned.panels);
+  const GradientPanels transposed = pack_transposed(shape, parameters, panels.core_weights, planned.panels);
   const Backward pass{shape,     parameters,   scene,           panels,       transposed,
                       of_colors, planned.rows, planned.weights, row_gradients};
   Arena of_shard{nullptr};

@@ -1,16 +1,27 @@
-// The diagonal ring's tables as its kernel reads them, and one Gaussian's components in them. Floats are read where they
-// are; where Terms are pairs, each cell holds what its interpolation multiplies, in half the cache lines.
+// The ring's tables as kernels read them, and one Gaussian's components (or elements of matrices) in them. Floats are
+// read where they are; where Terms are pairs, each cell holds what its interpolation multiplies, in half the cache lines.
 // Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "arena.hpp"
 #include "lane_tables.hpp"
+#include "parallel.hpp"
 #include "ring.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
+constexpr int TILE = 4;  // rows and columns of a matrix that fill one Vec
+
+// Whether matrices are multiplied tile by tile, see ring_tiles.hpp: where there are pairs, and for ranks whose tiles fill
+// whole Vecs of them.
+template <class Terms>
+static inline bool in_tiles(const RingShape& shape) {
+  return numbers_of<Terms> == 2 && !shape.diagonal && (shape.rank == 4 || shape.rank == 8 || shape.rank == 16);
+}
+
 // Floats: the parameters' tables. Pairs: on an axis (a, b - a) at the node of a, the next one being b; on the map, two
-// lines at the upper left node, (a, b - a) and (c - a, d - c - b + a), where c and d are below a and b.
-struct DiagonalTables {
+// lines at the upper left node, (a, b - a) and (c - a, d - c - b + a), where c and d are below a and b. Matrices in
+// tiles are packed tile after tile, each tile row by row.
+struct CellTables {
   const float *axes, *view;
 };
 
@@ -26,6 +37,8 @@ struct LastPart {
   void put(float* to, Vec value) const { store_first(to, value, count); }
 };
 
+constexpr std::size_t CELL_GRAIN = 16384;  // floats a piece
+
 template <class Each>
 static inline __attribute__((always_inline)) void each_part(int width, Each each) {
   int first = 0;
@@ -33,50 +46,64 @@ static inline __attribute__((always_inline)) void each_part(int width, Each each
   if (first < width) each(first, LastPart{width - first});
 }
 
+// `read(node, first, part)` gives the components from `first` of a node, in the order in which they are packed.
+template <class Terms, class Read>
+static inline CellTables pack_cells(const RingShape& shape, const RingParameters<const float>& from, Arena& arena,
+                                    Read read) {
+  const int width = static_cast<int>(matrix_size(shape)), side = shape.view_nodes;
+  float *axes = arena.take(3 * axis_size(shape)), *view = arena.take(2 * view_size(shape));
+  if (!axes) return {axes, view};
+  const std::size_t grain = 1 + CELL_GRAIN / width;
+  parallel_ranges(3 * static_cast<std::size_t>(shape.nodes) - 1, grain, [=](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end; cell++) {  // the last of an axis is never read
+      const float* node = from.axes + cell * width;
+      each_part(width, [&](int first, auto part) {
+        const Vec a = read(node, first, part), b = read(node + width, first, part);
+        part.put(axes + cell * width + first, Terms::of(a, b - a).bits());
+      });
+    }
+  });
+  parallel_ranges(view_size(shape) / width - side - 1, grain, [=](std::size_t begin, std::size_t end) {
+    for (std::size_t cell = begin; cell < end; cell++) {  // nor is the last of a line
+      const float *upper = from.view + cell * width, *lower = upper + side * width;
+      float* const to = view + 2 * cell * width;
+      each_part(width, [&](int first, auto part) {
+        const Vec a = read(upper, first, part), b = read(upper + width, first, part), c = read(lower, first, part);
+        part.put(to + first, Terms::of(a, b - a).bits());
+        part.put(to + width + first, Terms::of(c - a, read(lower + width, first, part) - c - b + a).bits());
+      });
+    }
+  });
+  return {axes, view};
+}
+
 template <class Terms>
-static inline DiagonalTables pack_tables(const RingShape& shape, const RingParameters<const float>& from,
-                                         Arena& arena) {
+static inline CellTables pack_tables(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
   if constexpr (numbers_of<Terms> == 1) {
     return {from.axes, from.view};
   } else {
-    const int width = static_cast<int>(matrix_size(shape)), side = shape.view_nodes;
-    float *axes = arena.take(3 * axis_size(shape)), *view = arena.take(2 * view_size(shape));
-    if (!axes) return {axes, view};
-    const auto node = [width](std::size_t index) { return index * width; };
-    for (int axis = 0; axis < 3; axis++)
-      for (int cell = 0; cell + 1 < shape.nodes; cell++) {
-        const std::size_t at = axis * axis_size(shape) + node(cell);
-        each_part(width, [&](int first, auto part) {
-          const Vec a = part.from(from.axes + at + first), b = part.from(from.axes + at + width + first);
-          part.put(axes + at + first, Terms::of(a, b - a).bits());
-        });
-      }
-    for (int down = 0; down + 1 < side; down++)
-      for (int across = 0; across + 1 < side; across++) {
-        const std::size_t at = node(static_cast<std::size_t>(down) * side + across);
-        each_part(width, [&](int first, auto part) {
-          const float *upper = from.view + at + first, *lower = upper + node(side);
-          const Vec a = part.from(upper), b = part.from(upper + width), c = part.from(lower);
-          part.put(view + 2 * at + first, Terms::of(a, b - a).bits());
-          part.put(view + 2 * at + width + first, Terms::of(c - a, part.from(lower + width) - c - b + a).bits());
-        });
-      }
-    return {axes, view};
+    const int rank = shape.rank, tiles = rank / TILE;
+    if (!in_tiles<Terms>(shape))
+      return pack_cells<Terms>(shape, from, arena, [](const float* node, int first, auto part) { return part.from(node + first); });
+    return pack_cells<Terms>(shape, from, arena, [rank, tiles](const float* node, int first, auto) {
+      const int tile = first / LANES;
+      return Terms::load_quarters(node + tile / tiles * TILE * rank + tile % tiles * TILE, rank);
+    });
   }
 }
 
 // Where sixteen Gaussians fall in the tables.
-struct DiagonalCells {
+struct RingCells {
   const Cells *axes, *across, *down;
 };
 
 // Where one Gaussian's components lie in the tables, and with which weights they are mixed: worked out once for all
 // components.
-struct DiagonalPlace {
+struct RingPlace {
   std::size_t axis[3], view;  // the first component's, at the node below
   Vec fraction[3], right, down;
 
-  DiagonalPlace(const RingShape& shape, const DiagonalCells& cells, int lane) {
+  RingPlace(const RingShape& shape, const RingCells& cells, int lane) {
     const std::size_t width = matrix_size(shape);
     for (int c = 0; c < 3; c++) {
       axis[c] = c * axis_size(shape) + static_cast<std::size_t>(cells.axes[c].cell[lane]) * width;
@@ -89,10 +116,10 @@ struct DiagonalPlace {
 
 // The weights of sixteen Gaussians in the pairs; none are needed for floats.
 template <class Terms>
-struct DiagonalWeights {
+struct CellWeights {
   alignas(64) float axis[3][LANES], upper[LANES], lower[LANES];
 
-  explicit DiagonalWeights(const DiagonalCells& cells) {
+  explicit CellWeights(const RingCells& cells) {
     if constexpr (numbers_of<Terms> == 2) {
       for (int c = 0; c < 3; c++) store(axis[c], Terms::of(Vec(1.f), load(cells.axes[c].fraction)));
       const Vec right = load(cells.across->fraction), below = load(cells.down->fraction);
@@ -103,14 +130,14 @@ struct DiagonalWeights {
 };
 
 // x, y, z and view components of one Gaussian, from `first`.
-struct DiagonalFactors {
+struct RingFactors {
   Vec x, y, z, view;
 };
 
 template <class Terms, class Part>
-static inline __attribute__((always_inline)) DiagonalFactors read_factors(
-    const RingShape& shape, const DiagonalTables& tables, const DiagonalPlace& at,
-    const DiagonalWeights<Terms>& weights, int lane, int first, Part part) {
+static inline __attribute__((always_inline)) RingFactors read_factors(
+    const RingShape& shape, const CellTables& tables, const RingPlace& at,
+    const CellWeights<Terms>& weights, int lane, int first, Part part) {
   const std::size_t width = matrix_size(shape);
   if constexpr (numbers_of<Terms> == 1) {
     const auto mix = [](Vec a, Vec b, Vec weight) { return fma(weight, b - a, a); };

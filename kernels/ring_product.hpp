@@ -1,0 +1,22 @@
+// The ring's product and its gradient, whatever its form. Include from kernels/isa/*.cpp alone, see simd.hpp.
+#pragma once
+#include "ring_diagonal.hpp"
+#include "ring_tiles.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+
+template <bool Keep>
+static inline void multiply(Batch& batch, const RingShape& shape, const RingParameters<const float>& parameters,
+                            const CellTables& tables) {
+  const bool done = with_tiles<FastTerms>(
+      shape, [&](auto rank) { multiply_tiles<FastTerms, decltype(rank)::VALUE, Keep>(batch, shape, tables); });
+  if (done) return;
+  if (shape.diagonal)
+    multiply_diagonal(batch, shape, tables);
+  else if (by_rows(shape))
+    multiply_ring_rows(batch, shape, parameters);
+  else
+    multiply_ring(batch, shape, parameters);
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA
