@@ -28,14 +28,21 @@ constexpr int terms_of(int numbers) {
   return (numbers + numbers_of<Terms> - 1) / numbers_of<Terms>;
 }
 
+// Outputs of the next panel, of so many that are left. One of four has too few sums to hide a multiply-add's latency, so
+// that the last two share what they have; all but the last are even, for outputs to make pairs.
+constexpr int panel_width(int left) {
+  constexpr int FEW = 6;
+  return left <= PANEL ? left : MANY_REGISTERS && left < PANEL + FEW ? PANEL - 4 : PANEL;
+}
+
 // The weight of output o and input i is at weights[o * output_stride + i * input_stride]. Takes outputs times
 // terms_of(inputs) floats.
 template <class Terms = Vec>
 static inline Panels pack(const float* weights, int output_stride, int input_stride, const float* bias, int outputs,
                           int inputs, float* to) {
   const Panels packed{to, bias, outputs, inputs};
-  for (int first = 0; first < outputs; first += PANEL) {
-    const int width = outputs - first < PANEL ? outputs - first : PANEL;
+  for (int first = 0, width; first < outputs; first += width) {
+    width = panel_width(outputs - first);
     for (int i = 0; i < inputs; i += numbers_of<Terms>)
       for (int k = 0; k < width; k++) {
         const float* weight = weights + (first + k) * output_stride + i * input_stride;
@@ -63,17 +70,42 @@ static inline const float* feature_terms(const float* x, int count, float* buffe
   }
 }
 
-template <class Terms, int Outputs>
-static void panel(const float* weights, const float* bias, int terms, const float* x, float* y) {
-  for (int first = 0; first < GROUP; first += PANEL_VECS * LANES) {
-    Vec sums[Outputs][PANEL_VECS];
+// What becomes of a layer's sums: stored as they are, or rectified, as numbers or as terms of the next layer.
+enum class Result { PLAIN, RECTIFIED, RECTIFIED_TERMS };
+
+template <class Terms, int Outputs, Result Kind>
+RINGLIGHT_INLINE void store_sums(const Vec sums[Outputs][PANEL_VECS], float* y) {
+  const auto finished = [](Vec sum) __attribute__((always_inline)) {
+    return Kind == Result::PLAIN ? sum : max(Vec(0.f), sum);
+  };
 #pragma GCC unroll 16
-    for (int k = 0; k < Outputs; k++)
+  for (int k = 0; k < Outputs; k++)
 #pragma GCC unroll 2
-      for (int v = 0; v < PANEL_VECS; v++) sums[k][v] = Vec(bias ? bias[k] : 0.f);
+    for (int v = 0; v < PANEL_VECS; v++)
+      if constexpr (Kind == Result::RECTIFIED_TERMS && numbers_of<Terms> == 2) {
+        if (k % 2) continue;
+        const Vec odd = k + 1 < Outputs ? finished(sums[k + 1 < Outputs ? k + 1 : k][v]) : Vec(0.f);
+        store(y + k / 2 * GROUP + v * LANES, Terms::of(finished(sums[k][v]), odd));
+      } else {
+        store(y + k * GROUP + v * LANES, finished(sums[k][v]));
+      }
+}
+
+template <class Terms, int Outputs, Result Kind>
+static void panel(const float* weights, const float* bias, int terms, const float* x, float* y) {
+  // A sum of few outputs is taken in parts, which do not wait for each other.
+  constexpr int PARTS = Outputs * PANEL_VECS <= 2 ? 4 : Outputs * PANEL_VECS <= 6 ? 2 : 1;
+  for (int first = 0; first < GROUP; first += PANEL_VECS * LANES) {
+    Vec sums[PARTS][Outputs][PANEL_VECS];
+#pragma GCC unroll 4
+    for (int p = 0; p < PARTS; p++)
+#pragma GCC unroll 16
+      for (int k = 0; k < Outputs; k++)
+#pragma GCC unroll 2
+        for (int v = 0; v < PANEL_VECS; v++) sums[p][k][v] = Vec(bias && p == 0 ? bias[k] : 0.f);
     const float* weight = weights;
     const float* value = x + first;
-    for (int i = 0; i < terms; i++, weight += Outputs, value += GROUP) {
+    const auto add_term = [&](int p) __attribute__((always_inline)) {
       Terms values[PANEL_VECS];
 #pragma GCC unroll 2
       for (int v = 0; v < PANEL_VECS; v++) values[v] = load(value + v * LANES);
@@ -81,36 +113,45 @@ static void panel(const float* weights, const float* bias, int terms, const floa
       for (int k = 0; k < Outputs; k++) {
         const Terms factor(weight[k]);
 #pragma GCC unroll 2
-        for (int v = 0; v < PANEL_VECS; v++) sums[k][v] = fma(factor, values[v], sums[k][v]);
+        for (int v = 0; v < PANEL_VECS; v++) sums[p][k][v] = fma(factor, values[v], sums[p][k][v]);
       }
-    }
+      weight += Outputs, value += GROUP;
+    };
+    int i = 0;
+    for (; i + PARTS <= terms; i += PARTS)
+#pragma GCC unroll 4
+      for (int p = 0; p < PARTS; p++) add_term(p);
+    for (; PARTS > 1 && i < terms; i++) add_term(0);
+#pragma GCC unroll 4
+    for (int p = 1; p < PARTS; p++)
 #pragma GCC unroll 16
-    for (int k = 0; k < Outputs; k++)
+      for (int k = 0; k < Outputs; k++)
 #pragma GCC unroll 2
-      for (int v = 0; v < PANEL_VECS; v++) store(y + k * GROUP + first + v * LANES, sums[k][v]);
+        for (int v = 0; v < PANEL_VECS; v++) sums[0][k][v] += sums[p][k][v];
+    store_sums<Terms, Outputs, Kind>(sums[0], y + first);
   }
 }
 
-// The last panel, narrower than the others.
-template <class Terms, int Outputs>
+template <class Terms, int Outputs, Result Kind>
 static void narrow_panel(int outputs, const float* weights, const float* bias, int terms, const float* x, float* y) {
   if (outputs == Outputs)
-    panel<Terms, Outputs>(weights, bias, terms, x, y);
+    panel<Terms, Outputs, Kind>(weights, bias, terms, x, y);
   else if constexpr (Outputs > 1)
-    narrow_panel<Terms, Outputs - 1>(outputs, weights, bias, terms, x, y);
+    narrow_panel<Terms, Outputs - 1, Kind>(outputs, weights, bias, terms, x, y);
 }
 
 // y[outputs][GROUP] = weights x[inputs][GROUP] + bias, x as feature_terms.
-template <class Terms = Vec>
+template <class Terms = Vec, Result Kind = Result::PLAIN>
 static inline void dense(const Panels& layer, const float* x, float* y) {
   const float *weights = layer.weights, *bias = layer.bias;
   const int terms = terms_of<Terms>(layer.inputs);
-  int left = layer.outputs;
-  for (; left >= PANEL; left -= PANEL, weights += PANEL * terms, y += PANEL * GROUP) {
-    panel<Terms, PANEL>(weights, bias, terms, x, y);
-    if (bias) bias += PANEL;
+  const int numbers = Kind == Result::RECTIFIED_TERMS ? numbers_of<Terms> : 1;
+  for (int left = layer.outputs, width; left > 0; left -= width) {
+    width = panel_width(left);
+    narrow_panel<Terms, PANEL, Kind>(width, weights, bias, terms, x, y);
+    weights += width * terms, y += width / numbers * GROUP;
+    if (bias) bias += width;
   }
-  narrow_panel<Terms, PANEL - 1>(left, weights, bias, terms, x, y);
 }
 
 static inline void rectify(float* values, int count) {

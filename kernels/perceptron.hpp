@@ -25,7 +25,7 @@ struct PerceptronLayers {
   void perceptron_backward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows, \
                            const float* upstream, const PerceptronLayers<float>& gradients); \
   }
-RINGLIGHT_EVERY_ISA(RINGLIGHT_PERCEPTRON)
+RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_PERCEPTRON)
 #undef RINGLIGHT_PERCEPTRON
 
 }  // namespace ringlight

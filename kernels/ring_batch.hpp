@@ -211,26 +211,38 @@ static inline void apply(const Panels& layer, const float* from, float* terms, f
   dense<FastTerms>(layer, feature_terms<FastTerms>(from, layer.inputs, terms), to);
 }
 
-// From the ring's product to the residual colour.
+// A hidden layer of `terms`. With Keep its activations are numbers in `to`; else they are terms already.
+template <bool Keep>
+static inline const float* hidden_layer(const Panels& layer, const float* terms, float* buffer, float* to) {
+  if constexpr (Keep) {
+    dense<FastTerms, Result::RECTIFIED>(layer, terms, to);
+    return feature_terms<FastTerms>(to, layer.outputs, buffer);
+  } else {
+    dense<FastTerms, Result::RECTIFIED_TERMS>(layer, terms, to);
+    return to;
+  }
+}
+
+// From the ring's product to the residual colour. With Keep the hidden layers' activations are left for the gradient.
+template <bool Keep>
 static inline void shade(Batch& batch, const RingShape& shape, const RingPanels& panels) {
-  const auto dense = [&batch](const Panels& layer, const float* from, float* to) { apply(layer, from, batch.terms, to); };
-  if (in_tiles<FastTerms>(shape))
-    ringlight::RINGLIGHT_ISA::dense<FastTerms>(panels.core, batch.product, batch.activated);
-  else
-    dense(panels.core, batch.product, batch.activated);
+  const auto terms = [&batch](const float* x, int count) { return feature_terms<FastTerms>(x, count, batch.terms); };
+  const auto hidden = [&batch](const Panels& layer, const float* from, float* to) {
+    return hidden_layer<Keep>(layer, from, batch.terms, to);
+  };
+  const bool ready = in_tiles<FastTerms>(shape);
+  dense<FastTerms>(panels.core, ready ? batch.product : terms(batch.product, panels.core.inputs), batch.activated);
   for (int i = 0; i < shape.features * GROUP; i += LANES)
     store(batch.activated + i, tanh_fast(load(batch.activated + i)));
   if (modulated(shape)) {
-    dense(panels.modulation[0], batch.inputs, batch.modulation_hidden);
-    rectify(batch.modulation_hidden, shape.modulation_hidden);
-    dense(panels.modulation[1], batch.modulation_hidden, batch.modulation);
+    const Panels* layers = panels.modulation;
+    const float* const unit = hidden(layers[0], terms(batch.inputs, layers[0].inputs), batch.modulation_hidden);
+    dense<FastTerms>(layers[1], unit, batch.modulation);
     for (int i = 0; i < GROUP; i += LANES) store(batch.modulation + i, sigmoid(load(batch.modulation + i)));
   }
-  dense(panels.render[0], batch.activated, batch.render_hidden[0]);
-  rectify(batch.render_hidden[0], shape.render_hidden);
-  dense(panels.render[1], batch.render_hidden[0], batch.render_hidden[1]);
-  rectify(batch.render_hidden[1], shape.render_hidden);
-  dense(panels.render[2], batch.render_hidden[1], batch.residual);
+  const float* from = terms(batch.activated, panels.render[0].inputs);
+  for (int layer = 0; layer < 2; layer++) from = hidden(panels.render[layer], from, batch.render_hidden[layer]);
+  dense<FastTerms>(panels.render[2], from, batch.residual);
   for (int i = 0; i < 3 * GROUP; i += LANES) store(batch.residual + i, tanh_fast(load(batch.residual + i)));
 }
 

@@ -49,7 +49,7 @@ void forward(const std::vector<Input>& parameters, Stack rows, Array results) {
   const PerceptronShape shape = shape_from(rows, parameters, results.size());
   const auto layers = layers_from<const float>(shape, parameters);
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(perceptron_forward)(shape, layers, rows.data(), results.data());
+  RINGLIGHT_CHOSEN_WITH_BF16(perceptron_forward)(shape, layers, rows.data(), results.data());
 }
 
 void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, const std::vector<Array>& gradients) {
@@ -57,7 +57,7 @@ void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, 
   const auto layers = layers_from<const float>(shape, parameters);
   const auto sums = layers_from<float>(shape, gradients);
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(perceptron_backward)(shape, layers, rows.data(), upstream.data(), sums);
+  RINGLIGHT_CHOSEN_WITH_BF16(perceptron_backward)(shape, layers, rows.data(), upstream.data(), sums);
 }
 
 }  // namespace

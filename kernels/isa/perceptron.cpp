@@ -20,11 +20,13 @@ struct Widths {
     widest = 0;
     for (const int width : of) widest = width > widest ? width : widest;
   }
-  std::size_t weights() const {
-    std::size_t sum = 0;
-    for (int layer = 0; layer < LAYERS; layer++) sum += static_cast<std::size_t>(of[layer]) * of[layer + 1];
-    return sum;
+  // Floats of a packed layer, transposed or not, and of all.
+  std::size_t weights(int layer) const {
+    const int inputs = of[layer], outputs = of[layer + 1];
+    const int plain = outputs * terms_of<FastTerms>(inputs), transposed = inputs * terms_of<FastTerms>(outputs);
+    return plain > transposed ? plain : transposed;
   }
+  std::size_t weights() const { return weights(0) + weights(1) + weights(2); }
 };
 
 // One head's layers, reordered.
@@ -59,9 +61,9 @@ struct StackPanels {
       const float* weight = layers.weight[layer] + static_cast<std::size_t>(head) * inputs * outputs;
       const float* bias = layers.bias[layer] + head * outputs;
       panels.layers[layer] = transposed ? Panels{to, nullptr, inputs, outputs} : Panels{to, bias, outputs, inputs};
-      if (write && transposed) pack(weight, outputs, 1, nullptr, inputs, outputs, to);
-      if (write && !transposed) pack(weight, 1, outputs, bias, outputs, inputs, to);
-      to += static_cast<std::size_t>(inputs) * outputs;
+      if (write && transposed) pack<FastTerms>(weight, outputs, 1, nullptr, inputs, outputs, to);
+      if (write && !transposed) pack<FastTerms>(weight, 1, outputs, bias, outputs, inputs, to);
+      to += widths.weights(layer);
     }
     return panels;
   }
@@ -91,24 +93,29 @@ void lanes_to_rows(const float* lanes, int count, int width, float* blocks, floa
   }
 }
 
-// What each layer is given, and the last one's result: [width][GROUP].
+// What each layer is given, and the last one's result: [width][GROUP]; and room for a layer's input as terms.
 struct Activations {
-  float* of[LAYERS + 1];
+  float *of[LAYERS + 1], *terms;
 };
 
-void evaluate_hidden(const Widths& widths, const HeadPanels& panels, const Activations& at) {
-  for (int layer = 0; layer + 1 < LAYERS; layer++) {
-    dense(panels.layers[layer], at.of[layer], at.of[layer + 1]);
-    rectify(at.of[layer + 1], widths.of[layer + 1]);
-  }
+template <Result Kind>
+void evaluate(const HeadPanels& panels, const Activations& at, int layer) {
+  const Panels& packed = panels.layers[layer];
+  dense<FastTerms, Kind>(packed, feature_terms<FastTerms>(at.of[layer], packed.inputs, at.terms), at.of[layer + 1]);
+}
+
+void evaluate_hidden(const HeadPanels& panels, const Activations& at) {
+  for (int layer = 0; layer + 1 < LAYERS; layer++) evaluate<Result::RECTIFIED>(panels, at, layer);
 }
 
 Activations lay_out(const Widths& widths, float* memory) {
   Activations at;
-  for (int i = 0; i <= LAYERS; i++) at.of[i] = memory + static_cast<std::size_t>(i) * widths.widest * GROUP;
+  const std::size_t block = static_cast<std::size_t>(widths.widest) * GROUP;
+  for (int i = 0; i <= LAYERS; i++) at.of[i] = memory + i * block;
+  at.terms = memory + (LAYERS + 1) * block;
   return at;
 }
-constexpr int SPARE = LAYERS + 1;  // blocks of [widest][GROUP] that Activations take
+constexpr int SPARE = LAYERS + 2;  // blocks of [widest][GROUP] that Activations take
 
 // Sums of a shard: weight [inputs][padded(outputs)], then bias [outputs][16], layer after layer.
 std::size_t sums_size(const Widths& widths) {
@@ -126,15 +133,16 @@ void add_gradients(const Widths& widths, const HeadPanels& transposed, const Act
   for (int layer = LAYERS - 1; layer >= 0; layer--) {
     const int inputs = widths.of[layer], outputs = widths.of[layer + 1];
     ends -= static_cast<std::size_t>(inputs) * padded(outputs) + outputs * LANES;
-    to_rows(gradient.of[layer + 1], outputs, blocks);
-    add_layer_gradient({ends, nullptr, inputs, outputs}, at.of[layer], blocks);
+    to_rows<FastTerms>(gradient.of[layer + 1], outputs, blocks);
+    add_layer_gradient<FastTerms>({ends, nullptr, inputs, outputs}, at.of[layer], blocks, at.terms);
     float* bias = ends + static_cast<std::size_t>(inputs) * padded(outputs);
     for (int o = 0; o < outputs; o++) {
       const float* of_output = gradient.of[layer + 1] + o * GROUP;
       store(bias + o * LANES, load(bias + o * LANES) + load(of_output) + load(of_output + LANES));
     }
     if (layer == 0) return;
-    dense(transposed.layers[layer], gradient.of[layer + 1], gradient.of[layer]);
+    const float* terms = feature_terms<FastTerms>(gradient.of[layer + 1], outputs, at.terms);
+    dense<FastTerms>(transposed.layers[layer], terms, gradient.of[layer]);
     rectify_gradient(gradient.of[layer], at.of[layer], inputs);
   }
 }
@@ -180,8 +188,8 @@ void perceptron_forward(const PerceptronShape& shape, const PerceptronLayers<con
       const int count = shape.nodes - node < GROUP ? shape.nodes - node : GROUP;
       const std::size_t row = static_cast<std::size_t>(head) * shape.nodes + node;
       rows_to_lanes(rows + row * shape.inputs, count, shape.inputs, at.of[0]);
-      evaluate_hidden(widths, panels, at);
-      dense(panels.layers[LAYERS - 1], at.of[LAYERS - 1], at.of[LAYERS]);
+      evaluate_hidden(panels, at);
+      evaluate<Result::PLAIN>(panels, at, LAYERS - 1);
       lanes_to_rows(at.of[LAYERS], count, shape.outputs, blocks, results + row * shape.outputs);
     }
   });
@@ -207,7 +215,7 @@ void perceptron_backward(const PerceptronShape& shape, const PerceptronLayers<co
       const std::size_t row = static_cast<std::size_t>(head) * shape.nodes + node;
       rows_to_lanes(rows + row * shape.inputs, count, shape.inputs, at.of[0]);
       rows_to_lanes(upstream + row * shape.outputs, count, shape.outputs, gradient.of[LAYERS]);
-      evaluate_hidden(widths, panels, at);
+      evaluate_hidden(panels, at);
       add_gradients(widths, transposed, at, gradient, memory.floats() + 2 * half, own);
     }
   });

@@ -62,7 +62,7 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
       start(batch, shape, scene, scene.visible + first, count);
       multiply<false>(batch, shape, parameters, panels.tables);
-      shade(batch, shape, panels);
+      shade<false>(batch, shape, panels);
       write(batch, shape, outputs);
     }
   });

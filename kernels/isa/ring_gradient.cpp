@@ -240,7 +240,7 @@ void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* 
     const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
     start(batch, pass.shape, pass.scene, pass.rows + first, count);
     multiply<true>(batch, pass.shape, pass.parameters, pass.panels.tables);
-    shade(batch, pass.shape, pass.panels);
+    shade<true>(batch, pass.shape, pass.panels);
     backpropagate(pass, batch, pass.weights + first, gradient, sums);
   }
 }

@@ -34,6 +34,8 @@ CANCELLED = 3e-5 if BF16 else 1e-7
 """Absolute: a bias's gradient may cancel to nothing, of which 4e-6 were left at eight rows."""
 FAR_BIAS = 3.0
 """More than a hidden unit's inputs add up to, and four times as much in the next layer."""
+HEAD_SCALE, HEAD_SCALE_FAR = 4.0, 0.08
+"""Of the heads' last weights, beside their start; the second where hidden units are as large as their far biases."""
 
 BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
 
@@ -59,15 +61,19 @@ def leave_kinks(model: RingLight) -> None:
             signs = torch.where(torch.arange(len(layer.bias)) % 2 == 0, 1.0, -1.0)
             layer.bias.copy_(FAR_BIAS * 4**depth * signs)
         last.weight.mul_(0.05)
+    for head in (model.field.axes, model.field.view):
+        *hidden, _ = head.networks.biases
+        for depth, bias in enumerate(hidden):
+            bias.copy_(FAR_BIAS * 4**depth * torch.where(torch.arange(bias.shape[-1]) % 2 == 0, 1.0, -1.0))
 
 
 def model_and_table(chosen: RingLightSettings, count: int, seed: int) -> tuple[RingLight, Gaussians]:
-    """A field lively enough to matter: heads four times their start, so that residuals spread over (-1, 1)."""
+    """A field lively enough to matter: matrices so large that residuals spread over (-1, 1)."""
     model = RingLight(chosen, BOX, seed)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for head in (model.field.axes, model.field.view):
-            head.networks.weights[-1].mul_(4)
+            head.networks.weights[-1].mul_(HEAD_SCALE_FAR if BF16 else HEAD_SCALE)
         if BF16:
             leave_kinks(model)
     positions = torch.randn(count, 3, generator=generator) * 0.6

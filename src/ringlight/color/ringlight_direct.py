@@ -1,9 +1,9 @@
 """The RingLight colour model without autograd, for training loops: the same kernels, and less around them.
 
-Only the tables, a few thousand rows, are still made and differentiated by autograd.
+Only the tables of fields that cannot differentiate them by themselves go through autograd.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import torch
@@ -16,6 +16,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradient
 from ringlight.core.rendering import OPACITY_FACTOR
+from ringlight.fields.ring_tables import RingTables
 
 if TYPE_CHECKING:
     from ringlight.color.ringlight import RingLight
@@ -27,6 +28,10 @@ TABLES = len(("axes", "view", "core"))
 """The first of the kernel's parameters, see :func:`ringlight.color.ring_kernel.ring_parameters`."""
 
 
+FieldGradients = Callable[[RingTables], dict[str, Tensor]]
+"""See :class:`ringlight.fields.contract.LightField`."""
+
+
 class DirectRingLight:
     """One view at a time: :meth:`draw`, then :meth:`differentiate`."""
 
@@ -36,6 +41,7 @@ class DirectRingLight:
     def __init__(self, model: "RingLight"):
         self._model = model
         self._names = {id(parameter): name for name, parameter in model.named_parameters()}
+        self._field_gradients: FieldGradients | None = getattr(model.field, "gradients", None)
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
         """What :meth:`ringlight.color.ringlight.RingLight.channels` calls "rgb"; sets ``opacity_factor``."""
@@ -48,7 +54,7 @@ class DirectRingLight:
         if not self._lit:
             self._color = columns[BASE].sigmoid()
             return self._color
-        with torch.enable_grad():
+        with torch.set_grad_enabled(self._field_gradients is None):
             tables = model.field.tables()
         assert tables is not None  # else RingLight.direct() gives none of these
         parameters = ring_parameters(tables, model.shading)
@@ -77,8 +83,16 @@ class DirectRingLight:
 
     def _shared(self, by_parameters: list[Tensor]) -> dict[str, Gradient]:
         """By full name: of what the kernel reads as it is, and through the tables of the field's own parameters."""
-        tables, rest = self._parameters[:TABLES], self._parameters[TABLES:]
+        rest = zip(self._parameters[TABLES:], by_parameters[TABLES:], strict=True)
+        shared: dict[str, Gradient] = {f"color.{self._names[id(p)]}": gradient for p, gradient in rest}
+        return shared | self._of_field(by_parameters[:TABLES])
+
+    def _of_field(self, by_tables: list[Tensor]) -> dict[str, Gradient]:
+        if self._field_gradients is not None:
+            axes, view, core = by_tables
+            found = self._field_gradients(RingTables(axes, view, core))
+            return {f"color.{self._model.settings.field}.{name}": gradient for name, gradient in found.items()}
         field: list[Tensor] = list(self._model.field_parameters())
-        by_field = torch.autograd.grad(tables, field, by_parameters[:TABLES], allow_unused=True)
-        pairs = zip([*field, *rest], [*by_field, *by_parameters[TABLES:]], strict=True)
+        by_field = torch.autograd.grad(self._parameters[:TABLES], field, by_tables, allow_unused=True)
+        pairs = zip(field, by_field, strict=True)
         return {f"color.{self._names[id(p)]}": gradient for p, gradient in pairs if gradient is not None}

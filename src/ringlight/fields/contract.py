@@ -10,7 +10,11 @@ from ringlight.fields.ring_tables import RingTables
 
 @runtime_checkable
 class LightField(Protocol):
-    """An ``nn.Module`` from points in [-1, 1]^3 and unit directions to features; knows nothing of colour."""
+    """An ``nn.Module`` from points in [-1, 1]^3 and unit directions to features; knows nothing of colour.
+
+    One that can may have a method ``gradients(by_tables: RingTables) -> dict[str, Tensor]``: what autograd makes of the
+    gradients of its float32 tables on the CPU, by parameter name, without autograd.
+    """
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
         """The features, every network run at every point."""

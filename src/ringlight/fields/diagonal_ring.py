@@ -33,6 +33,12 @@ class DiagonalRing(nn.Module):
         """The heads at their nodes; differentiable, so that gradients reach the heads through the tables."""
         return RingTables(self.axes.table(), self.view.table(), self.core, diagonal=True)
 
+    def gradients(self, by_tables: RingTables) -> dict[str, Tensor]:
+        """By parameter name, from those of :meth:`tables`, without autograd: where its kernels apply."""
+        axes, view = self.axes.gradients(by_tables.axes), self.view.gradients(by_tables.view)
+        named = {f"axes.{name}": gradient for name, gradient in axes.items()}
+        return named | {f"view.{name}": gradient for name, gradient in view.items()} | {"core": by_tables.core}
+
     def tabulated(
         self,
         points: Float[Tensor, "N 3"],

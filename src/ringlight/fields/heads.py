@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from ringlight.fields.encoding import encoded_width, fourier_features
 from ringlight.fields.networks import PerceptronStack
-from ringlight.fields.perceptron_kernel import stack_at
+from ringlight.fields.perceptron_kernel import stack_at, stack_gradients
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.fields.tables import axis_nodes, octahedral_nodes
 
@@ -40,6 +40,10 @@ class AxisHeads(nn.Module):
         """The matrices at the K nodes of each axis."""
         return stack_at(self.networks, self.nodes)
 
+    def gradients(self, by_table: Float[Tensor, "A K D"]) -> dict[str, Tensor]:
+        """By parameter name, from that of :meth:`table`: what autograd gives, without it; by the kernel only."""
+        return _named(stack_gradients(self.networks, self.nodes, by_table))
+
 
 class DirectionHead(nn.Module):
     """f_v: a unit direction to a matrix."""
@@ -62,3 +66,11 @@ class DirectionHead(nn.Module):
     def table(self) -> Float[Tensor, "K D"]:
         """The matrices at the nodes of the octahedral map, row j * side + i for node (i, j)."""
         return stack_at(self.networks, self.nodes)[0]
+
+    def gradients(self, by_table: Float[Tensor, "K D"]) -> dict[str, Tensor]:
+        """By parameter name, from that of :meth:`table`: what autograd gives, without it; by the kernel only."""
+        return _named(stack_gradients(self.networks, self.nodes, by_table[None]))
+
+
+def _named(of_networks: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {f"networks.{name}": gradient for name, gradient in of_networks.items()}

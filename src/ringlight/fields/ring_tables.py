@@ -51,6 +51,12 @@ def linear_core(core: Float[Tensor, "C R R"]) -> Float[Tensor, "C D"]:
     return core.transpose(1, 2).flatten(1)
 
 
+def core_gradient(by_linear: Float[Tensor, "C D"]) -> Float[Tensor, "C R R"]:
+    """The way back of :func:`linear_core`."""
+    rank = round(by_linear.shape[1] ** 0.5)
+    return by_linear.unflatten(1, (rank, rank)).transpose(1, 2).contiguous()
+
+
 def contracted(
     x: Float[Tensor, "N D"],
     y: Float[Tensor, "N D"],

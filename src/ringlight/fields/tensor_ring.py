@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from ringlight.fields.heads import AxisHeads, DirectionHead
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, contracted, linear_core, ring_features
+from ringlight.fields.ring_tables import RingTables, contracted, core_gradient, linear_core, ring_features
 
 
 class TensorRing(nn.Module):
@@ -33,6 +33,13 @@ class TensorRing(nn.Module):
     def tables(self) -> RingTables:
         """The heads at their nodes; differentiable, so that gradients reach the heads through the tables."""
         return RingTables(self.axes.table(), self.view.table(), linear_core(self.core))
+
+    def gradients(self, by_tables: RingTables) -> dict[str, Tensor]:
+        """By parameter name, from those of :meth:`tables`, without autograd: where its kernels apply."""
+        axes, view = self.axes.gradients(by_tables.axes), self.view.gradients(by_tables.view)
+        named = {f"axes.{name}": gradient for name, gradient in axes.items()}
+        named |= {f"view.{name}": gradient for name, gradient in view.items()}
+        return named | {"core": core_gradient(by_tables.core)}
 
     def tabulated(
         self,
