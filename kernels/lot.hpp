@@ -18,9 +18,17 @@ struct ColorGradient {
   std::size_t item_stride, channel_stride;
   const float* colors;
 
+  // By masks: a processor cannot guess which colours were clamped.
   float operator()(std::int32_t item, int c) const {
     const std::size_t at = item * item_stride + c * channel_stride;
-    return !colors || (colors[at] > 0.f && colors[at] < 1.f) ? values[at] : 0.f;
+    if (!colors) return values[at];
+    const bool passes = (colors[at] > 0.f) & (colors[at] < 1.f);
+    std::uint32_t bits;
+    std::memcpy(&bits, values + at, sizeof bits);
+    bits &= -static_cast<std::uint32_t>(passes);
+    float value;
+    std::memcpy(&value, &bits, sizeof value);
+    return value;
   }
   float size(std::int32_t item) const {
     return __builtin_fabsf((*this)(item, 0)) + __builtin_fabsf((*this)(item, 1)) + __builtin_fabsf((*this)(item, 2));
@@ -50,16 +58,19 @@ static inline std::size_t draw_lots(const ColorGradient& gradient, double share,
   for (std::size_t i = 0; i < count; i++) {
     const float size = gradient.size(items[i]);
     items[sloped] = items[i];
-    weights[sloped] = 1.f;
+    weights[sloped] = size;  // for the second pass
     sloped += size != 0.f;
     total += static_cast<double>(size);
   }
   const float certain = static_cast<float>(total / (share * static_cast<double>(sloped)));
-  if (share >= 1 || !(certain <= __FLT_MAX__)) return sloped;
+  if (share >= 1 || !(certain <= __FLT_MAX__)) {
+    for (std::size_t i = 0; i < sloped; i++) weights[i] = 1.f;
+    return sloped;
+  }
   std::size_t drawn = 0;
   std::uint64_t sum = random_start(certain);
   for (std::size_t i = 0; i < sloped; i++) {
-    const float size = gradient.size(items[i]);
+    const float size = weights[i];
     const std::uint64_t before = sum;
     sum += size < certain ? static_cast<std::uint64_t>(size / certain * static_cast<float>(CERTAINTY)) : CERTAINTY;
     items[drawn] = items[i];
