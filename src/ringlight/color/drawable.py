@@ -33,9 +33,8 @@ def drawable_rows(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "V"]:
         return drawable_by_triton(*columns, view_numbers(camera)).nonzero()[:, 0].int()
     if any(column.dtype != torch.float32 or column.device.type != "cpu" for column in columns):
         return drawable(gaussians, camera).nonzero()[:, 0].int()
-    pose = camera.world_to_camera[:3].flatten().tolist()
     margins = (REACH_SIGMAS, REACH_PIXELS, SLOPE_MARGIN, FAINTEST_LOGIT)
-    view = [*pose, *camera.focal, *camera.center, camera.width, camera.height, *margins]
+    view = [*camera.pose_numbers, *camera.focal, *camera.center, camera.width, camera.height, *margins]
     rows = torch.empty(len(gaussians), dtype=torch.int32)
     means, log_scales, opacity_logits = (column.detach().contiguous() for column in columns)
     return rows[: _kernels.drawable_rows(means, log_scales, opacity_logits, view, rows)]
@@ -46,9 +45,8 @@ def view_numbers(camera: Camera) -> list[float]:
     half = (camera.width / 2, camera.height / 2)
     (fx, fy), (cx, cy) = camera.focal, camera.center
     steepest = [SLOPE_MARGIN * max(cx, camera.width - cx) / fx, SLOPE_MARGIN * max(cy, camera.height - cy) / fy]
-    pose = camera.world_to_camera[:3].flatten().tolist()
     middle = [cx - half[0], cy - half[1]]
-    return [*pose, fx, fy, *half, *middle, *steepest, REACH_SIGMAS, REACH_PIXELS, FAINTEST_LOGIT]
+    return [*camera.pose_numbers, fx, fy, *half, *middle, *steepest, REACH_SIGMAS, REACH_PIXELS, FAINTEST_LOGIT]
 
 
 @torch.no_grad()

@@ -31,6 +31,12 @@ class Camera:
         return (-rotation.T @ translation).contiguous()
 
     @cached_property
+    def pose_numbers(self) -> list[float]:
+        """The first three rows of ``world_to_camera``, one after the other."""
+        numbers: list[float] = self.world_to_camera[:3].flatten().tolist()
+        return numbers
+
+    @cached_property
     def forward(self) -> Float[Tensor, "3"]:
         """Unit viewing axis in world coordinates."""
         return self.world_to_camera[2, :3].contiguous()

@@ -37,7 +37,8 @@ def stack_gradients(
 
 
 def _parameters(stack: PerceptronStack) -> list[Tensor]:
-    layers = zip(stack.weights, stack.biases, strict=True)
+    # Not by index: torch's list of parameters looks each number up as a name, four times over.
+    layers = zip(stack.weights.parameters(False), stack.biases.parameters(False), strict=True)
     return [tensor.contiguous() for layer in layers for tensor in layer]
 
 
