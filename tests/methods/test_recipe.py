@@ -1,12 +1,15 @@
 """Recipes survive JSON; what a file holds instead is refused with the place where it stands."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
+from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import METHODS
+from ringlight.rasterize.choose import rasterizer_for
 
 
 @pytest.mark.parametrize("preset", METHODS)
@@ -30,3 +33,14 @@ def test_damaged_settings_are_named(light: object, said: str):
         recipe_from_dict(type(METHODS["ringlight"]), {"light": light}, "run")
     assert said in str(caught.value)
     assert ".;" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("shading", "given", "settled"),
+    [("deferred", None, True), ("forward", None, False), ("deferred", False, False), ("forward", True, True)],
+)
+def test_a_settled_recipe_says_whether_it_is_antialiased(shading: str, given: bool | None, settled: bool):
+    recipe = replace(METHODS["ringlight"], shading=shading, antialiased=given)
+    kept, _ = recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
+    assert kept.antialiased is settled
+    assert kept.mirror.antialiased is settled

@@ -85,7 +85,7 @@ def _harmonics(
 ) -> Training:
     """3DGS on the surface that the mirror starts from, as opaque, as many Gaussians, no resets either."""
     densify = mirror.densify.within(most_gaussians(scene.pixels))
-    recipe = ThreeDGSRecipe(steps=mirror.steps, coarse_steps=0, densify=densify)
+    recipe = ThreeDGSRecipe(steps=mirror.steps, coarse_steps=0, densify=densify, antialiased=mirror.antialiased)
     training = recipe.build(replace(scene, points=points), rasterize, seed)
     logits = training.model.columns["opacity_logits"].detach()
     opaque = torch.full_like(logits, mirror.opacity).logit()

@@ -77,8 +77,9 @@ class RingLightRecipe:
     """And at the end of the run, log-linear in between; the paper keeps 1e-4 all along."""
     field_epsilon: float = 1e-15
     """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
-    antialiased: bool = False
-    """Rasterize with the opacity compensation of Mip-Splatting."""
+    antialiased: bool | None = None
+    """Rasterize with the opacity compensation of Mip-Splatting. None: where shading is deferred, as ringlight-mirror
+    does."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     light: RingLightSettings = field(default_factory=lambda: OURS)
@@ -102,23 +103,29 @@ class RingLightRecipe:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightRecipe, str | None]":
-        """With the shading decided for this scene, by a trial where there are masks."""
+        """With the shading decided for this scene, by a trial where there are masks, and what follows from it."""
         if self.shading != "auto":
-            return self, None
+            return self._explicit(self.shading), None
         from ringlight.methods.reflection_trial import reflection_trial
 
         trial = reflection_trial(scene, rasterize, seed, self.steps)
         shading: Literal["forward", "deferred"] = "deferred" if trial is not None and trial.reflects else "forward"
         why = "no masks to carve a surface by, or too few photographs" if trial is None else str(trial)
-        return dataclasses.replace(self, shading=shading), f"shading: {shading} ({why})"
+        return self._explicit(shading), f"shading: {shading} ({why})"
+
+    def _explicit(self, shading: Literal["forward", "deferred"]) -> "RingLightRecipe":
+        """With nothing left to decide: a model file must render the same whatever a later version prefers."""
+        antialiased = shading == "deferred" and self.mirror.antialiased if self.antialiased is None else self.antialiased
+        return dataclasses.replace(self, shading=shading, antialiased=antialiased)
 
     @property
     def mirror(self) -> RingLightMirrorRecipe:
         """What is trained where shading is deferred."""
         own = RingLightMirrorRecipe()
         densify = dataclasses.replace(own.densify, max_gaussians=self.densify.max_gaussians)
+        antialiased = own.antialiased if self.antialiased is None else self.antialiased
         return dataclasses.replace(
-            own, steps=self.steps, antialiased=self.antialiased, visible_only=self.visible_only, densify=densify
+            own, steps=self.steps, antialiased=antialiased, visible_only=self.visible_only, densify=densify
         )
 
     def model(
@@ -131,7 +138,7 @@ class RingLightRecipe:
         from ringlight.rasterize.contract import RasterOptions
         from ringlight.shade.passthrough import PassThrough
 
-        options = RasterOptions(antialiased=self.antialiased)
+        options = RasterOptions(antialiased=bool(self.antialiased))
         return SplatModel(gaussians, RingLight(self.light, box, seed), PassThrough(), rasterize, options)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
@@ -192,6 +199,7 @@ class RingLightRecipe:
 PAPER = dataclasses.replace(
     RingLightRecipe(),
     shading="forward",
+    antialiased=False,
     warmup=0.1,
     base_rate=2.5e-3,
     light=RingLightSettings(gradient_share=0.25),
