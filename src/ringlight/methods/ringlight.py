@@ -115,7 +115,8 @@ class RingLightRecipe:
 
     def _explicit(self, shading: Literal["forward", "deferred"]) -> "RingLightRecipe":
         """With nothing left to decide: a model file must render the same whatever a later version prefers."""
-        antialiased = shading == "deferred" and self.mirror.antialiased if self.antialiased is None else self.antialiased
+        chosen = shading == "deferred" and self.mirror.antialiased
+        antialiased = chosen if self.antialiased is None else self.antialiased
         return dataclasses.replace(self, shading=shading, antialiased=antialiased)
 
     @property
