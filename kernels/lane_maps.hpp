@@ -53,21 +53,52 @@ struct LevelPoints {
   alignas(64) float across[LANES], down[LANES];
 };
 
+// The node below a coordinate of [-1, 1], and in `fraction` the way to the next. As locate() of lane_tables.hpp.
+RINGLIGHT_INLINE Vec node_below(Vec coordinate, int side, Vec& fraction) {
+  const Vec inside = min(max(coordinate, Vec(-1.f)), Vec(1.f));
+  const Vec position = (inside + Vec(1.f)) * Vec(0.5f * static_cast<float>(side - 1));
+  const Vec node = min(floor(position), Vec(static_cast<float>(side - 2)));
+  fraction = position - node;
+  return node;
+}
+
 static inline void locate(const OctahedralPoint& point, int side, int features, LevelPoints& at) {
-  Cells columns, rows;
-  locate(point.u, side, columns);
-  locate(point.v, side, rows);
-  for (int lane = 0; lane < LANES; lane++) {
-    at.corner[lane] = (rows.cell[lane] * side + columns.cell[lane]) * features;
-    at.across[lane] = columns.fraction[lane];
-    at.down[lane] = rows.fraction[lane];
-  }
+  Vec across, down;
+  const Vec column = node_below(point.u, side, across), row = node_below(point.v, side, down);
+  // Exact: a map has at most 2^24 numbers.
+  store(at.corner, truncate(fma(row, Vec(static_cast<float>(side)), column) * Vec(static_cast<float>(features))));
+  store(at.across, across);
+  store(at.down, down);
 }
 
 struct Level {
   const float* map;
   int side, features;
 };
+
+// Four features of sixteen points, a lane's side by side, and their slopes.
+struct Quads {
+  alignas(64) float values[LANES * QUAD], across[LANES * QUAD], down[LANES * QUAD];
+};
+
+// Of the points 4 Quarter to 4 Quarter + 3: one Vec for all their features.
+template <bool Slopes, int Quarter>
+RINGLIGHT_INLINE void read_quarter(const float* map, const LevelPoints& at, int right, int below, Quads& quads) {
+  const float* const corner[4] = {map + at.corner[4 * Quarter], map + at.corner[4 * Quarter + 1],
+                                  map + at.corner[4 * Quarter + 2], map + at.corner[4 * Quarter + 3]};
+  const auto nodes = [&](int offset) {
+    return load_quarters(corner[0] + offset, corner[1] + offset, corner[2] + offset, corner[3] + offset);
+  };
+  const Vec x = spread_quarter<Quarter>(load(at.across)), y = spread_quarter<Quarter>(load(at.down));
+  const Vec upper = nodes(0), lower = nodes(below);
+  const Vec step = nodes(right) - upper, lower_step = nodes(below + right) - lower;
+  const Vec top = fma(x, step, upper), drop = fma(x, lower_step, lower) - top;
+  constexpr int first = Quarter * 4 * QUAD;
+  store(quads.values + first, fma(y, drop, top));
+  if constexpr (!Slopes) return;
+  store(quads.across + first, fma(y, lower_step - step, step));
+  store(quads.down + first, drop);
+}
 
 RINGLIGHT_INLINE void quads_to_lanes(const float* quads, float* lanes, int stride) {
   Vec columns[QUAD];
@@ -80,25 +111,17 @@ template <bool Slopes>
 static void read_level(const Level& level, const LevelPoints& at, int stride, float* lanes, float* slopes_across,
                        float* slopes_down) {
   const int right = level.features, below = level.side * level.features;
-  alignas(64) float values[LANES * QUAD], across[LANES * QUAD], down[LANES * QUAD];
+  Quads quads;
   for (int first = 0; first < level.features; first += QUAD) {
-    for (int lane = 0; lane < LANES; lane++) {
-      const float* corner = level.map + at.corner[lane] + first;
-      const float x = at.across[lane], y = at.down[lane];
-      const Quad upper = load_quad(corner), lower = load_quad(corner + below);
-      const Quad step = load_quad(corner + right) - upper, lower_step = load_quad(corner + below + right) - lower;
-      const Quad top = upper + x * step, drop = lower + x * lower_step - top;
-      store_quad(values + lane * QUAD, top + y * drop);
-      if constexpr (Slopes) {
-        store_quad(across + lane * QUAD, step + y * (lower_step - step));
-        store_quad(down + lane * QUAD, drop);
-      }
-    }
-    quads_to_lanes(values, lanes + first * stride, stride);
-    if constexpr (Slopes) {
-      quads_to_lanes(across, slopes_across + first * stride, stride);
-      quads_to_lanes(down, slopes_down + first * stride, stride);
-    }
+    const float* const map = level.map + first;
+    read_quarter<Slopes, 0>(map, at, right, below, quads);
+    read_quarter<Slopes, 1>(map, at, right, below, quads);
+    read_quarter<Slopes, 2>(map, at, right, below, quads);
+    read_quarter<Slopes, 3>(map, at, right, below, quads);
+    quads_to_lanes(quads.values, lanes + first * stride, stride);
+    if constexpr (!Slopes) continue;
+    quads_to_lanes(quads.across, slopes_across + first * stride, stride);
+    quads_to_lanes(quads.down, slopes_down + first * stride, stride);
   }
 }
 

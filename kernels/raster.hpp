@@ -150,11 +150,14 @@ struct Frame : TileLists {
 };
 
 // Channels that the blending kernels are compiled for; narrower images are padded. Ten and the six moments fill a slot
-// of one cache line. Wider ones take the general kernel,
-// which keeps the weights and adds up CHANNEL_GROUP channels at a time: more would not fit the registers.
+// of one cache line; eleven are what deferred shading blends. Wider ones take the general kernel, which keeps the weights
+// and adds up CHANNEL_GROUP channels at a time: more would not fit the registers.
 inline constexpr int WIDE = 0, CHANNEL_GROUP = 8;
 constexpr int kernel_channels(int channels) {
-  return channels == 1 ? 1 : channels <= 3 ? 3 : channels <= 4 ? 4 : channels <= 8 ? 8 : channels <= 10 ? 10 : WIDE;
+  constexpr int COMPILED[] = {1, 3, 4, 8, 10, 11};
+  for (const int count : COMPILED)
+    if (channels <= count) return count;
+  return WIDE;
 }
 constexpr int round_up_lanes(int floats) { return (floats + LANES - 1) / LANES * LANES; }
 constexpr int padded_channels(int channels) {

@@ -105,6 +105,24 @@ static inline void read_maps(const ReflectionScene& scene, ReflectionBatch& batc
   }
 }
 
+// From the inputs to what is added per alpha; the hidden layers are left in place.
+static inline void run_network(const ReflectionScene& scene, ReflectionBatch& batch) {
+  const float* from = batch.inputs;
+  for (int layer = 0; layer + 1 < scene.shape.layers; from = batch.hidden[layer++]) {
+    apply(scene.tables.layers[layer], from, batch.terms, batch.hidden[layer]);
+    rectify(batch.hidden[layer], scene.shape.hidden);
+  }
+  apply(scene.tables.layers[scene.shape.layers - 1], from, batch.terms, batch.added);
+}
+
+// The same bits where nobody asks for the hidden layers, whose places hold terms then.
+static inline void run_network_once(const ReflectionScene& scene, ReflectionBatch& batch) {
+  const float* terms = feature_terms<FastTerms>(batch.inputs, network_inputs(scene.shape), batch.terms);
+  for (int layer = 0; layer + 1 < scene.shape.layers; terms = batch.hidden[layer++])
+    dense<FastTerms, Result::RECTIFIED_TERMS>(scene.tables.layers[layer], terms, batch.hidden[layer]);
+  dense<FastTerms>(scene.tables.layers[scene.shape.layers - 1], terms, batch.added);
+}
+
 // Up to GROUP covered pixels, from their surface to what is added per alpha.
 template <bool Slopes>
 static inline void evaluate(const ReflectionScene& scene, const std::int32_t* covered, int count,
@@ -119,12 +137,7 @@ static inline void evaluate(const ReflectionScene& scene, const std::int32_t* co
     see(shape, scene.view, scene.buffers, batch.pixels[half], batch.surfaces[half], batch.inputs + half * LANES);
     read_maps<Slopes>(scene, batch, half);
   }
-  const float* from = batch.inputs;
-  for (int layer = 0; layer + 1 < shape.layers; from = batch.hidden[layer++]) {
-    apply(scene.tables.layers[layer], from, batch.terms, batch.hidden[layer]);
-    rectify(batch.hidden[layer], shape.hidden);
-  }
-  apply(scene.tables.layers[shape.layers - 1], from, batch.terms, batch.added);
+  Slopes ? run_network(scene, batch) : run_network_once(scene, batch);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -45,6 +45,20 @@ RINGLIGHT_INLINE void put(float* plane, const PixelLanes& at, Vec values) {
   for (int lane = 0; lane < at.count; lane++) plane[at.index[lane]] = lanes[lane];
 }
 
+// Asks for the planes at the pixels of a group that comes next: a dozen streams are more than the processor foresees.
+static inline void prefetch_planes(const ReflectionShape& shape, const ReflectionView& view,
+                                   const ReflectionBuffers<const float>& buffers, const std::int32_t* pixels, int count) {
+  const std::size_t plane = static_cast<std::size_t>(view.width) * view.height;
+  const auto ask = [&](const float* planes, int planes_count) {
+    for (int c = 0; c < planes_count; c++, planes += plane)
+      for (int first = 0; first < count; first += LANES) __builtin_prefetch(planes + pixels[first]);
+  };
+  ask(buffers.rgb, 3);
+  ask(buffers.normal, 3);
+  ask(buffers.latents, shape.latents);
+  if (shape.parallax) ask(buffers.depth, 1);
+}
+
 RINGLIGHT_INLINE Vec dot(const Vec a[3], const Vec b[3]) { return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2])); }
 
 // What a pixel shows, and the ray that looks at it.
@@ -57,13 +71,27 @@ struct Surface {
   Vec reflected[3], point[3];
 };
 
-static inline void set_ray(const ReflectionView& view, const PixelLanes& at, Surface& surface) {
-  alignas(64) float x[LANES], y[LANES];
+// The pixels' centres. Sixteen of a list lie in one row or two as a rule, and a division takes long.
+static inline void place_pixels(int width, const PixelLanes& at, float* x, float* y) {
+  const int first_row = at.index[0] / width, start = first_row * width;
+  if (at.index[LANES - 1] - start < 2 * width) {
+    for (int lane = 0; lane < LANES; lane++) {
+      const int along = at.index[lane] - start, next = along >= width;
+      x[lane] = static_cast<float>(along - next * width) + 0.5f;
+      y[lane] = static_cast<float>(first_row + next) + 0.5f;
+    }
+    return;
+  }
   for (int lane = 0; lane < LANES; lane++) {
-    const int row = at.index[lane] / view.width, column = at.index[lane] - row * view.width;
-    x[lane] = static_cast<float>(column) + 0.5f;
+    const int row = at.index[lane] / width;
+    x[lane] = static_cast<float>(at.index[lane] - row * width) + 0.5f;
     y[lane] = static_cast<float>(row) + 0.5f;
   }
+}
+
+static inline void set_ray(const ReflectionView& view, const PixelLanes& at, Surface& surface) {
+  alignas(64) float x[LANES], y[LANES];
+  place_pixels(view.width, at, x, y);
   const Vec across = (load(x) - Vec(view.center[0])) * Vec(1.f / view.focal[0]);
   const Vec down = (load(y) - Vec(view.center[1])) * Vec(1.f / view.focal[1]);
   const float* m = view.rotation;

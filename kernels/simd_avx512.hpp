@@ -107,6 +107,19 @@ RINGLIGHT_INLINE void transpose_quarters(Vec rows[4]) {
   rows[3] = _mm512_shuffle_f32x4(high01, high23, 0xdd);
 }
 
+// Four floats from each of four places, side by side.
+RINGLIGHT_INLINE Vec load_quarters(const float* a, const float* b, const float* c, const float* d) {
+  const __m256 low = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(a)), _mm_loadu_ps(b), 1);
+  const __m256 high = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(c)), _mm_loadu_ps(d), 1);
+  return _mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1);
+}
+// Quarter i holds lane 4 Quarter + i four times.
+template <int Quarter>
+RINGLIGHT_INLINE Vec spread_quarter(Vec a) {
+  const __m512i lanes = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  return _mm512_permutexvar_ps(_mm512_add_epi32(lanes, _mm512_set1_epi32(4 * Quarter)), a.v);
+}
+
 // rows[i] lane j becomes rows[j] lane i.
 RINGLIGHT_INLINE void transpose(Vec rows[16]) {
   __m512 pairs[16], quads[16];

@@ -25,6 +25,22 @@ RINGLIGHT_INLINE void deinterleave(const float* from, Vec* columns) {
 }
 }  // namespace detail
 
+// Four floats from each of four places, side by side.
+RINGLIGHT_INLINE Vec load_quarters(const float* a, const float* b, const float* c, const float* d) {
+  alignas(32) float lanes[16];
+  const float* const from[] = {a, b, c, d};
+  for (int i = 0; i < 4; i++) __builtin_memcpy(lanes + 4 * i, from[i], 4 * sizeof(float));
+  return load(lanes);
+}
+// Quarter i holds lane 4 Quarter + i four times.
+template <int Quarter>
+RINGLIGHT_INLINE Vec spread_quarter(Vec a) {
+  alignas(32) float lanes[16], spread[16];
+  store(lanes, a);
+  for (int i = 0; i < 16; i++) spread[i] = lanes[4 * Quarter + i / 4];
+  return load(spread);
+}
+
 // Sixteen rows of 3 (4) floats, row after row in memory, as 3 (4) columns.
 RINGLIGHT_INLINE void load_columns(const float* from, Vec& a, Vec& b, Vec& c) {
   Vec columns[3];

@@ -226,6 +226,7 @@ void blend(const Frame& frame, const Images& images) {
     case 4: return blend_all<4>(frame, images);
     case 8: return blend_all<8>(frame, images);
     case 10: return blend_all<10>(frame, images);
+    case 11: return blend_all<11>(frame, images);
     default: return blend_all<WIDE>(frame, images);
   }
 }

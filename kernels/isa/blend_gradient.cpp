@@ -273,6 +273,7 @@ void blend_gradient(const Frame& frame, const ImageGradients& from) {
     case 4: return walk_all<4>(frame, from);
     case 8: return walk_all<8>(frame, from);
     case 10: return walk_all<10>(frame, from);
+    case 11: return walk_all<11>(frame, from);
     default: return walk_all<WIDE>(frame, from);
   }
 }

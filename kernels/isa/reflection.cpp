@@ -44,6 +44,8 @@ void reflection_forward(const ReflectionShape& shape, const ReflectionParameters
     Arena scratch{memory.floats()};
     lay_out(batch, shape, false, scratch);
     for (int first = 0; first < count; first += GROUP) {
+      const int next = first + GROUP;
+      prefetch_planes(shape, view, buffers, covered + next, count - next < GROUP ? count - next : GROUP);
       evaluate<false>(scene, covered + first, count - first < GROUP ? count - first : GROUP, batch);
       write(scene, batch, color);
     }

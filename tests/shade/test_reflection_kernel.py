@@ -127,6 +127,15 @@ def test_equals_the_twin(kind: str, size: tuple[int, int]):
     assert_equal(shader_with(chosen), blended, view)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_picture_without_gradient_has_the_same_bits(kind: str):
+    chosen, view = KINDS[kind], camera(70, 41)
+    shader, blended = shader_with(chosen), buffers(view, chosen.latents)
+    recorded = shader.shade({name: values.clone().requires_grad_() for name, values in blended.items()}, view, GREY)
+    with torch.no_grad():
+        assert torch.equal(shader.shade(blended, view, GREY), recorded)
+
+
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_pixels_drawn_by_lot_are_the_twins(share: float):
     """The same lots, for they are made of the same bits."""

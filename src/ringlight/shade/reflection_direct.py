@@ -6,10 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
-from ringlight.shade.reflection_kernel import plane_gradients, planes_of
+from ringlight.shade.reflection_kernel import plane_gradients, planes_of, shaded
 
 if TYPE_CHECKING:
     from ringlight.shade.reflection import ReflectionShader
@@ -30,9 +29,7 @@ class DirectReflection:
             return buffers["rgb"]
         self._job = self._shader.job(camera, background)
         self._planes, self._parameters = planes_of(self._job, buffers), self._shader.kernel_parameters()
-        color = torch.empty_like(self._planes[0])
-        _kernels.reflection_forward(self._job.shape, self._parameters, self._job.view, self._planes, color)
-        return color.permute(1, 2, 0)
+        return shaded(self._job, self._planes, self._parameters)
 
     def differentiate(
         self, by_color: Float[Tensor, "H W 3"]

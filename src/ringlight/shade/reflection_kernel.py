@@ -75,6 +75,8 @@ def reflection_job(
 
 def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Tensor]) -> Float[Tensor, "H W 3"]:
     """``parameters``: the maps by shell and level, the spheres if there are any, the layers' weights and biases."""
+    if not torch.is_grad_enabled():
+        return shaded(job, planes_of(job, buffers), parameters)
     rgb, alpha = buffers["rgb"], buffers["alpha"]
     nothing = rgb.new_empty(*rgb.shape[:2], 0)
     depth = buffers["depth"] if job.parallax else None
@@ -90,6 +92,13 @@ def planes_of(job: ReflectionJob, buffers: Channels) -> list[Float[Tensor, "_ H 
     latents = buffers.get("latents", rgb.new_empty(*rgb.shape[:2], 0))
     planes = [rgb, buffers["normal"], latents, buffers["alpha"], *([buffers["depth"]] if job.parallax else [])]
     return [_planar(values) for values in planes]
+
+
+def shaded(job: ReflectionJob, planes: Sequence[Tensor], parameters: Sequence[Tensor]) -> Float[Tensor, "H W 3"]:
+    """The kernel's picture, planar in memory; ``planes`` as :func:`planes_of` has them."""
+    color = torch.empty_like(planes[0])
+    _kernels.reflection_forward(job.shape, parameters, job.view, planes, color)
+    return color.permute(1, 2, 0)
 
 
 def _planar(values: Float[Tensor, "H W c"]) -> Float[Tensor, "c H W"]:
@@ -114,11 +123,9 @@ class _Reflect(torch.autograd.Function):
     ) -> Tensor:
         buffers = [rgb, normal, latents, alpha] if depth is None else [rgb, normal, latents, alpha, depth]
         planes = [_planar(values) for values in buffers]
-        color = torch.empty_like(planes[0])
-        _kernels.reflection_forward(job.shape, parameters, job.view, planes, color)
         ctx.job, ctx.count = job, len(planes)
         ctx.save_for_backward(*planes, *parameters)
-        return color.permute(1, 2, 0)
+        return shaded(job, planes, parameters)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
