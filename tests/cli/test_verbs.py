@@ -24,7 +24,8 @@ from ringlight.runs.session import Session
 
 METHODS = ("3dgs", "ringlight")
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
-"""Fields of a report that differ from one run to the next."""
+TIMED |= {"peak_bytes", "training_bytes"}
+"""Fields of a report that differ from one run to the next, or to one that was resumed."""
 
 
 def numbers(report: Path) -> dict:

@@ -42,6 +42,8 @@ def sample_report(**changes: Any) -> Report:
         train_seconds=13.4,
         train_cpu_seconds=25.0,
         saving_seconds=0.2,
+        peak_bytes=250_000_000,
+        training_bytes={"parameters": 600, "moments": 1200},
         steps_per_second=222.4,
         fps=180.2,
         fps_note="render call only",

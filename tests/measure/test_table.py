@@ -87,6 +87,11 @@ def test_differences_are_from_the_baseline_of_the_same_scene():
     assert [row["x raw"] for row in rows] == ["-", "0.14", "-", "1.00"]
 
 
+def test_memory_is_shown_where_a_run_knows_it():
+    assert "| 250.00 |" in ResultsTable(RUNS).markdown()
+    assert "peak MB" not in ResultsTable([("before", sample_report(peak_bytes=None))]).markdown()
+
+
 def test_without_a_baseline_there_are_no_differences():
     assert "dPSNR" not in ResultsTable(RUNS).markdown()
     assert "Differences" not in printed(ResultsTable(RUNS), 120)

@@ -37,6 +37,11 @@ class Targets:
             self._keep(key, target, batch.camera.width * batch.camera.height * BYTES_PER_PIXEL)
         return target
 
+    @property
+    def bytes_kept(self) -> int:
+        """Of the photographs' float forms, with the largest that their blurs get."""
+        return self._bytes
+
     def _keep(self, key: tuple[int, int, int], target: Target, size: int) -> None:
         if size > self.budget_bytes:
             return

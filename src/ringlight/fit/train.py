@@ -51,6 +51,17 @@ class Training:
             state |= {f"strategy.{index}.{name}": tensor for name, tensor in strategy.state().items()}
         return state | {"step": torch.tensor(self.step), "faults": torch.tensor(self.faults.in_a_row)}
 
+    def bytes_by_part(self) -> dict[str, int]:
+        """What lies in memory from step to step: "parameters", "moments", "photographs" as the loss wants them, and
+        what "strategies" count. Not what a step itself works in: gradients, images, the rasterizer's workspace."""
+        held = {
+            "parameters": self.model.parameters(),
+            "moments": self.optimizer.moments.values(),
+            "strategies": (tensor for strategy in self.strategies for tensor in strategy.state().values()),
+        }
+        sizes = {part: sum(t.numel() * t.element_size() for t in tensors) for part, tensors in held.items()}
+        return sizes | {"photographs": self.targets.bytes_kept}
+
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Inverse of :meth:`state`; the table takes the saved number of rows."""
         self.model.load_columns(_below(state, "model.columns."))

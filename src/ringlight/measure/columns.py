@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from ringlight.measure.report import Report
@@ -77,6 +77,7 @@ def columns(lpips_net: str | None) -> tuple[Column, ...]:
         Column("x raw", 3, _size_ratio, always=False),
         _measured("file MB", 7, lambda report: report.bytes_file, "less", _megabytes),
         _measured("train", 8, lambda report: report.train_seconds, "less", _duration),
+        replace(_measured("peak MB", 14, lambda report: report.peak_bytes, "less", _megabytes), always=False),
         _measured("it/s", 11, lambda report: report.steps_per_second, "more", _rate),
         _measured("FPS", 9, lambda report: report.fps, "more", _rate),
     )

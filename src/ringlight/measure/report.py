@@ -1,6 +1,6 @@
 """The record of one run: what was trained, how well it shows held-out views, what it costs. One JSON file per run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ringlight.errors import RunError
@@ -83,6 +83,11 @@ class Report:
     saving_seconds: float | None = None
     """Wall clock of checkpoints, the last one included; not among ``train_seconds``."""
     steps_per_second: float | None
+    peak_bytes: int | None = None
+    """Most resident memory from before the scene was loaded to the last step, above what the process had then."""
+    training_bytes: dict[str, int] = field(default_factory=dict)
+    """Of that, what lay there at the end, step or no step: parameters, moments, the photographs seen since the run was
+    started or resumed, what strategies count."""
     fps: float | None
     fps_note: str
     """What ``fps`` times, and on what device."""

@@ -1,7 +1,8 @@
 """From a trained model to its numbers: renders the held-out views, measures, keeps report.json and images/."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -47,6 +48,8 @@ class TrainingFacts:
     wall_seconds: float | None = None
     cpu_seconds: float | None = None
     saving_seconds: float | None = None
+    peak_bytes: int | None = None
+    training_bytes: dict[str, int] = field(default_factory=dict)
     bytes_file: int | None = None
     """Of the model file."""
 
@@ -88,6 +91,8 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         wall_seconds=session.clock.wall,
         cpu_seconds=session.clock.cpu,
         saving_seconds=session.clock.saving,
+        peak_bytes=session.memory.growth(),
+        training_bytes=session.training.bytes_by_part(),
     )
     report = measure(session.training.model, session.scene, facts, session.folder.pictures, nets, tell)
     session.save_model({"psnr": report.psnr, "ssim_same": report.ssim_same, "lpips_alex": report.lpips_alex})
@@ -122,8 +127,12 @@ def known_facts(opened: Opened) -> TrainingFacts:
     if run is None:
         return facts
     wall, cpu, saving = _training_seconds(run)
-    seed = RunRecord.read(run.path).seed
-    return replace(facts, seed=seed, wall_seconds=wall, cpu_seconds=cpu, saving_seconds=saving)
+    facts = replace(facts, seed=RunRecord.read(run.path).seed)
+    facts = replace(facts, wall_seconds=wall, cpu_seconds=cpu, saving_seconds=saving)
+    with suppress(RunError):
+        report = read_report(run.path)
+        facts = replace(facts, peak_bytes=report.peak_bytes, training_bytes=report.training_bytes)
+    return facts
 
 
 def _training_seconds(run: RunFolder) -> tuple[float | None, float | None, float | None]:
@@ -181,6 +190,8 @@ def _report(
         train_cpu_seconds=facts.cpu_seconds,
         saving_seconds=facts.saving_seconds,
         steps_per_second=rate,
+        peak_bytes=facts.peak_bytes,
+        training_bytes=facts.training_bytes,
         fps=speed.fps,
         fps_note=speed.note,
         machine=machine(),

@@ -14,6 +14,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import DivergedError, OutputError, RecipeError, RunError
 from ringlight.files.atomic import sweep
 from ringlight.fit.train import Progress, Training, train
+from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
@@ -49,10 +50,18 @@ class Session:
     """
 
     def __init__(
-        self, folder: RunFolder, record: RunRecord, scene: Scene, training: Training, clock: Clock, lock: RunLock
+        self,
+        folder: RunFolder,
+        record: RunRecord,
+        scene: Scene,
+        training: Training,
+        clock: Clock,
+        lock: RunLock,
+        memory: PeakMemory,
     ):
         self.folder, self.record, self.scene = folder, record, scene
         self.training, self.clock, self.lock = training, clock, lock
+        self.memory = memory
         self.warnings: tuple[str, ...] = ()
         self.decided: str | None = None
         self._saved_at = self._good = -1  # steps of the last files, and of the last checkpoint
@@ -63,13 +72,14 @@ class Session:
     ) -> "Session":
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
         _check(recipe.steps, seed)
+        memory = PeakMemory()
         scene = load_scene(scene_path, options)
         plan = planned(scene, recipe, seed, device)
         record = RunRecord(preset, plan.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
-        session = Session(folder, record, plan.scene, plan.training, Clock(), lock)
+        session = Session(folder, record, plan.scene, plan.training, Clock(), lock, memory)
         session.warnings, session.decided = plan.warnings, plan.decided
         return session
 
@@ -84,6 +94,7 @@ class Session:
         folder = RunFolder.open(path)
         record = RunRecord.read(path)
         lock = RunLock(path)
+        memory = PeakMemory()
         stored, warnings = read_checkpoint(folder)
         if not record.scene.is_dir():
             remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
@@ -98,6 +109,7 @@ class Session:
             seconds = (float(stored.metadata.get(f"{name}_seconds", 0)) for name in ("wall", "cpu", "saving"))
             clock = Clock(*seconds)
             views = int(stored.metadata["training_views"])
+            memory.earlier = int(stored.metadata.get("peak_bytes", 0))
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
                 f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({error}); "
@@ -109,7 +121,7 @@ class Session:
                 "photographs back as they were, or start again with --out NEW"
             )
         sweep(folder.path)
-        session = Session(folder, record, scene, training, clock, lock)
+        session = Session(folder, record, scene, training, clock, lock, memory)
         session.warnings, session._good = warnings, training.step
         return session
 
@@ -142,6 +154,7 @@ class Session:
             "wall_seconds": repr(self.clock.wall),
             "cpu_seconds": repr(self.clock.cpu),
             "saving_seconds": repr(self.clock.saving),
+            "peak_bytes": str(self.memory.growth() or 0),
             "training_views": str(len(self.scene.train)),
         }
         try:
