@@ -13,6 +13,8 @@ from ringlight.fields.ring_tables import RingTables
 
 # The sizes that kernels/ring.hpp takes.
 MAX_RANK, MAX_FEATURES, MAX_HIDDEN, MAX_NODES = 32, 64, 128, 1 << 16
+# Weights and biases of the light modulation's two layers.
+MODULATION = 4
 
 
 @dataclass(frozen=True)
@@ -45,16 +47,25 @@ def kernel_takes(tables: RingTables, shading: RenderModule, means: Tensor) -> bo
     return fits and kinds == {(torch.float32, "cpu")}
 
 
-def ring_parameters(tables: RingTables, shading: RenderModule) -> RingParameters:
-    """Gathers tables and weights; the order is that of ``parameters_from`` in kernels/bindings/bind_field.cpp."""
-    nodes, matrix = tables.axes.shape[1:]
+def shading_layers(shading: RenderModule) -> list[Tensor]:
+    """Weight and bias of each layer, as the kernel wants them after the tables; finding them takes torch a while."""
     modulation = [] if shading.modulation is None else list(shading.modulation.parameters())
-    render = list(shading.render.parameters())
-    modulation_hidden = len(modulation[0]) if modulation else 0
+    return [*modulation, *shading.render.parameters()]
+
+
+def ring_parameters(tables: RingTables, shading: RenderModule, layers: list[Tensor] | None = None) -> RingParameters:
+    """Gathers tables and weights; the order is that of ``parameters_from`` in kernels/bindings/bind_field.cpp.
+
+    ``layers`` are :func:`shading_layers`, where somebody keeps them.
+    """
+    layers = shading_layers(shading) if layers is None else layers
+    nodes, matrix = tables.axes.shape[1:]
+    modulation_hidden = 0 if shading.modulation is None else len(layers[0])
+    render_hidden = len(layers[0 if shading.modulation is None else MODULATION])
     view_nodes = round(len(tables.view) ** 0.5)
-    sizes = [round(matrix**0.5), len(tables.core), len(render[0]), modulation_hidden, nodes, view_nodes]
+    sizes = [round(matrix**0.5), len(tables.core), render_hidden, modulation_hidden, nodes, view_nodes]
     shape = [*sizes, shading.latents, int(tables.diagonal)]
-    return RingParameters(shape, [tables.axes, tables.view, tables.core, *modulation, *render])
+    return RingParameters(shape, [tables.axes, tables.view, tables.core, *layers])
 
 
 class Workspace:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.color.ring_kernel import Lit, light_gradients, ring_parameters
+from ringlight.color.ring_kernel import Lit, light_gradients, ring_parameters, shading_layers
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradient
@@ -41,6 +41,8 @@ class DirectRingLight:
     def __init__(self, model: "RingLight"):
         self._model = model
         self._names = {id(parameter): name for name, parameter in model.named_parameters()}
+        self._layers = shading_layers(model.shading)
+        self._layer_names = [f"color.{self._names[id(layer)]}" for layer in self._layers]
         self._field_gradients: FieldGradients | None = getattr(model.field, "gradients", None)
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
@@ -57,9 +59,9 @@ class DirectRingLight:
         with torch.set_grad_enabled(self._field_gradients is None):
             tables = model.field.tables()
         assert tables is not None  # else RingLight.direct() gives none of these
-        parameters = ring_parameters(tables, model.shading)
+        parameters = ring_parameters(tables, model.shading, self._layers)
         self._parameters = parameters.tensors
-        rows, values = model.lit_rows(gaussians, camera), [tensor.detach().contiguous() for tensor in self._parameters]
+        rows, values = model.lit_rows(gaussians, camera), [tensor.contiguous() for tensor in self._parameters]
         base, latents = columns[BASE], columns.get(LATENTS, gaussians.means.new_empty(len(gaussians), 0))
         self._color = torch.empty_like(base)
         self._drawn = Lit(rows, parameters.shape, base, latents, values, self._color)
@@ -83,8 +85,7 @@ class DirectRingLight:
 
     def _shared(self, by_parameters: list[Tensor]) -> dict[str, Gradient]:
         """By full name: of what the kernel reads as it is, and through the tables of the field's own parameters."""
-        rest = zip(self._parameters[TABLES:], by_parameters[TABLES:], strict=True)
-        shared: dict[str, Gradient] = {f"color.{self._names[id(p)]}": gradient for p, gradient in rest}
+        shared: dict[str, Gradient] = dict(zip(self._layer_names, by_parameters[TABLES:], strict=True))
         return shared | self._of_field(by_parameters[:TABLES])
 
     def _of_field(self, by_tables: list[Tensor]) -> dict[str, Gradient]:
