@@ -33,3 +33,12 @@ def test_resizing_keeps_the_field_of_view():
     fov = [2 * math.atan(c.width / 2 / c.focal[0]) for c in (camera, half)]
     assert math.isclose(*fov)
     assert half.center == (16.0, 12.0)
+
+
+def test_points_lie_in_the_pixels_whose_rays_meet_them():
+    camera = looking_at_origin()
+    behind, beside = camera.position - camera.forward, torch.tensor([4.0, 0.0, 0.0])
+    points = torch.stack([camera.position + 3 * camera.ray_directions()[7, 10], behind, beside])
+    column, row, inside = camera.pixels(points)
+    assert (int(column[0]), int(row[0])) == (10, 7)
+    assert inside.tolist() == [True, False, False]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 
@@ -45,6 +45,15 @@ class Camera:
         """Camera z of world points, world units; negative behind the camera."""
         matrix = self.world_to_camera.to(points)
         return points @ matrix[2, :3] + matrix[2, 3]
+
+    def pixels(self, points: Float[Tensor, "N 3"]) -> tuple[Int[Tensor, "N"], Int[Tensor, "N"], Bool[Tensor, "N"]]:
+        """Column and row of the pixel that each world point lies in, and whether it is in the picture, in front."""
+        matrix = self.world_to_camera.to(points)
+        x, y, z = (points @ matrix[:3, :3].T + matrix[:3, 3]).unbind(-1)
+        column = (self.focal[0] * x / z + self.center[0]).floor().long()
+        row = (self.focal[1] * y / z + self.center[1]).floor().long()
+        inside = (z > 0) & (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        return column, row, inside
 
     def ray_directions(self) -> Float[Tensor, "H W 3"]:
         """Unit world directions through the pixel centres."""

@@ -90,9 +90,15 @@ def _to_nearest(
     return distances, alpha[rows, columns] - 0.5
 
 
+def evenly_chosen(views: Sequence[View], most: int | None = None) -> list[View]:
+    """``most`` of them, by default MOST_VIEWS, or all where there are fewer."""
+    count = min(len(views), MOST_VIEWS if most is None else most)
+    return [views[index] for index in np.linspace(0, len(views) - 1, count).astype(int)]
+
+
 def masks_of(views: Sequence[View]) -> list[Mask]:
     """The views' masks, of at most MOST_VIEWS of them, evenly chosen; none where the photographs have no mask."""
-    chosen = [views[index] for index in np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(int)]
+    chosen = evenly_chosen(views)
     if not all(view.has_alpha for view in chosen):
         return []
     alphas = [view.load()[..., 3].astype(np.float32) / 255 for view in chosen]
@@ -105,11 +111,11 @@ def visual_hull(masks: Sequence[Mask], box: Float[Tensor, "2 3"]) -> Hull | None
     """The hull inside ``box``, world units; None where the masks leave nothing, or there are none."""
     if not masks:
         return None
-    coarse = _Grid.over(box, COARSE_CELLS)
+    coarse = VoxelGrid.over(box, COARSE_CELLS)
     subject = coarse.bounds(depths_inside(coarse.centers(), masks, coarse.pitch) > -coarse.pitch)
     if subject is None:
         return None
-    fine = _Grid.over(subject, FINE_CELLS)
+    fine = VoxelGrid.over(subject, FINE_CELLS)
     return _surface(fine, depths_inside(fine.centers(), masks, BAND * fine.pitch).view(fine.shape))
 
 
@@ -140,7 +146,7 @@ def depths_inside(points: Float[Tensor, "P 3"], masks: Sequence[Mask], band: flo
 
 
 @dataclass(frozen=True)
-class _Grid:
+class VoxelGrid:
     """Cubic voxels: the centre of the first, the side of each, and how many along each axis."""
 
     first: Float[Tensor, "3"]
@@ -148,12 +154,12 @@ class _Grid:
     shape: tuple[int, int, int]
 
     @staticmethod
-    def over(box: Float[Tensor, "2 3"], cells: int) -> "_Grid":
+    def over(box: Float[Tensor, "2 3"], cells: int) -> "VoxelGrid":
         """``cells`` voxels along the longest side of ``box``."""
         sides = box[1] - box[0]
         pitch = float(sides.max()) / cells
         x, y, z = (max(int(np.ceil(float(side) / pitch - 1e-4)), 1) for side in sides)
-        return _Grid(box[0] + 0.5 * pitch, pitch, (x, y, z))
+        return VoxelGrid(box[0] + 0.5 * pitch, pitch, (x, y, z))
 
     def centers(self) -> Float[Tensor, "P 3"]:
         axes = [self.first[axis] + self.pitch * torch.arange(count) for axis, count in enumerate(self.shape)]
@@ -168,7 +174,7 @@ class _Grid:
         return self.first + self.pitch * torch.stack([low, high])
 
 
-def _surface(grid: _Grid, inside: Float[Tensor, "X Y Z"]) -> Hull | None:
+def _surface(grid: VoxelGrid, inside: Float[Tensor, "X Y Z"]) -> Hull | None:
     """Voxels inside with a neighbour outside, moved along their normal to where the blurred depth is zero."""
     depth = ndimage.gaussian_filter(inside.numpy(), SMOOTHING)
     solid = depth > 0

@@ -46,11 +46,8 @@ def _seen(
     positions: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"], spacing: float, camera: Camera
 ) -> tuple[Int[Tensor, "V"], Bool[Tensor, "P"]]:
     """Which points the camera sees, and the pixel of each of those."""
-    matrix = camera.world_to_camera
-    x, y, z = (positions @ matrix[:3, :3].T + matrix[:3, 3]).unbind(-1)
-    column = (camera.focal[0] * x / z + camera.center[0]).floor().long()
-    row = (camera.focal[1] * y / z + camera.center[1]).floor().long()
-    inside = (z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    column, row, inside = camera.pixels(positions)
+    z = camera.depths(positions)
     facing = (normalize(camera.position - positions) * normals).sum(-1) > STEEPEST
     if not bool(inside.any()):
         return row[inside], inside

@@ -1,7 +1,7 @@
 """Points on the surface that the photographs show, with outward normals: where deferred models start.
 
-On the visual hull where the photographs have masks; else the scene's own points, with normals from the planes through
-their neighbours, turned towards the cameras in front of them.
+On the visual hull where the photographs have masks, or an even background that gives some; else the scene's own points,
+with normals from the planes through their neighbours, turned towards the cameras in front of them.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,8 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.core.randomness import generator
 from ringlight.core.scene import PointCloud, Scene
-from ringlight.data.hull import masks_of, visual_hull
+from ringlight.data.border_masks import border_masks
+from ringlight.data.hull import Mask, masks_of, visual_hull
 from ringlight.data.photographed_colors import photographed_colors
 
 PLANE_NEIGHBOURS = 12
@@ -32,8 +33,19 @@ def surface_points(scene: Scene, count: int, seed: int) -> PointCloud:
 
 
 def hull_points(scene: Scene, count: int, seed: int) -> PointCloud | None:
-    """``count`` points drawn from the visual hull; None without masks. Some seconds."""
-    hull = visual_hull(masks_of(scene.train), scene.box)
+    """``count`` points drawn from the visual hull; None without masks and even background. Some seconds."""
+    masks = masks_of(scene.train) or guessed_masks(scene)
+    return points_on_hull(masks, scene, count, seed)
+
+
+def guessed_masks(scene: Scene) -> list[Mask]:
+    """Masks from the photographs' even background; none where that has not the colour that the scene is drawn over."""
+    return border_masks(scene.train, scene.box, scene.background_color)
+
+
+def points_on_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -> PointCloud | None:
+    """``count`` points drawn from the hull of these masks, with the photographs' colours; None where there is none."""
+    hull = visual_hull(masks, scene.box)
     if hull is None:
         return None
     colors = photographed_colors(hull.positions, hull.normals, hull.pitch, scene)
@@ -57,13 +69,5 @@ def plane_normals(positions: Float[Tensor, "P 3"], cameras: Sequence[Camera]) ->
     votes = torch.zeros(len(positions))
     for camera in cameras:
         towards = normalize(camera.position - positions)
-        votes += (towards * normals).sum(-1) * _in_view(positions, camera)
+        votes += (towards * normals).sum(-1) * camera.pixels(positions)[2]
     return normals * torch.where(votes >= 0, 1.0, -1.0)[:, None]
-
-
-def _in_view(positions: Float[Tensor, "P 3"], camera: Camera) -> Float[Tensor, "P"]:
-    """1 where the point is in front of the camera and inside its picture, else 0."""
-    matrix = camera.world_to_camera
-    x, y, z = (positions @ matrix[:3, :3].T + matrix[:3, 3]).unbind(-1)
-    column, row = camera.focal[0] * x / z + camera.center[0], camera.focal[1] * y / z + camera.center[1]
-    return ((z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)).float()

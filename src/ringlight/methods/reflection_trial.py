@@ -12,8 +12,9 @@ from statistics import fmean
 import torch
 
 from ringlight.core.scene import PointCloud, Scene, View
+from ringlight.data.hull import masks_of
 from ringlight.data.shrunk import shrunk
-from ringlight.data.surface import hull_points
+from ringlight.data.surface import points_on_hull
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
@@ -65,7 +66,7 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
     kept = tuple(view for index, view in enumerate(views) if index % HELD_OUT_EVERY)
     small = replace(scene, train=kept)
     mirror = RingLightMirrorRecipe(steps=min(STEPS, most_steps))
-    points = hull_points(small, mirror.first_gaussians(small), seed)
+    points = points_on_hull(masks_of(small.train), small, mirror.first_gaussians(small), seed)
     if points is None:
         return None
     return ReflectionTrial(

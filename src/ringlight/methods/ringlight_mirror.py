@@ -1,7 +1,7 @@
 """ringlight-mirror: reflections shaded once per pixel, on an opaque surface that is there from the first step.
 
 Ours, after 3DGS-DR (Ye et al. 2024), which showed that blended normals shaded once per pixel make splatted reflections
-sharp. Unlike it: the surface comes from the masks' visual hull (``data/surface.py``), normals are free columns, and the
+sharp. Unlike it: the surface comes from the visual hull (``data/surface.py``), normals are free columns, and the
 reflection is a small network's of octahedral features in the reflected direction, corrected for parallax
 (``shade/reflection.py``).
 """
