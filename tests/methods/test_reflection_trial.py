@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from ringlight.core.scene import Scene, View
@@ -9,6 +10,7 @@ from ringlight.data.bundled import bundled_scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.data.synthetic import tiny_scene
+from ringlight.methods import reflection_trial as module
 from ringlight.methods.reflection_trial import FEWEST_VIEWS, ReflectionTrial, reflection_trial
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
@@ -21,6 +23,25 @@ def test_a_scene_without_masks_has_no_trial_and_is_lit_forward():
     settled, why = METHODS["ringlight"].settled(opaque, rasterizer_for("auto"), 0)
     assert settled.shading == "forward"
     assert "no masks" in why
+
+
+def test_an_even_background_is_as_good_as_masks():
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    flat = dataclasses.replace(scene, train=tuple(over_white(view) for view in scene.train), background="photograph")
+    trial = reflection_trial(flat, rasterizer_for("auto"), 0, 5)
+    assert trial is not None
+    assert trial.steps == 5
+
+
+@pytest.mark.parametrize(("on_hull", "on_points", "best"), [(10.0, 20.0, 20.0), (20.0, 10.0, 20.0)])
+def test_where_masks_are_guessed_the_scenes_own_points_are_tried_as_well(
+    on_hull: float, on_points: float, best: float, monkeypatch: pytest.MonkeyPatch
+):
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    flat = dataclasses.replace(scene, train=tuple(over_white(view) for view in scene.train), background="photograph")
+    reached = iter([on_hull, on_points, 15.0])
+    monkeypatch.setattr(module, "_psnr_after", lambda training, held: next(reached))
+    assert reflection_trial(flat, rasterizer_for("auto"), 0, 5) == ReflectionTrial(5, best, 15.0)
 
 
 def test_few_photographs_have_no_trial():
@@ -56,3 +77,10 @@ def bundled(name: str) -> Scene:
 
 def without_mask(view: View) -> View:
     return dataclasses.replace(view, load=lambda: view.load()[..., :3].copy(), has_alpha=False)
+
+
+def over_white(view: View) -> View:
+    pixels = view.load().astype(np.float32)
+    alpha = pixels[..., 3:] / 255
+    flat = np.round(pixels[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
+    return dataclasses.replace(view, load=lambda: flat, has_alpha=False)

@@ -14,7 +14,7 @@ import torch
 from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data.hull import masks_of
 from ringlight.data.shrunk import shrunk
-from ringlight.data.surface import points_on_hull
+from ringlight.data.surface import guessed_masks, points_on_hull
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
@@ -39,7 +39,8 @@ LEAST_GAIN = 0.8
 
 @dataclass(frozen=True)
 class ReflectionTrial:
-    """PSNR in dB on held-out photographs, after ``steps`` steps from the same surface."""
+    """PSNR in dB on held-out photographs, after ``steps`` steps from the same surface; harmonics from the scene's own
+    points where those reach more and the masks were guessed."""
 
     steps: int
     harmonics: float
@@ -52,13 +53,14 @@ class ReflectionTrial:
 
     def __str__(self) -> str:
         return (
-            f"on the masks' hull reflections reach {self.reflections:.1f} dB and harmonics {self.harmonics:.1f} dB "
+            f"on the visual hull reflections reach {self.reflections:.1f} dB and harmonics {self.harmonics:.1f} dB "
             f"after {self.steps} steps, on training views held out"
         )
 
 
 def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int) -> ReflectionTrial | None:
-    """The trial, of at most ``most_steps``; None where photographs have no masks to carve a hull by, or are too few."""
+    """The trial, of at most ``most_steps``; None where photographs are too few, or have neither masks nor an even
+    background, so that no hull can be carved."""
     if len(scene.train) < FEWEST_VIEWS:
         return None
     views = [_small(view) for view in scene.train]
@@ -66,14 +68,15 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
     kept = tuple(view for index, view in enumerate(views) if index % HELD_OUT_EVERY)
     small = replace(scene, train=kept)
     mirror = RingLightMirrorRecipe(steps=min(STEPS, most_steps))
-    points = points_on_hull(masks_of(small.train), small, mirror.first_gaussians(small), seed)
+    masks = masks_of(small.train)
+    points = points_on_hull(masks or guessed_masks(small), small, mirror.first_gaussians(small), seed)
     if points is None:
         return None
-    return ReflectionTrial(
-        steps=mirror.steps,
-        harmonics=_psnr_after(_harmonics(points, small, mirror, rasterize, seed), held),
-        reflections=_psnr_after(mirror.build_on(points, small, rasterize, seed), held),
-    )
+    harmonics = _psnr_after(_harmonics(points, small, mirror, rasterize, seed), held)
+    if not masks:  # a hull that is torn is worse than none, whatever is shaded on it
+        harmonics = max(harmonics, _psnr_after(_harmonics(small.points, small, mirror, rasterize, seed), held))
+    reflections = _psnr_after(mirror.build_on(points, small, rasterize, seed), held)
+    return ReflectionTrial(mirror.steps, harmonics, reflections)
 
 
 def _small(view: View) -> View:
@@ -84,10 +87,13 @@ def _small(view: View) -> View:
 def _harmonics(
     points: PointCloud, scene: Scene, mirror: RingLightMirrorRecipe, rasterize: Rasterizer, seed: int
 ) -> Training:
-    """3DGS on the surface that the mirror starts from, as opaque, as many Gaussians, no resets either."""
+    """3DGS on the surface that the mirror starts from, if points have normals as opaque; as many Gaussians, no resets
+    either."""
     densify = mirror.densify.within(most_gaussians(scene.pixels))
     recipe = ThreeDGSRecipe(steps=mirror.steps, coarse_steps=0, densify=densify, antialiased=mirror.antialiased)
     training = recipe.build(replace(scene, points=points), rasterize, seed)
+    if points.normals is None:
+        return training
     logits = training.model.columns["opacity_logits"].detach()
     opaque = torch.full_like(logits, mirror.opacity).logit()
     training.optimizer.replace("columns.opacity_logits", opaque)

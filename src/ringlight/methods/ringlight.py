@@ -57,8 +57,8 @@ class RingLightRecipe:
     """Training steps, one photograph each."""
     shading: Literal["auto", "forward", "deferred"] = "auto"
     """forward lights each Gaussian by the ring. deferred lights each pixel of the surface that they blend to, as
-    ringlight-mirror does, with its settings but for those that both have. auto: decided by a short
-    trial where masks cut the subject out of the photographs, so that a surface can be carved; forward elsewhere."""
+    ringlight-mirror does, with its settings but for those that both have. auto: decided by a short trial where masks or
+    an even background cut the subject out of the photographs, so that a surface can be carved; forward elsewhere."""
     warmup: float = 0.2
     """Share of the steps with base colour only, before the light field is switched on. The paper takes 0.1, which in
     short runs is just before the first opacity reset and costs 0.3 dB."""
@@ -103,15 +103,15 @@ class RingLightRecipe:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightRecipe, str | None]":
-        """With the shading decided for this scene, by a trial where there are masks, and what follows from it."""
+        """With the shading decided for this scene, by a trial where a surface can be carved, and what follows."""
         if self.shading != "auto":
             return self._explicit(self.shading), None
         from ringlight.methods.reflection_trial import reflection_trial
 
         trial = reflection_trial(scene, rasterize, seed, self.steps)
         shading: Literal["forward", "deferred"] = "deferred" if trial is not None and trial.reflects else "forward"
-        why = "no masks to carve a surface by, or too few photographs" if trial is None else str(trial)
-        return self._explicit(shading), f"shading: {shading} ({why})"
+        no_trial = "no masks or even background to carve a surface by, or too few photographs"
+        return self._explicit(shading), f"shading: {shading} ({trial or no_trial})"
 
     def _explicit(self, shading: Literal["forward", "deferred"]) -> "RingLightRecipe":
         """With nothing left to decide: a model file must render the same whatever a later version prefers."""
