@@ -61,41 +61,52 @@ def test_what_others_hide_goes_first():
     model = model_of([4.0, 2.0, 3.0], [0.9, 0.9, 0.9])
     weights = blending_weights(model, [AHEAD])
     assert weights[1] > weights[2] > weights[0]
-    drop(model, DensifySettings(begin=0, drop_share=0.34), steps=100)
+    drop(model, DensifySettings(begin=0, every=1, drop_share=0.34), steps=100)
     assert model.columns["means"][:, 2].tolist() == [2.0]  # several rounds of one row each, but never the last row
 
 
 def test_rows_keep_their_order():
     model = model_of([5.0, 2.0, 4.0, 3.0, 2.5, 2.2], [0.1, 0.2, 0.1, 0.2, 0.2, 0.2])
     before = model.columns["means"][:, 2].tolist()
-    drop(model, DensifySettings(begin=0, drop_share=0.1), steps=100)
+    drop(model, DensifySettings(begin=0, every=1, drop_share=0.1), steps=100)
     after = model.columns["means"][:, 2].tolist()
     assert after == [depth for depth in before if depth in after]
     assert len(after) < len(before)
 
 
 def test_all_is_dropped_between_the_end_of_density_control_and_the_given_share():
-    counts = drop(model_of([2.0] * 60, [0.02] * 60), DensifySettings(begin=0, drop_share=0.5, drop_until=0.75), 100)
+    counts = drop(
+        model_of([2.0] * 60, [0.02] * 60), DensifySettings(begin=0, every=1, drop_share=0.5, drop_until=0.75), 100
+    )
     assert counts[49] == 60
     assert counts[75] == counts[-1] <= 30
     assert len(set(counts)) == 6  # five rounds
 
 
-@given(most=st.integers(1, 10_000_000), share=st.floats(0, 0.99))
-def test_the_bound_holds_once_all_are_dropped(most: int, share: float):
-    settings = DensifySettings(begin=0, max_gaussians=most, drop_share=share)
+@given(most=st.integers(1, 10_000_000), share=st.floats(0, 0.99), stop=st.floats(0, 1))
+def test_the_bound_holds_once_all_are_dropped(most: int, share: float, stop: float):
+    settings = DensifySettings(begin=0, max_gaussians=most, drop_share=share, stop=stop)
     strategy = DropLeast(settings, [], steps=1000)
     count = settings.most_growing(1000)
     assert count >= most * (1 - 1e-9)
-    for _ in strategy.rounds:
+    for _ in [step for step in strategy.rounds if step <= 1000]:
         count = max(int(strategy.kept * count), 1)
     assert count <= most
 
 
-@pytest.mark.parametrize("settings", [DensifySettings(begin=0), DensifySettings(begin=500, drop_share=0.5)])
-def test_nothing_is_dropped_by_default_nor_where_nothing_was_grown(settings: DensifySettings):
-    assert drop(model_of([2.0] * 9, [0.1] * 9), settings, steps=200)[-1] == 9
-    assert replace(settings, max_gaussians=9).most_growing(200) == 9
+@pytest.mark.parametrize(
+    ("settings", "steps"),
+    [
+        (DensifySettings(begin=0, every=1), 200),  # the default keeps all
+        (DensifySettings(drop_share=0.5), 200),  # density control has not begun
+        (DensifySettings(drop_share=0.5), 1100),  # it has, but its first round is after its end
+        (DensifySettings(begin=0, every=1, drop_share=0.5, stop=1.0), 200),  # it goes on to the end
+    ],
+)
+def test_nothing_is_dropped_where_nothing_could_be_spared(settings: DensifySettings, steps: int):
+    assert settings.drop_rounds(steps) == frozenset()
+    assert replace(settings, max_gaussians=9).most_growing(steps) == 9
+    assert drop(model_of([2.0] * 9, [0.1] * 9), settings, steps)[-1] == 9
 
 
 @pytest.mark.parametrize("wrong", [{"drop_share": 1.0}, {"drop_share": -0.1}, {"drop_until": 1.5}])

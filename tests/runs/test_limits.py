@@ -12,6 +12,7 @@ from scenes_on_disk import write_tiny_scene
 from ringlight.cli.main import run
 from ringlight.core.scene import PointCloud
 from ringlight.data.synthetic import tiny_scene
+from ringlight.fit.strategies.densify import Densify
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs import limits
@@ -45,6 +46,18 @@ def test_a_bound_is_set_and_the_points_thinned_evenly():
     assert "--densify.max-gaussians" in notes[0]
     assert torch.equal(fewer.points.positions, scene.points.positions[torch.arange(100) * 4])
     assert torch.equal(fewer.points.colors, scene.points.colors[torch.arange(100) * 4])
+
+
+@pytest.mark.parametrize(("steps", "kept"), [(4000, 40), (200, 100)])
+def test_the_bound_counts_what_is_dropped_later(steps: int, kept: int):
+    recipe, scene, _ = built()
+    recipe = dataclasses.replace(recipe, steps=steps, densify=dataclasses.replace(recipe.densify, drop_share=0.6))
+    training = recipe.build(scene, rasterizer_for("auto"), seed=0)
+    changed, _, notes = bounded(recipe, scene, training, 100)
+    assert changed.densify.max_gaussians == kept
+    assert "at most 100 Gaussians" in notes[0]
+    grown = changed.build(scene, rasterizer_for("auto"), seed=0).strategies
+    assert [strategy.most for strategy in grown if isinstance(strategy, Densify)] == [100]
 
 
 def test_who_states_a_bound_knows_better():

@@ -14,11 +14,14 @@ KILOBYTE = 1024
 
 
 class PeakMemory:
-    """Counts from where it is made. ``earlier`` is the growth of a stretch before this one, which was cut in two."""
+    """Counts from where it is made. ``earlier`` is the growth of a stretch before this one, which was cut in two; None
+    where there was one and its growth is not known, so that the whole is not known either."""
 
-    def __init__(self, earlier: int = 0):
+    def __init__(self, earlier: int | None = 0):
         self.earlier = earlier
-        with suppress(AttributeError, OSError):  # glibc: free pages that were kept would hide what is asked for next
+        with suppress(
+            AttributeError, OSError, TypeError
+        ):  # glibc: free pages that were kept would hide what is asked for next
             ctypes.CDLL(None).malloc_trim(0)
         self._before = _bytes("VmRSS")
         try:
@@ -31,8 +34,8 @@ class PeakMemory:
         """Bytes of the peak above what there was at the start. None where the system does not say, or cannot set its
         count back and the peak lies before the start."""
         before, peak = self._before, _bytes("VmHWM")
-        if before is None or peak is None or peak <= self._peak_before:
-            return None
+        if self.earlier is None or before is None or peak is None or peak <= self._peak_before:
+            return self.earlier or None
         return max(peak - before, self.earlier)
 
 

@@ -84,9 +84,10 @@ class Report:
     """Wall clock of checkpoints, the last one included; not among ``train_seconds``."""
     steps_per_second: float | None
     peak_bytes: int | None = None
-    """Most resident memory from before the scene was loaded to the last step, above what the process had then."""
+    """Most resident memory of the host from before the scene was loaded to the last step, above what it was then."""
     training_bytes: dict[str, int] = field(default_factory=dict)
-    """Of that, what lay there at the end, step or no step: parameters, moments, the photographs seen since the run was
+    """What lay there at the end, step or no step, on the device that trained, in which case it is not of the former where
+    that is a GPU: parameters, moments, the photographs seen since the run was
     started or resumed, what strategies count."""
     fps: float | None
     fps_note: str

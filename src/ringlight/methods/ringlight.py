@@ -114,7 +114,7 @@ class RingLightRecipe:
         return self._explicit(shading), f"shading: {shading} ({trial or no_trial})"
 
     def _explicit(self, shading: Literal["forward", "deferred"]) -> "RingLightRecipe":
-        """With nothing left to decide: a model file must render the same whatever a later version prefers."""
+        """With shading and compensation stated, so that no later version's preference changes how a file renders."""
         chosen = shading == "deferred" and self.mirror.antialiased
         antialiased = chosen if self.antialiased is None else self.antialiased
         return dataclasses.replace(self, shading=shading, antialiased=antialiased)

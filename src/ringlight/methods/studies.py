@@ -59,7 +59,7 @@ def study_named(name: str, base: str, steps: int | None) -> tuple[Variant, ...]:
     recipe = method_named(base)
     if not isinstance(recipe, RingLightRecipe):
         raise RecipeError(f"--base is {base}: it has no light field to study; give ringlight or ringlight-paper")
-    variants = STUDIES[name](base, replace(recipe, shading="forward"))
+    variants = STUDIES[name](base, replace(recipe, shading="forward", antialiased=bool(recipe.antialiased)))
     if steps is None:
         return variants
     return tuple(replace(variant, recipe=replace(variant.recipe, steps=steps)) for variant in variants)

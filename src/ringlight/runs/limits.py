@@ -67,9 +67,10 @@ def bounded(recipe: Any, scene: Scene, training: Training, most: int) -> tuple[A
     """
     notes: list[str] = []
     remedy = f"that is what {SHARE:.0%} of this machine's memory holds; --densify.max-gaussians sets another bound"
-    planned = max((s.most for s in training.strategies if isinstance(s, Densify)), default=0)
-    if planned > most and recipe.densify.max_gaussians == 0:
-        kept = max(int(most * (1 - recipe.densify.drop_share)), 1)
+    control = next((s for s in training.strategies if isinstance(s, Densify)), None)
+    planned = 0 if control is None else control.most
+    if control is not None and planned > most and recipe.densify.max_gaussians == 0:
+        kept = max(most * control.settings.max_gaussians // planned, 1)  # what is left once some are dropped
         recipe = replace(recipe, densify=replace(recipe.densify, max_gaussians=kept))
         notes.append(f"at most {most:,} Gaussians instead of {planned:,}: {remedy}")
     start = len(scene.points.positions)

@@ -109,7 +109,7 @@ class Session:
             seconds = (float(stored.metadata.get(f"{name}_seconds", 0)) for name in ("wall", "cpu", "saving"))
             clock = Clock(*seconds)
             views = int(stored.metadata["training_views"])
-            memory.earlier = int(stored.metadata.get("peak_bytes", 0))
+            memory.earlier = int(stored.metadata.get("peak_bytes", 0)) or None
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
                 f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({error}); "
