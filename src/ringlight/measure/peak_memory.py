@@ -19,9 +19,8 @@ class PeakMemory:
 
     def __init__(self, earlier: int | None = 0):
         self.earlier = earlier
-        with suppress(
-            AttributeError, OSError, TypeError
-        ):  # glibc: free pages that were kept would hide what is asked for next
+        # glibc: free pages that were kept would hide what is asked for next
+        with suppress(AttributeError, OSError, TypeError):
             ctypes.CDLL(None).malloc_trim(0)
         self._before = _bytes("VmRSS")
         try:

@@ -86,9 +86,8 @@ class Report:
     peak_bytes: int | None = None
     """Most resident memory of the host from before the scene was loaded to the last step, above what it was then."""
     training_bytes: dict[str, int] = field(default_factory=dict)
-    """What lay there at the end, step or no step, on the device that trained, in which case it is not of the former where
-    that is a GPU: parameters, moments, the photographs seen since the run was
-    started or resumed, what strategies count."""
+    """What lay on the device that trained at the end, step or no step: parameters, moments, the photographs seen since
+    the run was started or resumed, what strategies count. Without a GPU it is part of ``peak_bytes``."""
     fps: float | None
     fps_note: str
     """What ``fps`` times, and on what device."""

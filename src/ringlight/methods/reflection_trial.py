@@ -53,8 +53,8 @@ class ReflectionTrial:
 
     def __str__(self) -> str:
         return (
-            f"reflections on the visual hull reach {self.reflections:.1f} dB and harmonics at best {self.harmonics:.1f} dB "
-            f"after {self.steps} steps, on training views held out"
+            f"on the visual hull reflections reach {self.reflections:.1f} dB "
+            f"and harmonics at best {self.harmonics:.1f} dB after {self.steps} steps, on training views held out"
         )
 
 

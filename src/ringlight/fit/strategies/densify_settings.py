@@ -37,7 +37,8 @@ class DensifySettings:
     reset_opacity: float = 0.01
     """Opacities are lowered to this at a reset."""
     max_gaussians: int = 0
-    """Density control ends with no more than this many, unless it began with more; the strongest pulls come first. 0: as many as a training photograph has pixels, since no view could tell more apart."""
+    """Density control ends with no more than this many, unless it began with more; the strongest pulls come first. 0:
+    as many as a training photograph has pixels, since no view could tell more apart."""
     drop_share: float = 0.0
     """Share of the Gaussians that is dropped again after density control, those that add least to the training
     photographs. Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
