@@ -44,3 +44,16 @@ def test_a_settled_recipe_says_whether_it_is_antialiased(shading: str, given: bo
     kept, _ = recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
     assert kept.antialiased is settled
     assert kept.mirror.antialiased is settled
+
+
+def test_settings_that_deferred_shading_does_not_know_are_named():
+    ours = METHODS["ringlight"]
+    densify = replace(ours.densify, max_gaussians=500)
+    silent = replace(ours, shading="deferred", steps=70, visible_only=True, densify=densify)
+    loud = replace(silent, base_rate=1.0, densify=replace(densify, drop_share=0.1))
+    rasterize = rasterizer_for("auto")
+    assert silent.settled(tiny_scene(), rasterize, 0)[1] is None
+    why = loud.settled(tiny_scene(), rasterize, 0)[1]
+    assert why is not None
+    assert why.startswith("what was given for base-rate, densify counts for forward shading alone")
+    assert replace(loud, shading="forward").settled(tiny_scene(), rasterize, 0)[1] is None

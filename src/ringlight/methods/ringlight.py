@@ -78,8 +78,7 @@ class RingLightRecipe:
     field_epsilon: float = 1e-15
     """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
     antialiased: bool | None = None
-    """Rasterize with the opacity compensation of Mip-Splatting. None: where shading is deferred, as ringlight-mirror
-    does."""
+    """Rasterize with the opacity compensation of Mip-Splatting. By default only where shading is deferred."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     light: RingLightSettings = field(default_factory=lambda: OURS)
@@ -87,9 +86,10 @@ class RingLightRecipe:
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(threshold=6e-5, drop_share=0.6))
-    """Adaptive density control. The paper's threshold, 1.1, divided by its gamma is 1.1e-4. Half of it grows twice as
-    many, of which the better two fifths are kept: under a third of 3DGS's raw bytes, and 0.5 dB more on chair_400 than
-    as many that grow by 1.3e-4 and are all kept."""
+    """Adaptive density control; where shading is deferred ringlight-mirror's, but for max_gaussians. The paper's
+    threshold, 1.1, divided by its gamma is 1.1e-4. Half of it grows twice as many, of which the better two fifths are
+    kept: under a third of 3DGS's raw bytes, and 0.5 dB more on chair_400 than as many that grow by 1.3e-4 and are all
+    kept."""
     loss: PhotometricLoss = field(default_factory=lambda: PhotometricLoss(pixel="l2"))
     """What is compared with the photographs (equation 9)."""
 
@@ -105,19 +105,36 @@ class RingLightRecipe:
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightRecipe, str | None]":
         """With the shading decided for this scene, by a trial where a surface can be carved, and what follows."""
         if self.shading != "auto":
-            return self._explicit(self.shading), None
+            return self._explicit(self.shading), self._unused if self.shading == "deferred" else None
         from ringlight.methods.reflection_trial import reflection_trial
 
         trial = reflection_trial(scene, rasterize, seed, self.steps)
         shading: Literal["forward", "deferred"] = "deferred" if trial is not None and trial.reflects else "forward"
         no_trial = "no masks or even background to carve a surface by, or too few photographs"
-        return self._explicit(shading), f"shading: {shading} ({trial or no_trial})"
+        why = f"shading: {shading} ({trial or no_trial})"
+        return self._explicit(shading), "; ".join(filter(None, [why, self._unused if shading == "deferred" else None]))
 
     def _explicit(self, shading: Literal["forward", "deferred"]) -> "RingLightRecipe":
         """With shading and compensation stated, so that no later version's preference changes how a file renders."""
         chosen = shading == "deferred" and self.mirror.antialiased
         antialiased = chosen if self.antialiased is None else self.antialiased
         return dataclasses.replace(self, shading=shading, antialiased=antialiased)
+
+    @property
+    def _unused(self) -> str | None:
+        """Which settings that are not the default ones deferred shading does not know, as a sentence."""
+        counted = {"steps", "shading", "antialiased", "visible_only"}
+        usual = dataclasses.replace(
+            RingLightRecipe(),
+            densify=dataclasses.replace(RingLightRecipe().densify, max_gaussians=self.densify.max_gaussians),
+        )
+        names = [f.name for f in dataclasses.fields(self) if getattr(self, f.name) != getattr(usual, f.name)]
+        unused = [name.replace("_", "-") for name in names if name not in counted]
+        if not unused:
+            return None
+        return (
+            f"what was given for {', '.join(unused)} counts for forward shading alone: ringlight-mirror takes its own"
+        )
 
     @property
     def mirror(self) -> RingLightMirrorRecipe:
