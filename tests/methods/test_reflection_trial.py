@@ -4,14 +4,17 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
 
 from ringlight.core.scene import Scene, View
+from ringlight.data.border_masks import on_even_background
 from ringlight.data.bundled import bundled_scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
+from ringlight.data.shrunk import shrunk
 from ringlight.data.synthetic import tiny_scene
 from ringlight.methods import reflection_trial as module
-from ringlight.methods.reflection_trial import FEWEST_VIEWS, ReflectionTrial, reflection_trial
+from ringlight.methods.reflection_trial import FEWEST_VIEWS, SIDE, ReflectionTrial, reflection_trial
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 
@@ -42,6 +45,14 @@ def test_where_masks_are_guessed_the_scenes_own_points_are_tried_as_well(
     reached = iter([on_hull, on_points, 15.0])
     monkeypatch.setattr(module, "_psnr_after", lambda training, held: next(reached))
     assert reflection_trial(flat, rasterizer_for("auto"), 0, 5) == ReflectionTrial(5, best, 15.0)
+
+
+def test_a_background_that_only_shrinking_makes_even_has_no_trial():
+    """The run carves by the photographs as they are."""
+    scene = tiny_scene(views=FEWEST_VIEWS, size=2 * SIDE)
+    noisy = tuple(with_noise(over_white(view)) for view in scene.train)
+    assert on_even_background([shrunk(view, 2) for view in noisy], torch.ones(3))
+    assert reflection_trial(dataclasses.replace(scene, train=noisy), rasterizer_for("auto"), 0, 5) is None
 
 
 def test_few_photographs_have_no_trial():
@@ -77,6 +88,14 @@ def bundled(name: str) -> Scene:
 
 def without_mask(view: View) -> View:
     return dataclasses.replace(view, load=lambda: view.load()[..., :3].copy(), has_alpha=False)
+
+
+def with_noise(view: View) -> View:
+    """Eight steps of 255 down on every other pixel of a chessboard."""
+    pixels = view.load().copy()
+    odd = np.indices(pixels.shape[:2]).sum(0) % 2 == 1
+    pixels[odd] = pixels[odd].clip(8) - 8
+    return dataclasses.replace(view, load=lambda: pixels)
 
 
 def over_white(view: View) -> View:

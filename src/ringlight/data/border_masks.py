@@ -61,7 +61,7 @@ class _Photograph:
     @staticmethod
     def of(view: View, background: Float[np.ndarray, "3"]) -> "_Photograph":
         pixels = view.load()
-        like = np.abs(_colors(pixels) - background).max(-1) <= TOLERANCE
+        like = _like(pixels, background)
         labels, _ = ndimage.label(like)
         outer = np.unique(_border(labels))
         return _Photograph(view.camera, pixels, like, np.isin(labels, outer[outer > 0]))
@@ -84,15 +84,21 @@ class _Photograph:
         return ndimage.binary_dilation(covered, AROUND, iterations=max(round(half), 1))
 
 
+def on_even_background(views: Sequence[View], background: Float[Tensor, "3"]) -> bool:
+    """Whether the borders of some of the photographs have the colour ``background``, sRGB in [0, 1]."""
+    color = background.numpy().astype(np.float32)
+    probes = [_like(view.load(), color) for view in evenly_chosen(views, PROBES)]
+    return bool(probes) and float(np.mean([_border(like).mean() for like in probes])) >= BORDER_SHARE
+
+
 def border_masks(views: Sequence[View], box: Float[Tensor, "2 3"], background: Float[Tensor, "3"]) -> list[Mask]:
     """Masks of at most as many views as carve; none where the photographs' borders are not of colour ``background``.
 
     ``box`` holds the subject, world units; ``background`` is sRGB in [0, 1].
     """
-    color = background.numpy().astype(np.float32)
-    probes = [_Photograph.of(view, color) for view in evenly_chosen(views, PROBES)]
-    if not probes or np.mean([_border(one.like).mean() for one in probes]) < BORDER_SHARE:
+    if not on_even_background(views, background):
         return []
+    color = background.numpy().astype(np.float32)
     photographs = [_Photograph.of(view, color) for view in evenly_chosen(views)]
     grid = VoxelGrid.over(box, CELLS)
     solid = _solid(grid, photographs)
@@ -134,6 +140,12 @@ def _solid(grid: VoxelGrid, photographs: Sequence[_Photograph]) -> Bool[np.ndarr
     solid = (seen >= SEEN_SHARE * len(photographs)) & (outside < (OUTSIDE_VOTES * seen).clamp_min(FEWEST_VOTES))
     solid &= holes < (HOLE_VOTES * seen).clamp_min(FEWEST_VOTES)
     return solid.view(grid.shape).numpy()
+
+
+def _like(pixels: UInt8[np.ndarray, "H W C"], background: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "H W"]:
+    """Which pixels have the background's colour."""
+    near: Bool[np.ndarray, "H W"] = np.abs(_colors(pixels) - background).max(-1) <= TOLERANCE
+    return near
 
 
 def _colors(pixels: UInt8[np.ndarray, "H W C"]) -> Float[np.ndarray, "H W 3"]:

@@ -12,6 +12,7 @@ from statistics import fmean
 import torch
 
 from ringlight.core.scene import PointCloud, Scene, View
+from ringlight.data.border_masks import on_even_background
 from ringlight.data.hull import masks_of
 from ringlight.data.shrunk import shrunk
 from ringlight.data.surface import guessed_masks, points_on_hull
@@ -69,8 +70,8 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
     small = replace(scene, train=kept)
     mirror = RingLightMirrorRecipe(steps=min(STEPS, most_steps))
     masks = masks_of(small.train)
-    if not masks and not guessed_masks(scene):  # shrinking averages noise away, the run must find them too
-        return None
+    if not masks and not on_even_background(scene.train, scene.background_color):
+        return None  # shrinking averages noise away, and the run must find them too
     points = points_on_hull(masks or guessed_masks(small), small, mirror.first_gaussians(small), seed)
     if points is None:
         return None
