@@ -43,7 +43,13 @@ def test_a_settled_recipe_says_whether_it_is_antialiased(shading: str, given: bo
     recipe = replace(METHODS["ringlight"], shading=shading, antialiased=given)
     kept, _ = recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
     assert kept.antialiased is settled
-    assert kept.mirror.antialiased is settled
+
+
+def test_deferred_shading_is_recorded_with_the_settings_that_count():
+    recipe = replace(METHODS["ringlight"], shading="deferred", steps=70)
+    kept, _ = recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
+    assert kept == recipe.mirror
+    assert "levels" in recipe_to_dict(kept)["shader"]
 
 
 def test_settings_that_deferred_shading_does_not_know_are_named():

@@ -102,23 +102,23 @@ class RingLightRecipe:
         if not 0 < self.field_epsilon < math.inf:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
-    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightRecipe, str | None]":
-        """With the shading decided for this scene, by a trial where a surface can be carved, and what follows."""
-        if self.shading != "auto":
-            return self._explicit(self.shading), self._unused if self.shading == "deferred" else None
-        from ringlight.methods.reflection_trial import reflection_trial
+    def settled(
+        self, scene: "Scene", rasterize: "Rasterizer", seed: int
+    ) -> "tuple[RingLightRecipe | RingLightMirrorRecipe, str | None]":
+        """With the shading decided for this scene, by a trial where a surface can be carved, and what follows. Deferred
+        shading is ringlight-mirror's, so that its recipe is what files record."""
+        shading, why = self.shading, None
+        if shading == "auto":
+            from ringlight.methods.reflection_trial import reflection_trial
 
-        trial = reflection_trial(scene, rasterize, seed, self.steps)
-        shading: Literal["forward", "deferred"] = "deferred" if trial is not None and trial.reflects else "forward"
-        no_trial = "no masks or even background to carve a surface by, or too few photographs"
-        why = f"shading: {shading} ({trial or no_trial})"
-        return self._explicit(shading), "; ".join(filter(None, [why, self._unused if shading == "deferred" else None]))
-
-    def _explicit(self, shading: Literal["forward", "deferred"]) -> "RingLightRecipe":
-        """With shading and compensation stated, so that no later version's preference changes how a file renders."""
-        chosen = shading == "deferred" and self.mirror.antialiased
-        antialiased = chosen if self.antialiased is None else self.antialiased
-        return dataclasses.replace(self, shading=shading, antialiased=antialiased)
+            trial = reflection_trial(scene, rasterize, seed, self.steps)
+            shading = "deferred" if trial is not None and trial.reflects else "forward"
+            no_trial = "no masks or even background to carve a surface by, or too few photographs"
+            why = f"shading: {shading} ({trial or no_trial})"
+        if shading == "deferred":
+            return self.mirror, "; ".join(filter(None, [why, self._unused])) or None
+        # The compensation is stated, so that no later version's preference changes how a file renders.
+        return dataclasses.replace(self, shading="forward", antialiased=bool(self.antialiased)), why
 
     @property
     def _unused(self) -> str | None:
@@ -149,7 +149,7 @@ class RingLightRecipe:
     def model(
         self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
     ) -> "SplatModel":
-        if self.shading == "deferred":
+        if self.shading == "deferred":  # as older files say
             return self.mirror.model(gaussians, box, rasterize, seed)
         from ringlight.color.ringlight import RingLight
         from ringlight.models.splats import SplatModel
@@ -160,8 +160,9 @@ class RingLightRecipe:
         return SplatModel(gaussians, RingLight(self.light, box, seed), PassThrough(), rasterize, options)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        if self.settled(scene, rasterize, seed)[0].shading == "deferred":
-            return self.mirror.build(scene, rasterize, seed)
+        settled, _ = self.settled(scene, rasterize, seed)
+        if settled != self:
+            return settled.build(scene, rasterize, seed)
         from ringlight.color.ringlight import RingLight
         from ringlight.data.batches import ImageBatches
         from ringlight.fit.optimizer import Optimizer

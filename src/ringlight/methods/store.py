@@ -20,7 +20,7 @@ from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file,
 from ringlight.measure.size import bytes_by_part
 from ringlight.methods.outline import refuse_misfits
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
-from ringlight.methods.table import METHODS, method_of
+from ringlight.methods.table import kind_of_method, method_of
 from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
@@ -128,10 +128,12 @@ def model_of_tensors(
     broken = first_not_finite(tensors)
     if broken is not None:
         raise ModelFileError(f"{path}: {broken}; copy the file again, or train again")
-    kinds = {method_of(recipe): type(recipe) for recipe in METHODS.values()}
-    if header.method not in kinds:
-        raise ModelFileError(f"{path}: method {header.method!r} is unknown to this version of ringlight; update it")
-    recipe = recipe_from_dict(kinds[header.method], header.recipe, str(path))
+    try:
+        kind = kind_of_method(header.method)
+    except KeyError:
+        sentence = f"{path}: method {header.method!r} is unknown to this version of ringlight; update it"
+        raise ModelFileError(sentence) from None
+    recipe = recipe_from_dict(kind, header.recipe, str(path))
     columns = {
         name.removeprefix(COLUMNS_PREFIX): tensor for name, tensor in tensors.items() if name.startswith(COLUMNS_PREFIX)
     }

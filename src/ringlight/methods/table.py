@@ -21,6 +21,11 @@ def method_of(recipe: Any) -> str:
     return next(name for name, preset in METHODS.items() if type(preset) is type(recipe))
 
 
+def kind_of_method(name: str) -> type:
+    """The kind of recipe that belongs to what :func:`method_of` says; raises KeyError for any other name."""
+    return {method_of(recipe): type(recipe) for recipe in METHODS.values()}[name]
+
+
 def method_named(name: str) -> Any:
     """The preset called ``name``; raises RecipeError with the nearest names."""
     if name in METHODS:

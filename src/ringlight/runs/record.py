@@ -10,7 +10,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RinglightError, RunError
 from ringlight.files.atomic import write_text
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
-from ringlight.methods.table import METHODS
+from ringlight.methods.table import METHODS, kind_of_method, method_of
 
 RECORD_NAME = "recipe.json"
 
@@ -26,7 +26,10 @@ def _seed(value: object) -> int:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What was asked for: the method's settings, the scene and how it was read, the seed, the back end."""
+    """What was asked for: the method's settings, the scene and how it was read, the seed, the back end.
+
+    ``recipe`` may be of another method than ``preset``, where that one left the choice to the scene.
+    """
 
     preset: str
     recipe: Any
@@ -40,6 +43,7 @@ class RunRecord:
         """Write recipe.json into the run folder, all or nothing."""
         values = {
             "preset": self.preset,
+            "method": method_of(self.recipe),
             "recipe": recipe_to_dict(self.recipe),
             "scene": str(self.scene),
             "options": dataclasses.asdict(self.options),
@@ -55,10 +59,10 @@ class RunRecord:
         path = folder / RECORD_NAME
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
-            kind = type(METHODS[values["preset"]])
+            method = values.get("method", method_of(METHODS[values["preset"]]))  # older records have none
             return RunRecord(
                 preset=values["preset"],
-                recipe=recipe_from_dict(kind, values["recipe"], str(path)),
+                recipe=recipe_from_dict(kind_of_method(method), values["recipe"], str(path)),
                 scene=Path(values["scene"]),
                 options=recipe_from_dict(SceneOptions, values["options"], f"{path}.options"),
                 seed=_seed(values["seed"]),
