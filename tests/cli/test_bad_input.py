@@ -22,6 +22,7 @@ from scenes_on_disk import edit_json
 
 import ringlight as ringlight_package
 from ringlight import _kernels
+from ringlight.files.tensor_file import read_tensors, write_tensors
 
 
 def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
@@ -305,8 +306,12 @@ def test_a_scene_that_has_moved(run_folder: Path, tmp_path: Path, ringlight: Com
     refused(ringlight("train", "--resume", run_folder), 1, tmp_path / "gone")
 
 
-def test_a_model_file_without_its_scene(trained: dict[str, Path], ringlight: Command) -> None:
-    model = trained["3dgs"] / "model.safetensors"
+@pytest.mark.parametrize("options", [3, "colmap", [], {"format": "colour"}, {"zoom": 2}, {"downscale": 0}])
+def test_a_model_file_with_damaged_options(options: object, run_folder: Path, ringlight: Command) -> None:
+    model = run_folder / "model.safetensors"
+    file = read_tensors(model)
+    scene = json.loads(file.metadata["scene"]) | {"options": options}
+    write_tensors(model, file.tensors, file.metadata | {"scene": json.dumps(scene)})
     refused(ringlight("eval", model), 1, model)
     refused(ringlight("render", model), 1, model)
 

@@ -1,13 +1,15 @@
 """Compressing a model: what is written is a model, and says what it cost."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 from command import Command
 from refusal import refused
+from scenes_on_disk import edit_json
 
-from ringlight.files.tensor_file import read_metadata
+from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
 
@@ -50,9 +52,60 @@ def test_every_command_takes_a_compressed_model(
     frames = ringlight("render", out, "--path", "orbit", "--frames", "2", "--out", tmp_path / "frames", "--quiet")
     assert frames.code == 0, frames.err
     again = ringlight("compress", out, tmp_path / "again.safetensors", "--quiet")
-    assert "not measured on photographs" in again.out
+    assert "on 2 test views" in again.out
     stored = load_model(out, rasterizer_for("reference"))
     assert stored.header.method == "ringlight"
+
+
+def test_a_model_file_knows_its_scene_and_how_it_was_read(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    run, small = tmp_path / "run", tmp_path / "small.safetensors"
+    words = (
+        "--background",
+        "black",
+        "--downscale",
+        "2",
+        "--steps",
+        "3",
+        "--initial-points",
+        "100",
+        "--quiet",
+        "--lpips",
+    )
+    assert ringlight("train", tiny, "3dgs", *words, "--out", run).code == 0
+    assert ringlight("compress", run, small, "--quiet").code == 0
+    psnr = json.loads(read_metadata(small)["storage"])["psnr_after"]
+    asked = ("--json", "--quiet", "--lpips")
+    assert json.loads(ringlight("eval", small, *asked).out)["psnr"] == pytest.approx(psnr, abs=1e-4)
+    assert json.loads(ringlight("eval", run / "model.safetensors", *asked).out)["background"] == "black"
+    assert ringlight("render", small, "--frames", "1", "--out", tmp_path / "frames", "--quiet").code == 0
+    refused(ringlight("eval", small, "--downscale", "4", *asked), 1, small, "name its folder")
+
+
+def test_a_run_whose_scene_was_moved_leaves_its_new_place(
+    run_folder: Path, scene_copy: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    small = tmp_path / "small.safetensors"
+    edit_json(run_folder / "recipe.json", lambda record: record.update(scene=str(scene_copy)))
+    assert ringlight("compress", run_folder, small, "--quiet").code == 0
+    assert json.loads(read_metadata(small)["scene"])["source"] == str(scene_copy)
+    shutil.rmtree(scene_copy)
+    refused(ringlight("eval", small), 1, scene_copy, "name the folder")
+    assert "not measured on photographs" in ringlight("compress", small, tmp_path / "again.safetensors").out
+
+
+def test_an_older_model_file_asks_for_its_scene(
+    run_folder: Path, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    model = run_folder / "model.safetensors"
+    file = read_tensors(model)
+    scene = json.loads(file.metadata["scene"])
+    del scene["options"]
+    write_tensors(model, file.tensors, file.metadata | {"scene": json.dumps(scene)})
+    refused(ringlight("eval", model), 1, model, "name the scene's folder")
+    assert ringlight("eval", model, tiny, "--lpips").code == 0
+    # The run knows, and tells the file that leaves it.
+    assert ringlight("compress", run_folder, tmp_path / "small.safetensors", "--quiet").code == 0
+    assert ringlight("eval", tmp_path / "small.safetensors", "--lpips").code == 0
 
 
 def test_refusals_name_the_remedy_and_write_nothing(

@@ -26,6 +26,7 @@ SCENE = SceneFacts(
     box=((-1.5, -1.25, -1.0), (1.5, 1.25, 0.1)),
     extent=4.4,
     notes=("every 8th image is a test image", "größer"),
+    options={"downscale": 2},
 )
 HEADER = ModelHeader(
     method="ringlight",

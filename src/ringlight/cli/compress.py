@@ -32,7 +32,7 @@ class CompressArguments:
     out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT.safetensors")]
     """Model file to write."""
     scene: SceneFolder = None
-    """Folder of photographs; by default the run's own, and for a model file on its own none."""
+    """Folder of photographs; by default the model's own."""
     options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
     overwrite: bool = False
     """Replace the file if it exists."""
@@ -64,12 +64,10 @@ def main(arguments: list[str]) -> int:
 
 
 def _scene(asked: CompressArguments, opened: "Opened") -> "Scene | None":
-    """The photographs to measure on; None for a model on its own, and for a run whose scene has gone."""
+    """The photographs to measure on; None where the model's own have gone, or it does not know them."""
     from ringlight.runs.opened import scene_of
 
     options = SceneOptions(**vars(asked.options))
-    if asked.scene is None and opened.run is None and options == SceneOptions():
-        return None
     try:
         return scene_of(opened, asked.scene, options)
     except RunError as error:

@@ -27,7 +27,7 @@ class EvalArguments:
     model: ModelPath
     """Run folder or model file."""
     scene: SceneFolder = None
-    """Folder of photographs; by default the run's own."""
+    """Folder of photographs; by default the model's own."""
     options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
     out: MaybeFolder = None
     """New folder for report.json and images/, which 'ringlight compare' reads like a run."""

@@ -33,7 +33,7 @@ class RenderArguments:
     path: Literal["test", "train", "orbit", "interpolated"] = "test"
     """Where the camera goes. All but test need nothing but the model file."""
     scene: MaybeFolder = None
-    """Folder of photographs that brings the test views; by default the run's own."""
+    """Folder of photographs that brings the test views; by default the model's own."""
     frames: MaybeWhole = None
     """Number of frames: 120 for orbit and interpolated; of the test and training views at most this many."""
     layers: tuple[Layer, ...] = ("color",)

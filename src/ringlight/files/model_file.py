@@ -8,7 +8,7 @@ besides, as JSON, ``packing``: how each packed tensor is stored, by name; and ``
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from torch import Tensor
@@ -32,7 +32,8 @@ class SceneFacts:
     """What the model was trained on.
 
     ``resolution`` is width and height of the training images in pixels, ``box`` the axis-aligned box [low, high]
-    and ``extent`` the camera extent in world units, ``notes`` what the loader decided.
+    and ``extent`` the camera extent in world units, ``notes`` what the loader decided; ``source`` the folder, and
+    ``options``, a JSON object, how it was read; None in older files.
     """
 
     name: str
@@ -42,6 +43,7 @@ class SceneFacts:
     box: tuple[tuple[float, float, float], tuple[float, float, float]]
     extent: float
     notes: tuple[str, ...] = ()
+    options: dict[str, object] | None = None
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,10 @@ def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
 
 def _scene_from(path: Path, facts: dict[str, object]) -> SceneFacts:
     try:
-        known = {f.name: facts[f.name] for f in fields(SceneFacts)}
+        known = {"options": None} | facts
+        options = known["options"]
+        if not isinstance(options, dict | None):
+            raise TypeError("options")
         width, height = (int(n) for n in known["resolution"])  # type: ignore[attr-defined]
         low, high = (_corner(corner) for corner in known["box"])  # type: ignore[attr-defined]
         return SceneFacts(
@@ -169,6 +174,7 @@ def _scene_from(path: Path, facts: dict[str, object]) -> SceneFacts:
             box=(low, high),
             extent=float(known["extent"]),  # type: ignore[arg-type]
             notes=tuple(str(note) for note in known["notes"]),  # type: ignore[attr-defined]
+            options=options,
         )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise _damaged(path, "scene") from error

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.finite import first_not_finite
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import Scene
+from ringlight.data.options import SceneOptions
 from ringlight.errors import DivergedError, ModelFileError, RecipeError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
 from ringlight.measure.size import bytes_by_part
@@ -41,8 +42,8 @@ class StoredModel:
     """The training cameras: paths and exports start from them."""
 
 
-def scene_facts(scene: Scene) -> SceneFacts:
-    """What a model file remembers of the scene."""
+def scene_facts(scene: Scene, options: SceneOptions | None = None) -> SceneFacts:
+    """What a model file remembers of the scene; with the ``options`` it was read by it can be read again."""
     camera = scene.train[0].camera
     low, high = (tuple(corner) for corner in scene.box.tolist())
     return SceneFacts(
@@ -53,6 +54,7 @@ def scene_facts(scene: Scene) -> SceneFacts:
         box=(low, high),
         extent=scene.extent,
         notes=scene.notes,
+        options=None if options is None else asdict(options),
     )
 
 

@@ -1,6 +1,7 @@
 """A trained model in a third of the bytes: packed, looked at, written as one model file."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
@@ -11,8 +12,8 @@ import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene
-from ringlight.errors import OutputError, SceneError
-from ringlight.files.model_file import write_model_file
+from ringlight.errors import OutputError, RecipeError, RunError, SceneError
+from ringlight.files.model_file import SceneFacts, write_model_file
 from ringlight.files.packed import pack_tensors, unpack_tensors
 from ringlight.measure import metrics
 from ringlight.measure.evaluate import evaluate
@@ -24,7 +25,7 @@ from ringlight.methods.store import (
     tensors_from_cameras,
 )
 from ringlight.models.splats import SplatModel
-from ringlight.runs.opened import Opened
+from ringlight.runs.opened import Opened, recorded_scene
 
 SUFFIX = ".safetensors"
 
@@ -94,9 +95,19 @@ def compress(opened: Opened, path: Path, scene: Scene | None = None, tell: Tell 
         losses = replace(losses, psnr_before=psnr_before, psnr_after=psnr_after, views=len(scene.test))
         measured = {"psnr": psnr_after}
     versions = stored.header.versions | {"ringlight": ringlight.__version__}
-    header = replace(stored.header, metrics=measured, versions=versions, storage=asdict(losses))
+    facts = _scene_facts(opened)
+    header = replace(stored.header, scene=facts, metrics=measured, versions=versions, storage=asdict(losses))
     write_model_file(path, packed, header)
     return Compressed(str(path), len(after.model), opened.file.stat().st_size, path.stat().st_size, losses)
+
+
+def _scene_facts(opened: Opened) -> SceneFacts:
+    """What the model's file says of its scene, with the place and the options of the run, which this file leaves."""
+    facts = opened.stored.header.scene
+    with suppress(RunError, RecipeError):
+        place, options = recorded_scene(opened)
+        facts = replace(facts, source=str(place), options=asdict(options))
+    return facts
 
 
 def _bytes(tensors: dict[str, torch.Tensor]) -> int:

@@ -8,6 +8,7 @@ from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
 from ringlight.measure.report import folders_with
+from ringlight.methods.recipe import recipe_from_dict
 from ringlight.methods.store import StoredModel, load_model
 from ringlight.rasterize.choose import host_rasterizer, rasterizer_for
 from ringlight.runs.folder import MODEL_NAME, RunFolder
@@ -47,22 +48,33 @@ def open_model(path: Path, device: str | None = None) -> Opened:
 
 
 def scene_of(opened: Opened, asked: Path | None = None, options: SceneOptions | None = None) -> Scene:
-    """The scene at ``asked``, or without it the one that the run was trained on, read as it was read then.
+    """The scene at ``asked``, or without it the one that the model was trained on, read as it was read then.
 
-    A model on its own knows its background: black stays black unless ``options`` say otherwise. Raises RecipeError
-    if there is nothing to go by, SceneError if the scene cannot be read.
+    A model knows its background: black stays black unless ``options`` say otherwise. Raises RecipeError for ``options``
+    without ``asked``, RunError if there is no scene to go by, SceneError if it cannot be read.
     """
     options = options or SceneOptions()
     if asked is not None:
         return load_scene(asked, _with_background(options, opened.stored.header.scene.background))
-    if opened.run is None:
-        raise RecipeError(f"{opened.file}: a model file does not say where its scene is now; name its folder as well")
+    named = opened.file if opened.run is None else opened.run.path
     if options != SceneOptions():
-        raise RecipeError(f"{opened.run.path}: its scene is read as in training; to read it otherwise name its folder")
-    record = RunRecord.read(opened.run.path)
-    if not record.scene.is_dir():
-        raise RunError(f"{record.scene}: the scene of {opened.run.path} is gone; name the folder where it is now")
-    return load_scene(record.scene, record.options)
+        raise RecipeError(f"{named}: its scene is read as in training; to read it otherwise name its folder")
+    place, recorded = recorded_scene(opened)
+    if not place.is_dir():
+        raise RunError(f"{place}: the scene of {named} is gone; name the folder where it is now")
+    return load_scene(place, recorded)
+
+
+def recorded_scene(opened: Opened) -> tuple[Path, SceneOptions]:
+    """Where the scene was that the model was trained on, and how it was read: from the run's record, or from the model
+    file. Raises RunError for an older file, which does not say, RecipeError for one that is damaged."""
+    if opened.run is not None:
+        record = RunRecord.read(opened.run.path)
+        return record.scene, record.options
+    facts = opened.stored.header.scene
+    if facts.options is None:
+        raise RunError(f"{opened.file}: does not say how its scene was read; name the scene's folder as well")
+    return Path(facts.source), recipe_from_dict(SceneOptions, facts.options, f"{opened.file}: options")
 
 
 def _with_background(options: SceneOptions, trained_on: str) -> SceneOptions:

@@ -176,9 +176,8 @@ class Session:
 
     def save_model(self, metrics: dict[str, object] | None = None) -> None:
         """Write the model file, with the test views' numbers if there are any."""
-        header = model_header(
-            self.record.preset, self.record.recipe, self.training.step, scene_facts(self.scene), metrics
-        )
+        facts = scene_facts(self.scene, self.record.options)
+        header = model_header(self.record.preset, self.record.recipe, self.training.step, facts, metrics)
         cameras = [view.camera for view in self.scene.train]
         save_model(self.folder.model, self.training.model, header, cameras)
 
