@@ -69,6 +69,7 @@ def test_every_command_takes_it(which: str, request: pytest.FixtureRequest, tmp_
         ("eval", run, "--lpips"),
         ("render", run, "--path", "orbit", "--frames", "1"),
         ("compress", run, tmp_path / "small.safetensors"),
+        ("eval", tmp_path / "small.safetensors", "--lpips"),
         ("compare", run),
         ("train", "--resume", run, "--quiet"),
     ):
