@@ -39,6 +39,21 @@ struct Splats {
   const float* background;      // [C]
 };
 
+// Better colours than the channels', worked out row by row when the blend first needs them: for pictures that want no
+// gradient. A pixel through which less than DIM of what lies behind still shows gets the channels for all of that.
+struct LateColors {
+  // Writes the colours of at most LATE_ROWS rows, [count LATE_CHANNELS]. Threads call it at the same time, each with
+  // floats of its own to write to; a row gets the same bits whoever asks, and together with whichever others.
+  using Light = void (*)(const void* source, const std::int32_t* rows, int count, float* colors, float* scratch);
+  Light light;
+  const void* source;
+  std::size_t scratch;  // floats
+};
+inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
+// Colours differ by at most 1, so that the picture differs by less than a step of 8 bits: as much as by a Gaussian that is
+// too faint to be drawn.
+inline constexpr float DIM = 1 / 256.f;
+
 struct Footprints {
   float* means2d;  // [N 2] pixels; 0 where not drawn
   float* radii;    // [N 2] half-extents in pixels, whole numbers; 0 where not drawn
@@ -142,6 +157,11 @@ struct Frame : TileLists {
   // By slot.
   float* slots;             // [slots slot_stride]
   std::uint8_t* slot_used;  // 1 where the slot was written
+
+  // Better colours: null, or where they come from; those that are known (late_colors.hpp).
+  const LateColors* late;
+  float* late_colors;  // [N 4]
+  bool* late_broken;   // set where one is not finite
 
   // Memory of each worker.
   int workers;

@@ -61,6 +61,16 @@ void Workspace::make_room() {
   frame_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
 }
 
+void Workspace::await_colors(const LateColors* late) {
+  frame_.late = late;
+  if (!late) return;
+  const std::size_t floats = (LATE_CHANNELS + 1) * frame_.splats.count;
+  frame_.late_colors = late_colors_.reserve(floats);
+  if (floats) std::memset(frame_.late_colors, 0, floats * sizeof(float));
+  late_broken_ = false;
+  frame_.late_broken = &late_broken_;
+}
+
 // Each worker needs the states of a tile's blocks and, forward, a chunk's rows and weights; backward, one row of channels
 // and the weights of its blocks.
 void Workspace::reserve_scratch() {
@@ -70,6 +80,7 @@ void Workspace::reserve_scratch() {
   const std::size_t width = floats(round_up_lanes(channels)), row = floats(row_stride(padded_channels(channels)));
   frame_.workers = threads();
   frame_.scratch_stride = states + std::max(CHUNK * (row + LANES), width + BLOCKS * LANES);
+  if (frame_.late) frame_.scratch_stride += frame_.late->scratch;
   frame_.scratch_stride = (frame_.scratch_stride + LANES - 1) / LANES * LANES;
   frame_.scratch = scratch_.reserve(static_cast<std::size_t>(frame_.workers) * frame_.scratch_stride);
 }
@@ -94,7 +105,8 @@ std::uint64_t Workspace::number_slots() {
 }
 
 void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats,
-                        const Images& images, const Footprints& footprints, float* horizon) {
+                        const Images& images, const Footprints& footprints, float* horizon,
+                        const LateColors* late) {
   passes_++;
   complete_ = false;
   frame_.camera = camera;
@@ -103,6 +115,7 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   frame_.tiles_x = tiles_along(camera.width);
   frame_.tiles_y = tiles_along(camera.height);
   make_room();
+  await_colors(late);
   reserve_scratch();
   Stopwatch watch(seconds_);
   RINGLIGHT_CHOSEN(project)(frame_, footprints);
@@ -124,7 +137,9 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
     Horizon::remember(again(), horizon);
   }
   watch.end(BLEND);
-  complete_ = true;
+  frame_.late = nullptr;
+  complete_ = !late;
+  if (late && late_broken_) throw std::domain_error("rasterizer: colours are not finite");
 }
 
 // Blends the tiles that the horizon was wrong about.

@@ -17,8 +17,9 @@ class Workspace {
   // view would not fit into the memory of the machine, std::domain_error when the table holds a value that is not
   // finite. `horizon` [T] is null, or the depths that the last pass of this view left, which become those of this one:
   // they change nothing but the time that it takes (horizon.hpp).
+  // With `late`, which goes without a horizon, there is no backward pass.
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
-               const Footprints& footprints, float* horizon);
+               const Footprints& footprints, float* horizon, const LateColors* late = nullptr);
 
   // Fills in `to` for the last forward pass; `splats` must hold the same values as then.
   void backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to);
@@ -37,6 +38,7 @@ class Workspace {
 
  private:
   void make_room();
+  void await_colors(const LateColors* late);
   std::uint64_t number_slots();
   void reserve_scratch();
   void blend_again(const Images& images);
@@ -44,12 +46,12 @@ class Workspace {
   Frame frame_{};
   TileLists again_{};
   double seconds_[STAGES] = {};
-  bool complete_ = false;
+  bool complete_ = false, late_broken_ = false;
   std::uint64_t passes_ = 0, slots_in_use_ = 0, hidden_ = 0;
   DepthSort sort_;
   Horizon horizon_;
   Binning binning_, binning_again_;
-  Buffer<float> records_, final_transmittance_, slots_, scratch_;
+  Buffer<float> records_, final_transmittance_, slots_, scratch_, late_colors_;
   Buffer<std::uint32_t> tile_used_, tile_used_again_;
   Buffer<Placement> placements_;
   Buffer<Piece> pieces_;

@@ -89,7 +89,18 @@ static inline int ring_shards(std::size_t active_count) {
   return active_count <= 1024 ? 1 : active_count <= 8192 ? 2 : active_count <= 65536 ? 4 : 8;
 }
 
-// Floats of workspace that ring_backward needs for this many visible rows.
+// The light field for pictures that ask for rows one after the other (LateColors in raster.hpp): the scene, whose list
+// of visible rows is not read, and what ring_pack made of the parameters.
+struct PackedRing {
+  RingShape shape;
+  RingParameters<const float> parameters;
+  RingScene scene;
+  const float* packed;
+};
+
+// ring_pack fills in ring_packed_floats; ring_light writes the colours of some rows, [count 3], the same bits as
+// ring_forward, with ring_light_floats to write to. ring_workspace: floats that ring_backward needs for so many visible
+// rows.
 #define RINGLIGHT_RING(isa) \
   namespace isa { \
   void ring_forward(const RingShape&, const RingParameters<const float>&, const RingScene&, const RingOutputs&); \
@@ -97,6 +108,10 @@ static inline int ring_shards(std::size_t active_count) {
                      const RingUpstream&, const RingParameters<float>& gradients, \
                      const RingRowGradients& row_gradients, float* workspace); \
   std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count); \
+  std::size_t ring_packed_floats(const RingShape&); \
+  void ring_pack(const RingShape&, const RingParameters<const float>&, float* packed); \
+  std::size_t ring_light_floats(const RingShape&); \
+  void ring_light(const void* packed_ring, const std::int32_t* rows, int count, float* colors, float* scratch); \
   }
 RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_RING)
 #undef RINGLIGHT_RING

@@ -26,6 +26,7 @@ KERNEL_TESTS = (
     "color/test_ring_kernel.py",
     "color/test_drawable.py",
     "color/test_visibility_mask.py",
+    "models/test_late.py",
     "fields/test_perceptron_kernel.py",
     "color/test_mirror_kernel.py",
     "shade/test_reflection_kernel.py",

@@ -3,11 +3,14 @@
 
 #include <limits>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "buffer.hpp"
 #include "dispatch.hpp"
+#include "raster.hpp"
 #include "ring.hpp"
 
 namespace nb = nanobind;
@@ -74,12 +77,12 @@ struct Columns {
   Input means, base, latents;
 };
 
-RingScene scene_from(const RingShape& shape, const Columns& columns, const Rows& visible, const Input& frame) {
+RingScene scene_from(const RingShape& shape, const Columns& columns, const Rows* visible, const Input& frame) {
   const auto& [means, base, latents] = columns;
   RingScene scene{};
   scene.means = means.data(), scene.base = base.data(), scene.latents = latents.data();
   scene.count = means.size() / 3;
-  scene.visible = visible.data(), scene.visible_count = visible.size();
+  if (visible) scene.visible = visible->data(), scene.visible_count = visible->size();
   require(means.size() == 3 * scene.count && base.size() == 3 * scene.count, "ring: means and base must be [N 3]");
   require(latents.size() == shape.latents * scene.count, "ring: latents must be [N L]");
   require(frame.size() == 9, "ring: frame is the camera's position and the box's low and high corner");
@@ -98,7 +101,7 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
              std::optional<Array> modulation) {
   const RingShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
-  const RingScene scene = scene_from(shape, {means, base, latents}, visible, frame);
+  const RingScene scene = scene_from(shape, {means, base, latents}, &visible, frame);
   require(color.size() == 3 * scene.count, "ring: color must be [N 3]");
   require(!residual || residual->size() == 3 * scene.count, "ring: residual must be [N 3]");
   require(!modulation || modulation->size() == scene.count, "ring: modulation must be [N 1]");
@@ -114,7 +117,7 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   const RingShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
-  const RingScene scene = scene_from(shape, {means, base, latents}, visible, frame);
+  const RingScene scene = scene_from(shape, {means, base, latents}, &visible, frame);
   require(share > 0, "ring: share must be above 0");
   require(color.size() == 3 * scene.count, "ring: color must be [N 3]");
   require(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
@@ -134,6 +137,31 @@ std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) 
   return RINGLIGHT_CHOSEN_WITH_BF16(ring_workspace)(shape, visible_count);
 }
 
+// The light field of one picture, for rows that are asked for one after the other. Keeps its arrays alive.
+class LateRing : public LateColors {
+ public:
+  LateRing(const std::vector<int>& sizes, std::vector<Input> parameters, Input means, Input base, Input latents,
+           Input frame)
+      : LateColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0}, parameters_(std::move(parameters)),
+        columns_{means, base, latents} {
+    ring_.shape = shape_from(sizes);
+    ring_.parameters = parameters_from<const float>(ring_.shape, parameters_);
+    ring_.scene = scene_from(ring_.shape, columns_, nullptr, frame);
+    scratch = RINGLIGHT_CHOSEN_WITH_BF16(ring_light_floats)(ring_.shape);
+    float* const packed = packed_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(ring_packed_floats)(ring_.shape));
+    RINGLIGHT_CHOSEN_WITH_BF16(ring_pack)(ring_.shape, ring_.parameters, packed);
+    ring_.packed = packed;
+  }
+  LateRing(const LateRing&) = delete;
+  LateRing& operator=(const LateRing&) = delete;
+
+ private:
+  std::vector<Input> parameters_;
+  Columns columns_;
+  Buffer<float> packed_;
+  PackedRing ring_{};
+};
+
 }  // namespace
 
 void bind_field(nb::module_& module) {
@@ -148,6 +176,10 @@ void bind_field(nb::module_& module) {
              nb::arg("gradients"), nb::arg("base_gradient"),
              nb::arg("latents_gradient"), nb::arg("workspace"),
              "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, drawn by lot.");
+  nb::class_<LateRing, LateColors>(module, "LateRing",
+                                   "The light field's colours, row by row when the blend needs them.")
+      .def(nb::init<const std::vector<int>&, std::vector<Input>, Input, Input, Input, Input>(), nb::arg("shape"),
+           nb::arg("parameters"), nb::arg("means"), nb::arg("base"), nb::arg("latents"), nb::arg("frame"));
   module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
              "Floats of workspace that ring_backward needs.");
 }

@@ -88,10 +88,12 @@ bool is_image(const Array& array, const Pinhole& camera) {
 
 void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
-             std::optional<Out<-1, -1>> horizon) {
+             std::optional<Out<-1, -1>> horizon, const LateColors* late) {
   const Splats splats = table.splats();
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == table.channels.shape(1),
           "rasterizer: image must be [C H W] and alpha [H W]");
+  require(!late || (splats.channel_count == LATE_CHANNELS && !horizon),
+          "rasterizer: late colours are three, and go without a horizon");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
   const auto tiles_along = [](int pixels) {
@@ -101,7 +103,7 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
           "rasterizer: the horizon needs one depth per tile");
   const nb::gil_scoped_release unlocked;
   workspace.forward(camera, settings, splats, {image.data(), alpha.data()}, {means2d.data(), radii.data()},
-                    horizon ? horizon->data() : nullptr);
+                    horizon ? horizon->data() : nullptr, late);
 }
 
 struct Gradients {
@@ -190,6 +192,9 @@ void bind_raster(nb::module_& module) {
         new (self) RasterSettings(settings(eps2d, near, max_alpha, antialiased, absgrad));
       }, "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
 
+  nb::class_<LateColors>(module, "LateColors",
+                         "Better colours than the channels, worked out when the blend first needs them.");
+
   nb::class_<Table>(module, "SplatTable",
                     "The table in stored form, channels and background; made anew for each call, unless nobody sets "
                     ".data or resizes an array in between.")
@@ -209,9 +214,10 @@ void bind_raster(nb::module_& module) {
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
-           "means2d"_a, "radii"_a, "horizon"_a = nb::none(),
+           "means2d"_a, "radii"_a, "horizon"_a = nb::none(), "late"_a = nb::none(),
            "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] holds "
-           "depths that an earlier picture of this view left, infinity for none; it changes time alone, and is renewed.")
+           "depths that an earlier picture of this view left, infinity for none; it changes time alone, and is renewed. Late "
+           "colours take the place of the table's channels where these can be seen; then there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
       .def_prop_ro("beyond_horizon", &beyond_horizon,

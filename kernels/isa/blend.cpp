@@ -1,6 +1,7 @@
 // Stage 4: front-to-back compositing (Porter & Duff 1984; Kerbl et al. 2023, eq. 3), tile by tile, in chunks of CHUNK
 // entries. Within a chunk every block walks the list of the entries that touch it, its pixels in registers.
 #include "block_masks.hpp"
+#include "late_colors.hpp"
 #include "tile_pixels.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
@@ -43,6 +44,8 @@ RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::ui
       const std::size_t row = static_cast<std::uint32_t>(entries[k]);
       const std::uint32_t ahead = k + PREFETCH < last ? k + PREFETCH : last;
       __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * RECORD);
+      if (C == LATE_CHANNELS && frame.late)
+        __builtin_prefetch(late_color(frame, static_cast<std::uint32_t>(entries[ahead])));
       fields[i] = load(frame.records + row * RECORD);
       float* const to = chunk.rows + (first + i) * stride;
       store(to, fields[i]);
@@ -91,6 +94,16 @@ RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t
 #pragma GCC unroll 8
     for (int i = 0; i < CHANNEL_GROUP; i++) store(color + (c + i) * LANES, sums[i]);
   }
+}
+
+// Those of the blocks that have a pixel through which at least DIM of what lies behind still shows.
+RINGLIGHT_INLINE std::uint64_t bright_blocks(std::uint64_t blocks, const float* states, int floats) {
+  std::uint64_t bright = 0;
+  for (std::uint64_t left = blocks; left; left &= left - 1) {
+    const int block = __builtin_ctzll(left);
+    if (any(ge(load(states + block * floats + RUNNING), Vec(DIM)))) bright |= std::uint64_t{1} << block;
+  }
+  return bright;
 }
 
 constexpr int OPEN = -1;
@@ -175,6 +188,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
   float* const rows = scratch;
   float* const weights = scratch + CHUNK * row_stride(C == WIDE ? width : C);
   float* const states = weights + CHUNK * LANES;
+  float* const of_light = states + BLOCKS * floats;
   for (int block = 0; block < BLOCKS; block++) {
     float* const state = states + block * floats;
     store(state + RUNNING, Vec(1.f));
@@ -189,6 +203,10 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
     const int count = tile.end - at < CHUNK ? static_cast<int>(tile.end - at) : CHUNK;
     int closed_by = OPEN;  // the last row of the chunk that finished a block
     gather_chunk<C>(frame, tile, alive, {at, count, rows, masks});
+    if (C == LATE_CHANNELS && frame.late) {
+      const std::uint64_t bright = bright_blocks(alive, states, floats);
+      add_late_colors(frame, {frame.entries + at, masks, bright, count, rows}, of_light);
+    }
     for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
     for (std::uint64_t left = alive; left; left &= left - 1) {
       const int block = __builtin_ctzll(left);

@@ -88,6 +88,20 @@ def ring_backward(
     latents_gradient: Tensor,
     workspace: Tensor,
 ) -> None: ...
+
+class LateColors: ...
+
+class LateRing(LateColors):
+    def __init__(
+        self,
+        shape: Sequence[int],
+        parameters: Sequence[Tensor],
+        means: Tensor,
+        base: Tensor,
+        latents: Tensor,
+        frame: Tensor,
+    ) -> None: ...
+
 def ring_workspace(shape: Sequence[int], visible_count: int) -> int: ...
 
 MAX_IMAGE_SIDE: int
@@ -146,6 +160,7 @@ class Workspace:
         means2d: Tensor,
         radii: Tensor,
         horizon: Tensor | None = None,
+        late: LateColors | None = None,
     ) -> None: ...
     @property
     def beyond_horizon(self) -> tuple[int, int]: ...

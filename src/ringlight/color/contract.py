@@ -1,7 +1,8 @@
 """The socket: what each Gaussian emits towards a camera."""
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -11,6 +12,9 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradient
 from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
+
+if TYPE_CHECKING:
+    from ringlight import _kernels
 
 
 @runtime_checkable
@@ -35,6 +39,20 @@ class ColorModel(Protocol):
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Rows that this colour model still shows; densifiers remove the others."""
         ...
+
+
+@dataclass(frozen=True)
+class LateColors:
+    """The channel "rgb", worked out row by row when a rasterizer first needs it; no gradient.
+
+    ``kernel`` is what the compiled rasterizer asks, for the bits of ``channels``; ``plain`` are good enough for rows
+    that hardly show, ``opacity_factor`` is that of ``Channels``. A colour model that can may have a method
+    ``late(gaussians, camera)`` that returns one of these, or None.
+    """
+
+    plain: Float[Tensor, "N 3"]
+    kernel: "_kernels.LateColors"
+    opacity_factor: Float[Tensor, "N"] | None
 
 
 @runtime_checkable

@@ -163,3 +163,17 @@ def light_layers(
         rows.visible, rows.frame, color, residual, modulation,
     )  # fmt: skip
     return LitColor(color, residual, modulation)
+
+
+@torch.no_grad()
+def late_light(
+    means: Float[Tensor, "N 3"],
+    frame: Float[Tensor, "3 3"],
+    base: Float[Tensor, "N 3"],
+    latents: Float[Tensor, "N L"],
+    parameters: RingParameters,
+) -> "_kernels.LateRing":
+    """The colours of :func:`light` for a rasterizer that asks for them row by row; ``frame`` as in :class:`LitRows`."""
+    tensors = [tensor.detach().contiguous() for tensor in parameters.tensors]
+    means, base, latents = (column.detach().contiguous() for column in (means, base, latents))
+    return _kernels.LateRing(parameters.shape, tensors, means, base, latents, frame)

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.utils.checkpoint import checkpoint
 
+from ringlight.color.contract import LateColors
 from ringlight.color.drawable import drawable_rows
 from ringlight.color.light_fields import light_field
 from ringlight.color.render_module import LitColor, RenderModule
@@ -15,6 +16,7 @@ from ringlight.color.ring_kernel import (
     RingParameters,
     Workspace,
     kernel_takes,
+    late_light,
     light,
     light_layers,
     ring_parameters,
@@ -90,6 +92,19 @@ class RingLight(nn.Module):
         if MASK in gaussians.appearance:
             channels[OPACITY_FACTOR] = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)
         return channels
+
+    @torch.no_grad()
+    def late(self, gaussians: Gaussians, camera: Camera) -> LateColors | None:
+        """Base colours, and the same as ``channels`` when the blend asks; None unlit, and where there is no kernel."""
+        parameters = self._kernel_parameters(gaussians) if self.lit else None
+        if parameters is None:
+            return None
+        factor = None
+        if MASK in gaussians.appearance:
+            factor = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)[:, 0]
+        base = self._base(gaussians)
+        kernel = late_light(gaussians.means, self._frame(camera), base, self._latents(gaussians), parameters)
+        return LateColors(base.sigmoid(), kernel, factor)
 
     def direct(self) -> DirectRingLight | None:
         """The same without autograd, by the kernels; None where they do not apply."""
@@ -180,8 +195,11 @@ class RingLight(nn.Module):
 
     def lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         """Which rows the light field reaches from there."""
-        frame = torch.cat([camera.position[None], self.box])
-        return LitRows(gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera), frame)
+        return LitRows(gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera), self._frame(camera))
+
+    def _frame(self, camera: Camera) -> Float[Tensor, "3 3"]:
+        """The camera's position and the box, see :class:`ringlight.color.ring_kernel.LitRows`."""
+        return torch.cat([camera.position[None], self.box])
 
     def twin(self, gaussians: Gaussians, camera: Camera, gradient_share: float = 1.0) -> LitColor:
         """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.

@@ -7,11 +7,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.color.contract import ColorModel
+from ringlight.color.contract import ColorModel, LateColors
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import OPACITY_FACTOR, Channels, Rendering
+from ringlight.core.rendering import OPACITY_FACTOR, Channels, Raster, Rendering
 from ringlight.models.direct import DirectModel
 from ringlight.models.parts import joined, parted
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
@@ -81,11 +81,27 @@ class SplatModel(nn.Module):
     def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
         """One image over ``background``; ``horizon`` is this view's own, if it is drawn more than once."""
         gaussians = self.gaussians
+        raster = None if horizon else self._drawn_late(gaussians, camera, background)
+        if raster is not None:
+            return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
         channels = dict(self.color.channels(gaussians, camera))
         factor = channels.pop(OPACITY_FACTOR, None)
         rendering = self.blend(gaussians, channels, factor, camera, background, horizon)
         color = self.shader.shade(rendering.buffers, camera, background)
         return Rendering(color, rendering.alpha, rendering.buffers, rendering.raster)
+
+    def _drawn_late(self, gaussians: Gaussians, camera: Camera, background: Float[Tensor, "3"]) -> Raster | None:
+        """Where nobody wants gradients, only rows that can be seen are coloured; None if a part cannot do so."""
+        late, draw = getattr(self.color, "late", None), getattr(self.rasterize, "draw_late", None)
+        if torch.is_grad_enabled() or late is None or draw is None or not getattr(self.shader, "passes_through", False):
+            return None
+        colors: LateColors | None = late(gaussians, camera)
+        if colors is None:
+            return None
+        drawn: Raster | None = draw(
+            gaussians, colors.plain, colors.kernel, camera, background, self.options, colors.opacity_factor
+        )
+        return drawn
 
     def direct(self) -> DirectModel | None:
         """Pictures and gradients without autograd, or None where a part of this model has no such form."""

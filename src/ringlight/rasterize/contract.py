@@ -1,7 +1,7 @@
 """The socket: Gaussians and channels in, a blended image out."""
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -12,6 +12,9 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Raster
 from ringlight.rasterize import convention
 from ringlight.rasterize.horizon import Horizon
+
+if TYPE_CHECKING:
+    from ringlight import _kernels
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,27 @@ class Rasterizer(Protocol):
 
         Raises BackendError naming column and rows where a value is not finite, whether or not the row can be seen.
         ``opacity_factor`` is in [0, 1]: a footprint ends where an opacity of at most 1 falls below 1/255.
+        """
+        ...
+
+
+@runtime_checkable
+class LateRasterizer(Protocol):
+    """A back end that asks for better colours where the picture shows a row, and for no others."""
+
+    def draw_late(
+        self,
+        gaussians: Gaussians,
+        plain: Float[Tensor, "N 3"],
+        late: "_kernels.LateColors",
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        options: RasterOptions = RasterOptions(),
+        opacity_factor: Float[Tensor, "N"] | None = None,
+    ) -> Raster | None:
+        """The picture of :class:`Rasterizer` with ``late`` colours, without gradients; None where that would refuse.
+
+        What lies behind the last 1/256 of a pixel's light may be ``plain``.
         """
         ...
 

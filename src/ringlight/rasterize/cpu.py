@@ -66,6 +66,29 @@ class CpuRasterizer:
                 image, alpha = as_raster(*_Loan(self._spare).draw(job, job.table(columns)))
         return Raster(image, alpha, job.footprint)
 
+    @torch.no_grad()
+    def draw_late(
+        self,
+        gaussians: Gaussians,
+        plain: Float[Tensor, "N 3"],
+        late: "_kernels.LateColors",
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        options: RasterOptions = RasterOptions(),
+        opacity_factor: Float[Tensor, "N"] | None = None,
+    ) -> Raster | None:
+        """See :class:`ringlight.rasterize.contract.LateRasterizer`."""
+        columns = [getattr(gaussians, name) for name in GEOMETRY] + [opacity_factor, plain]
+        check(columns, camera)
+        columns = [None if column is None else column.contiguous().resolve_neg() for column in columns]
+        job = Job(camera, background, options, len(gaussians))
+        loan = _Loan(self._spare)
+        try:
+            image, alpha = as_raster(*job.draw(loan.workspace, job.table(columns), late))
+        except ValueError:  # something is not finite: who has all colours at hand can say what
+            return None
+        return Raster(image, alpha, job.footprint)
+
     def direct(self) -> DirectRaster:
         """The same without autograd, for training loops."""
         return DirectRaster()

@@ -68,12 +68,17 @@ class Job:
         means, log_scales, quats, opacity_logits, opacity_factor, channels = columns
         return _kernels.SplatTable(means, log_scales, quats, opacity_logits, opacity_factor, channels, self.background)
 
-    def draw(self, workspace: "_kernels.Workspace", table: "_kernels.SplatTable") -> tuple[Tensor, Tensor]:
-        """The planar image [C H W] and alpha [H W]; fills in the footprint."""
+    def draw(
+        self,
+        workspace: "_kernels.Workspace",
+        table: "_kernels.SplatTable",
+        late: "_kernels.LateColors | None" = None,
+    ) -> tuple[Tensor, Tensor]:
+        """The planar image [C H W] and alpha [H W]; fills in the footprint. ``late`` before the table's channels."""
         image, alpha = self.background.new_empty(len(self.background), *self.size), self.background.new_empty(self.size)
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
-            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, self.horizon)
+            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, self.horizon, late)
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
             raise BackendError(

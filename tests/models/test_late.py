@@ -1,0 +1,116 @@
+"""Pictures without gradients light only the rows that they show, and are the pictures that training sees."""
+
+import dataclasses
+
+import pytest
+import torch
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.bench.step import subject_of_workload
+from ringlight.bench.workload import Size, workload_camera
+from ringlight.color.ringlight import RingLight
+from ringlight.errors import BackendError
+from ringlight.methods.ringlight import RingLightRecipe
+from ringlight.methods.table import METHODS
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.horizon import Horizon
+
+DIM = 1 / 256
+"""What may still show through a pixel when rows behind stay unlit; DIM in kernels/raster.hpp."""
+ROUNDING = 1e-6
+WHITE = torch.ones(3)
+
+
+@pytest.fixture(autouse=True)
+def _all_cores_afterwards():
+    yield
+    _kernels.set_threads(0)
+
+
+def lit_model(size: str, opacity: float, **light: object) -> SplatModel:
+    """The workload's ball with residuals as large as those of a trained field, which the first weights do not make."""
+    recipe = METHODS["ringlight"]
+    assert isinstance(recipe, RingLightRecipe)
+    recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, **light), shading="forward")
+    model = subject_of_workload("ringlight", recipe, Size.parse(size), rasterizer_for("cpu")).training.model
+    with torch.no_grad():
+        model.columns["opacity_logits"].fill_(torch.tensor(opacity).logit().item())
+        model.get_parameter("color.shading.render.4.weight").mul_(8)
+    return model.eval()
+
+
+def pictures(model: SplatModel, turn: float = 0.3) -> tuple[Tensor, Tensor]:
+    """Without gradients, where rows are lit late; and as training sees the model."""
+    camera = workload_camera(96, turn_y=turn)
+    with torch.no_grad():
+        late = model.render(camera, WHITE).color
+    return late, model.render(camera, WHITE).color.detach()
+
+
+@pytest.mark.parametrize("light", [{}, {"mask": False}, {"latents": 0}, {"field": "cp"}, {"light_modulation": False}])
+def test_what_is_not_hidden_has_the_same_bits(light: dict[str, object]):
+    late, usual = pictures(lit_model("300@96", 0.2, **light))
+    assert usual.std() > 0.02
+    assert torch.equal(late, usual)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.0])
+def test_behind_what_is_nearly_opaque_base_colors_will_do(turn: float):
+    model = lit_model("20k@96", 0.7)
+    late, usual = pictures(model, turn)
+    with torch.no_grad():
+        brightest = model.color.layers(model.gaussians, workload_camera(96, turn_y=turn))["residual"].abs().max().item()
+    assert brightest > 0.05
+    assert 0 < (late - usual).abs().max() <= DIM * min(brightest, 1) + ROUNDING
+
+
+def test_few_rows_of_a_dense_model_are_lit(monkeypatch: pytest.MonkeyPatch):
+    """The base colours of rows that are asked for make no difference; those of the others show, if hardly."""
+    model = lit_model("20k@96", 0.7)
+    camera = workload_camera(96)
+    late = model.color.late
+    plain = lambda gaussians, seen: dataclasses.replace(late(gaussians, seen), plain=torch.ones_like(gaussians.means))  # noqa: E731
+    with torch.no_grad():
+        usual = model.render(camera, WHITE).color
+        monkeypatch.setattr(model.color, "late", plain)
+        shown = model.render(camera, WHITE).color
+    assert 0 < (usual - shown).abs().max() <= DIM + ROUNDING
+
+
+def test_any_number_of_threads_gives_the_same_bits():
+    model, camera = lit_model("20k@96", 0.4), workload_camera(96)
+    found = []
+    for threads in (1, 2, 4, 4, 4):
+        _kernels.set_threads(threads)
+        with torch.no_grad():
+            found.append(model.render(camera, WHITE).color)
+    assert all(torch.equal(picture, found[0]) for picture in found)
+
+
+def test_what_is_not_finite_is_named_as_ever():
+    model = lit_model("300@96", 0.5)
+    with torch.no_grad():
+        model.columns["latents"][7] = torch.nan
+    with torch.no_grad(), pytest.raises(BackendError, match="channels"):
+        model.render(workload_camera(96), WHITE)
+
+
+def test_where_it_does_not_apply_the_usual_way_is_taken(monkeypatch: pytest.MonkeyPatch):
+    camera = workload_camera(96)
+    exact = lit_model("300@96", 0.5, evaluation="exact")
+    assert isinstance(exact.color, RingLight)
+    assert exact.color.late(exact.gaussians, camera) is None
+    model = lit_model("300@96", 0.5)
+    model.get_buffer("color.lit").fill_(False)
+    assert isinstance(model.color, RingLight)
+    assert model.color.late(model.gaussians, camera) is None
+    lit = lit_model("20k@96", 0.7)
+
+    def never(*_: object) -> None:
+        raise AssertionError("a view with a horizon wants training's bits")
+
+    monkeypatch.setattr(lit.rasterize, "draw_late", never)
+    with torch.no_grad():
+        lit.render(camera, WHITE, Horizon())
