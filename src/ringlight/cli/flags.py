@@ -2,18 +2,24 @@
 
 import dataclasses
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 
-def flags_of(record: Any) -> set[str]:
-    """``--steps``, ``--light.no-mask``, ...: of a record with its settings, or of a class of records with defaults."""
+def flags_of(record: Any, in_pairs: bool = False) -> set[str]:
+    """``--steps``, ``--light.mask``, ...: of a record with its settings, or of a class of records with defaults.
+
+    ``in_pairs``: what is on or off has a flag for each, ``--light.no-mask`` too.
+    """
     flags = set()
+    hints = get_type_hints(record if isinstance(record, type) else type(record))
     for field in dataclasses.fields(record):
-        name, value = field.name.replace("_", "-"), _value(record, field)
+        name, value, kind = field.name.replace("_", "-"), _value(record, field), hints[field.name]
         if dataclasses.is_dataclass(value):
-            flags |= {f"--{name}.{inner.removeprefix('--')}" for inner in flags_of(value)}
-        else:
-            flags.add(f"--no-{name}" if value is True else f"--{name}")
+            flags |= {f"--{name}.{inner.removeprefix('--')}" for inner in flags_of(value, in_pairs)}
+            continue
+        flags.add(f"--{name}")
+        if in_pairs and bool in (kind, *get_args(kind)):
+            flags.add(f"--no-{name}")
     return flags
 
 

@@ -1,12 +1,24 @@
 """How the help shows what docstrings and types say: paragraphs without the source's line breaks, no Python words."""
 
+import dataclasses
 import inspect
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, get_args
+from dataclasses import replace
+from typing import Annotated, Any, get_args
 
 import docstring_parser
-from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+import tyro
+from tyro.constructors import (
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    StructConstructorSpec,
+    StructFieldSpec,
+    StructTypeInfo,
+)
+
+UNSAID = tyro.conf.arg(help_behavior_hint="")
 
 REGISTRY = ConstructorRegistry()
 """Types that the parser of the command line would show otherwise."""
@@ -29,6 +41,28 @@ def _optional(info: PrimitiveTypeInfo) -> "PrimitiveConstructorSpec[Any] | None"
         str_from_instance=lambda value: ["None"] if value is None else spec.str_from_instance(value),
         choices=spec.choices,
     )
+
+
+_being_read: set[type] = set()
+
+
+@REGISTRY.struct_rule
+def _open_settings(info: StructTypeInfo) -> StructConstructorSpec | None:
+    """After a setting that is left open, or empty, the help says no default: "None" would tell nobody anything."""
+    if not dataclasses.is_dataclass(info.type) or info.type in _being_read:
+        return None
+    _being_read.add(info.type)  # so that the parser's own rule is asked
+    try:
+        spec = ConstructorRegistry.get_struct_spec(info)
+    finally:
+        _being_read.remove(info.type)
+    if not isinstance(spec, StructConstructorSpec):
+        return None
+    return replace(spec, fields=tuple(_without_default(f) if f.default in (None, ()) else f for f in spec.fields))
+
+
+def _without_default(field: StructFieldSpec) -> StructFieldSpec:
+    return replace(field, type=Annotated[field.type, UNSAID])  # type: ignore[arg-type]
 
 
 @contextmanager

@@ -14,8 +14,13 @@ from ringlight.cli.main import WRONG_USAGE
 Arguments = TypeVar("Arguments")
 
 
-def parse(kind: "type[Arguments]", verb: str, arguments: list[str]) -> Arguments:
-    """The record ``kind`` filled from the command line. Exits 0 after ``--help``, 2 after one sentence."""
+def parse(kind: "type[Arguments]", verb: str, arguments: list[str], in_pairs: bool = False) -> Arguments:
+    """The record ``kind`` filled from the command line. Exits 0 after ``--help``, 2 after one sentence.
+
+    With ``in_pairs`` what is on or off gets two flags, ``--x`` and ``--no-x``, unless marked otherwise: settings whose
+    default is not the same in all methods, or left to the scene.
+    """
+    markers = (tyro.conf.CascadeSubcommandArgs, tyro.conf.DisallowNone)
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint), joined_lines():
@@ -23,7 +28,7 @@ def parse(kind: "type[Arguments]", verb: str, arguments: list[str]) -> Arguments
                 kind,
                 prog=f"ringlight {verb}",
                 args=arguments,
-                config=(tyro.conf.CascadeSubcommandArgs, tyro.conf.FlagCreatePairsOff),
+                config=markers if in_pairs else (*markers, tyro.conf.FlagCreatePairsOff),
                 registry=REGISTRY,
             )
             return parsed

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ringlight.cli.arguments import Device, MaybeFolder, MaybeReal, MaybeWhole, ModelPath
+from ringlight.cli.arguments import Device, MaybeFolder, ModelPath
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
 from ringlight.errors import RecipeError
@@ -34,7 +34,7 @@ class RenderArguments:
     """Where the camera goes. All but test need nothing but the model file."""
     scene: MaybeFolder = None
     """Folder of photographs that brings the test views; by default the model's own."""
-    frames: MaybeWhole = None
+    frames: int | None = None
     """Number of frames: 120 for orbit and interpolated; of the test and training views at most this many."""
     layers: tuple[Layer, ...] = ("color",)
     """What to show."""
@@ -46,9 +46,9 @@ class RenderArguments:
     """Also make an mp4 of each layer; needs the [video] extra."""
     fps: float = 30.0
     """Frames a second of the mp4."""
-    width: MaybeWhole = None
+    width: int | None = None
     """Width of the pictures, pixels; by default as trained."""
-    scale: MaybeReal = None
+    scale: float | None = None
     """Or a factor on width and height."""
     zoom: float = 1.0
     """Factor on the focal length; 0.7 brings back a subject that an orbit cuts at the frame's edge."""

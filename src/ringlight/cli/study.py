@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from ringlight.cli.arguments import MaybeFolder, MaybeWhole, Net
+from ringlight.cli.arguments import MaybeFolder, Net
 from ringlight.cli.fitting import ReaderOptions, fit
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.parse import parse, refuse
@@ -42,7 +42,7 @@ class StudyArguments:
     options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
     base: Literal["ringlight-paper", "ringlight"] = "ringlight-paper"
     """What the variants change: the paper's settings, or ours."""
-    steps: MaybeWhole = None
+    steps: int | None = None
     """Training steps of each run; by default the method's own, 30000."""
     seeds: int = 2
     """Runs of each variant, with seeds 0, 1, ...; the table shows mean and standard deviation."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from ringlight.cli.arguments import Device, MaybeFolder, MaybeWhole
+from ringlight.cli.arguments import Device, MaybeFolder
 from ringlight.cli.fitting import ReaderOptions, check_steps, fit
 from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.gpu_build import tell_of_build
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ringlight.measure.report import Report
     from ringlight.runs.session import Session
 
+OneFlagEach = tyro.conf.FlagCreatePairsOff
+
 
 @dataclass(frozen=True)
 class TrainArguments:
@@ -35,17 +37,17 @@ class TrainArguments:
     scene: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SCENE")]
     """Folder of photographs with cameras: COLMAP, Blender/NeRF-Synthetic or nerfstudio layout."""
     method: Method
-    options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
-    reader: Annotated[ReaderOptions, tyro.conf.arg(name="")] = field(default_factory=ReaderOptions)
+    options: Annotated[SceneOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=SceneOptions)
+    reader: Annotated[ReaderOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=ReaderOptions)
     out: MaybeFolder = None
     """Run folder to make; by default runs/SCENE-METHOD."""
     seed: int = 0
     """Same seed, same machine kind: the same bits."""
     device: Device = "auto"
     """Rasterizer: auto is the fastest that this machine has; reference is slow, plain torch."""
-    resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
+    resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
     """Go on with this run, in place of SCENE and METHOD; it keeps its recipe, scene and seed."""
-    verify: MaybeWhole = None
+    verify: int | None = None
     """Write nothing: do this many steps four times, in other circumstances each time, and compare all bits."""
 
 
@@ -60,7 +62,7 @@ class ResumeArguments:
 
 RESUMED = {"--resume"} | flags_of(ReaderOptions)
 KNOWN = (flags_of(TrainArguments) | flags_of(ReaderOptions) | flags_of(SceneOptions) | {"--help"}).union(
-    *(flags_of(recipe) for recipe in METHODS.values())
+    *(flags_of(recipe, in_pairs=True) for recipe in METHODS.values())
 )
 """Flags of any method: which of them goes with which is for the parser to say."""
 
@@ -78,7 +80,7 @@ def _start(arguments: list[str]) -> int:
             method_named(arguments[1])
         except RecipeError as error:
             refuse("train", str(error))
-    asked = parse(TrainArguments, "train", arguments)
+    asked = parse(TrainArguments, "train", arguments, in_pairs=True)
     preset = preset_of(arguments, asked.method)
     recipe: Any = asked.method
     check_steps(asked.reader, recipe.steps)

@@ -78,7 +78,7 @@ class RingLightRecipe:
     field_epsilon: float = 1e-15
     """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
     antialiased: bool | None = None
-    """Rasterize with the opacity compensation of Mip-Splatting. By default only where shading is deferred."""
+    """Rasterize with the opacity compensation of Mip-Splatting; where this is left open only with deferred shading."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     light: RingLightSettings = field(default_factory=lambda: OURS)

@@ -80,8 +80,7 @@ class RingLightMirrorRecipe:
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0, drop_share=0.3))
-    """Adaptive density control, without opacity resets, which would tear the surface open. ``max_gaussians`` 0: one for
-    every seven pixels of a photograph, or 10,000 if that is more and there are as many pixels."""
+    """Adaptive density control, without opacity resets, which would tear the surface open."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
     """What is compared with the photographs."""
 
