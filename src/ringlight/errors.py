@@ -41,3 +41,7 @@ class DivergedError(RinglightError):
 
 class BackendError(RinglightError):
     """A rasterizer or an optional library is not available on this machine."""
+
+
+class FallbackWarning(UserWarning):
+    """Something slower takes the place of what this machine has but cannot use; the message says why."""

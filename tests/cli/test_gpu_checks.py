@@ -3,13 +3,16 @@
 import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from command import Command
 
 from ringlight.cli import checks
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.gpu_checks import gpu_findings
 from ringlight.cli.gpu_facts import GpuFacts, gather, version_in
+from ringlight.rasterize import choose
 
 READY = GpuFacts(
     driver=True,
@@ -108,12 +111,38 @@ def test_gathering_on_this_machine_does_not_raise():
     assert list(gpu_findings(facts))
 
 
-def test_a_gsplat_that_cannot_be_imported_does_not_stop_doctor(tmp_path, monkeypatch):
+@pytest.fixture
+def damaged_gsplat(tmp_path, monkeypatch):
+    """A package of that name that cannot be imported."""
     (tmp_path / "gsplat").mkdir()
     (tmp_path / "gsplat" / "__init__.py").write_text("raise OSError('libcudart.so: cannot open shared object file')")
     monkeypatch.syspath_prepend(tmp_path)
     for name in [name for name in sys.modules if name.partition(".")[0] == "gsplat"]:
         monkeypatch.delitem(sys.modules, name)
+
+
+@pytest.mark.usefixtures("damaged_gsplat")
+def test_where_gsplat_cannot_be_loaded_the_cpu_draws_and_a_sentence_says_why(
+    monkeypatch, trained: dict[str, Path], ringlight: Command
+):
+    monkeypatch.setattr(choose, "has_gpu", lambda: True)
+    choose._gsplat_works.cache_clear()
+    words = ("eval", trained["3dgs"] / "model.safetensors", "--lpips", "--quiet")
+    done = ringlight(*words)
+    choose._gsplat_works.cache_clear()
+    assert done.code == 0, done.err
+    *_, last = done.err.splitlines()
+    assert last.startswith(
+        "warning: the CPU draws, since gsplat, which draws on the GPU, cannot be loaded (libcudart.so"
+    )
+    assert last.endswith("--device cuda insists on the GPU")
+    insisted = ringlight(*words, "--device", "cuda")
+    assert insisted.code == 1
+    assert "libcudart.so" in insisted.err
+
+
+@pytest.mark.usefixtures("damaged_gsplat")
+def test_a_gsplat_that_cannot_be_imported_does_not_stop_doctor():
     facts = gather()
     assert facts.gsplat is None
     assert list(gpu_findings(facts))

@@ -7,9 +7,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from ringlight.errors import BackendError
+from ringlight.errors import BackendError, FallbackWarning
 from ringlight.rasterize import choose
 from ringlight.rasterize.choose import rasterizer_for
+
+
+@pytest.fixture(autouse=True)
+def forgotten():
+    """What was found out about gsplat in these environments concerns no other test."""
+    choose._gsplat_works.cache_clear()
+    yield
+    choose._gsplat_works.cache_clear()
 
 
 def test_reference_is_always_there():
@@ -46,21 +54,50 @@ def test_an_old_gsplat_is_refused(monkeypatch):
         rasterizer_for("cuda")
 
 
-@pytest.mark.parametrize("kernels", [None, RuntimeError("nvcc not found\nmore")])
-def test_kernels_that_cannot_be_built_point_to_the_doctor(monkeypatch, kernels):
+def gsplat_without_kernels(monkeypatch, kernels: Exception | None) -> list[str]:
+    """A GPU and gsplat, whose kernels fail to build with ``kernels``, or are None; returns what will be imported."""
     monkeypatch.setattr(choose, "has_gpu", lambda: True)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
     monkeypatch.setitem(sys.modules, "gsplat", SimpleNamespace(__version__="1.5.3"))
+    asked, others = [], importlib.import_module
 
     def load(name: str):
-        if name == "gsplat":
-            return sys.modules[name]
+        asked.append(name)
+        if name != "gsplat.cuda._backend":
+            return others(name)
         if kernels is not None:
             raise kernels
         return SimpleNamespace(_C=None)
 
     monkeypatch.setattr(importlib, "import_module", load)
+    return asked
+
+
+@pytest.mark.parametrize("kernels", [None, RuntimeError("nvcc not found\nmore")])
+def test_kernels_that_cannot_be_built_point_to_the_doctor(monkeypatch, kernels):
+    gsplat_without_kernels(monkeypatch, kernels)
     with pytest.raises(BackendError, match="ringlight doctor"):
         rasterizer_for("cuda")
+
+
+def test_a_damaged_gsplat_is_one_sentence(monkeypatch):
+    def load(name: str):
+        raise OSError("libcudart.so: no such file\nmore")
+
+    monkeypatch.setattr(choose, "has_gpu", lambda: True)
+    monkeypatch.setattr(importlib, "import_module", load)
+    with pytest.raises(BackendError, match=r"cannot be loaded \(libcudart.so: no such file\); install"):
+        rasterizer_for("cuda")
+
+
+@pytest.mark.parametrize("kernels", [None, RuntimeError("nvcc not found\nmore")])
+def test_auto_takes_the_cpu_where_gsplat_cannot_be_built_and_says_why_once(monkeypatch, kernels):
+    asked = gsplat_without_kernels(monkeypatch, kernels)
+    with pytest.warns(FallbackWarning, match=r"the CPU draws, since .*gsplat.*--device cuda insists") as told:
+        assert rasterizer_for("auto").name == "cpu"
+    assert len(told) == 1
+    assert rasterizer_for("auto").name == "cpu", "without a second warning, which would be an error here"
+    assert asked.count("gsplat.cuda._backend") == 1, "a build that failed takes minutes"
 
 
 def test_cuda_is_what_auto_takes_where_it_can(monkeypatch):

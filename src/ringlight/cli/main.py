@@ -7,14 +7,16 @@ Each verb is a module of this folder, imported only when it is asked for: ``--he
 import errno
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ringlight import __version__
-from ringlight.errors import RinglightError
+from ringlight.errors import FallbackWarning, RinglightError
 
 WRONG_INPUT, WRONG_USAGE, INTERRUPTED = 1, 2, 130
 
@@ -68,7 +70,8 @@ def run(arguments: list[str]) -> int:
 
 def _run_verb(verb: Verb, arguments: list[str]) -> int:
     try:
-        return int(import_module(f"ringlight.cli.{verb.module}").main(arguments) or 0)
+        with _warnings_as_sentences():
+            return int(import_module(f"ringlight.cli.{verb.module}").main(arguments) or 0)
     except SystemExit as stop:
         # The parser of the command line ends so: 0 after --help, 2 after its own sentence.
         return int(stop.code or 0)
@@ -82,6 +85,23 @@ def _run_verb(verb: Verb, arguments: list[str]) -> int:
         return _complain(NO_MEMORY, WRONG_INPUT)
     except OSError as error:
         return _system_refused(error)
+
+
+@contextmanager
+def _warnings_as_sentences() -> Iterator[None]:
+    """Inside the block our own warnings are a line on standard error each, without Python's place in the source."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", FallbackWarning)
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *place: Any, **where: Any) -> None:
+            if issubclass(category, FallbackWarning):
+                sys.stderr.write(f"warning: {message}\n")
+            else:
+                others(message, category, *place, **where)
+
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
 
 
 def is_out_of_memory(error: BaseException) -> bool:

@@ -1,10 +1,12 @@
 """From the name a user gave to a back end, or to the sentence that says why there is none."""
 
+import functools
 import importlib
 import importlib.util
+import warnings
 from collections.abc import Callable
 
-from ringlight.errors import BackendError
+from ringlight.errors import BackendError, FallbackWarning
 from ringlight.rasterize.contract import Rasterizer
 
 
@@ -12,6 +14,8 @@ def rasterizer_for(name: str = "auto") -> Rasterizer:
     """The back end called ``name``: "cuda", "cpu", "reference", or "auto" for the fastest that works on this machine.
 
     Where gsplat's kernels have not been built yet, "cuda", and "auto" on a machine with a GPU and gsplat, builds them.
+
+    Where that fails "auto" falls back to the CPU with a :class:`FallbackWarning`.
 
     Raises :class:`BackendError` where the name is unknown or the back end cannot run here.
     """
@@ -21,9 +25,22 @@ def rasterizer_for(name: str = "auto") -> Rasterizer:
 
 
 def _automatic() -> Rasterizer:
-    if has_gpu() and importlib.util.find_spec("gsplat") is not None:
+    if has_gpu() and importlib.util.find_spec("gsplat") is not None and _gsplat_works():
         return _cuda()
     return host_rasterizer()
+
+
+@functools.cache
+def _gsplat_works() -> bool:
+    """Whether its kernels are there, after building them if need be; warns once, since builds that fail take minutes
+    too."""
+    try:
+        _cuda()
+    except BackendError as error:
+        sentence = f"the CPU draws, since {error}; --device cuda insists on the GPU"
+        warnings.warn(FallbackWarning(sentence), stacklevel=3)
+        return False
+    return True
 
 
 def host_rasterizer() -> Rasterizer:

@@ -34,8 +34,9 @@ def compiled_gsplat() -> Any:
     """
     try:
         gsplat = importlib.import_module("gsplat")
-    except ImportError as error:
-        raise BackendError(f"gsplat, which draws on the GPU, cannot be loaded ({error}); {INSTALL}") from error
+    except Exception as error:  # whatever a damaged package raises
+        reason = _first_line(error)
+        raise BackendError(f"gsplat, which draws on the GPU, cannot be loaded ({reason}); {INSTALL}") from error
     number = version_of(gsplat.__version__)
     if number < OLDEST_GSPLAT:
         oldest = ".".join(map(str, OLDEST_GSPLAT))
@@ -44,11 +45,14 @@ def compiled_gsplat() -> Any:
         try:
             kernels = importlib.import_module("gsplat.cuda._backend")._C
         except Exception as error:  # whatever a compiler's failure raises: its own words follow
-            reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-            raise BackendError(f"gsplat's kernels cannot be built ({reason}); {DIAGNOSIS}") from error
+            raise BackendError(f"gsplat's kernels cannot be built ({_first_line(error)}); {DIAGNOSIS}") from error
     if kernels is None:
         raise BackendError(f"gsplat found no CUDA toolkit to build its kernels with; {DIAGNOSIS}")
     return gsplat
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 def version_of(text: str) -> tuple[int, ...]:
