@@ -13,7 +13,7 @@ print(torch.cuda.get_device_name().lower().replace(" ", "-"))')
 
 ringlight doctor
 "$python" -m pytest -n 0 -m cuda tests
-"$python" -m pytest -n 0 tests/fields/test_*_triton.py tests/rasterize/test_*_triton.py tests/color/test_*_triton.py tests/fit/test_*_triton.py
+"$python" -m pytest -n 0 tests/*/test_*_triton.py
 
 # --seconds bounds each: together about four minutes.
 ringlight bench raster --device cuda --sizes 100k@400 300k@800 --seconds 10 --save "gpu-$name-raster"

@@ -1,4 +1,4 @@
-// Adam on many parameters at once. Kingma & Ba 2015, algorithm 1, with epsilon outside the bias correction as torch has it.
+// Adam on many parameters at once. Kingma & Ba 2015, algorithm 1, with epsilon outside the bias correction, as torch.
 #pragma once
 #include <cstddef>
 

@@ -16,8 +16,8 @@ struct AdamFactors {
   }
 };
 
-// Returns how many elements were left as they were, because any of theirs would not be finite afterwards. Never inlined:
-// the gradient is rounded before it gets here, whoever makes it, so that all callers give the same bits.
+// Returns how many elements were left as they were, because any of theirs would not be finite afterwards. Never
+// inlined: the gradient is rounded before it gets here, whoever makes it, so that all callers give the same bits.
 [[gnu::noinline]] std::size_t adam_update(const AdamRows& rows, const float* gradient, const AdamFactors& factors,
                                           std::size_t count) {
   const auto [rate, correction, keep1, keep2, epsilon] = factors;

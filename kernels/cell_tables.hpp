@@ -1,6 +1,6 @@
 // The ring's tables as kernels read them, and one Gaussian's components (or elements of matrices) in them. Floats are
-// read where they are; where Terms are pairs, each cell holds what its interpolation multiplies, in half the cache lines.
-// Include from kernels/isa/*.cpp alone, see simd.hpp.
+// read where they are; where Terms are pairs, each cell holds what its interpolation multiplies, in half the cache
+// lines. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "arena.hpp"
 #include "lane_tables.hpp"
@@ -11,8 +11,8 @@ namespace ringlight::RINGLIGHT_ISA {
 
 constexpr int TILE = 4;  // rows and columns of a matrix that fill one Vec
 
-// Whether matrices are multiplied tile by tile, see ring_tiles.hpp: where there are pairs, and for ranks whose tiles fill
-// whole Vecs of them.
+// Whether matrices are multiplied tile by tile, see ring_tiles.hpp: where there are pairs, and for ranks whose tiles
+// fill whole Vecs of them.
 template <class Terms>
 static inline bool in_tiles(const RingShape& shape) {
   return numbers_of<Terms> == 2 && !shape.diagonal && (shape.rank == 4 || shape.rank == 8 || shape.rank == 16);
@@ -84,7 +84,8 @@ static inline CellTables pack_tables(const RingShape& shape, const RingParameter
   } else {
     const int rank = shape.rank, tiles = rank / TILE;
     if (!in_tiles<Terms>(shape))
-      return pack_cells<Terms>(shape, from, arena, [](const float* node, int first, auto part) { return part.from(node + first); });
+      return pack_cells<Terms>(shape, from, arena,
+                               [](const float* node, int first, auto part) { return part.from(node + first); });
     return pack_cells<Terms>(shape, from, arena, [rank, tiles](const float* node, int first, auto) {
       const int tile = first / LANES;
       return Terms::load_quarters(node + tile / tiles * TILE * rank + tile % tiles * TILE, rank);

@@ -28,8 +28,8 @@ constexpr int terms_of(int numbers) {
   return (numbers + numbers_of<Terms> - 1) / numbers_of<Terms>;
 }
 
-// Outputs of the next panel, of so many that are left. One of four has too few sums to hide a multiply-add's latency, so
-// that the last two share what they have; all but the last are even, for outputs to make pairs.
+// Outputs of the next panel, of so many that are left. One of four has too few sums to hide a multiply-add's latency,
+// so that the last two share what they have; all but the last are even, for outputs to make pairs.
 constexpr int panel_width(int left) {
   constexpr int FEW = 6;
   return left <= PANEL ? left : MANY_REGISTERS && left < PANEL + FEW ? PANEL - 4 : PANEL;

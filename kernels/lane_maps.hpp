@@ -128,7 +128,8 @@ static void read_level(const Level& level, const LevelPoints& at, int stride, fl
 RINGLIGHT_INLINE void add_quad(float* to, Quad value) { store_quad(to, load_quad(to) + value); }
 
 // Adds the gradient of a level's features, lane after lane, to `map`.
-static inline void add_to_level(float* map, int side, int features, const LevelPoints& at, int stride, const float* lanes) {
+static inline void add_to_level(float* map, int side, int features, const LevelPoints& at, int stride,
+                                const float* lanes) {
   const int right = features, below = side * features;
   alignas(64) float values[LANES * QUAD];
   for (int first = 0; first < features; first += QUAD) {

@@ -1,9 +1,9 @@
-// Which items of a backward pass are computed. An item is drawn with a chance in proportion to its upstream gradient, up
-// to certainty, and what is drawn counts 1 / chance: the expectation is the whole gradient, most of which a few items hold
-// (importance sampling). Chances are laid end to end and one is drawn at every unit from a random start, so that among
-// neighbours in any place the right number is drawn (systematic sampling). The start is made of the bits of the gradients'
-// sum, which are new every step: nothing to hand in or to keep, and the same bits for any number of threads.
-// src/ringlight/core/lot.py is the twin. static: every instruction set has its own copy, see simd.hpp.
+// Which items of a backward pass are computed. An item is drawn with a chance in proportion to its upstream gradient,
+// up to certainty, and what is drawn counts 1 / chance: the expectation is the whole gradient, most of which a few
+// items hold (importance sampling). Chances are laid end to end and one is drawn at every unit from a random start, so
+// that among neighbours in any place the right number is drawn (systematic sampling). The start is made of the bits of
+// the gradients' sum, which are new every step: nothing to hand in or to keep, and the same bits for any number of
+// threads. src/ringlight/core/lot.py is the twin. static: every instruction set has its own copy, see simd.hpp.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -11,8 +11,8 @@
 
 namespace ringlight {
 
-// dL/dcolor of `item` is at values[item * item_stride + c * channel_stride], c from 0 to 2. `colors`, if any, lie in the
-// same way: where one is not between 0 and 1 it was clamped, and hands nothing on.
+// dL/dcolor of `item` is at values[item * item_stride + c * channel_stride], c from 0 to 2. `colors`, if any, lie in
+// the same way: where one is not between 0 and 1 it was clamped, and hands nothing on.
 struct ColorGradient {
   const float* values;
   std::size_t item_stride, channel_stride;
@@ -49,8 +49,9 @@ static inline std::uint64_t random_start(float seed) {
   return mixed ^ mixed >> 16;
 }
 
-// Keeps the drawn ones of `items`, in order, and what each counts; returns how many. At most `share` of those that have a
-// gradient are expected; those that have none are never kept, and all others are if share is 1, or a gradient is no number.
+// Keeps the drawn ones of `items`, in order, and what each counts; returns how many. At most `share` of those that have
+// a gradient are expected; those that have none are never kept, and all others are if share is 1, or a gradient is no
+// number.
 static inline std::size_t draw_lots(const ColorGradient& gradient, double share, std::size_t count, std::int32_t* items,
                                     float* weights) {
   std::size_t sloped = 0;

@@ -1,5 +1,5 @@
-// What Gaussians emit for deferred shading, row by row as the rasterizer takes it: base colour, unit normal turned towards
-// the camera, latents, depth (src/ringlight/color/mirror.py is the twin).
+// What Gaussians emit for deferred shading, row by row as the rasterizer takes it: base colour, unit normal turned
+// towards the camera, latents, depth (src/ringlight/color/mirror.py is the twin).
 #pragma once
 #include <cstddef>
 
@@ -24,7 +24,8 @@ struct MirrorScene {
   float smallest_length;  // of a normal that has a direction
 };
 
-// channels [N 7 + latents]. The backward pass returns whether any depth had a gradient; `to.means` is the depths' alone.
+// channels [N 7 + latents]. The backward pass returns whether any depth had a gradient; `to.means` is that of the
+// depths alone.
 #define RINGLIGHT_MIRROR(isa) \
   namespace isa { \
   void mirror_channels(const MirrorScene&, const MirrorColumns<const float>&, float* channels); \

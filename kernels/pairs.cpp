@@ -66,7 +66,8 @@ PairCounts count_tile(const Frame& frame, int number) {
 
 PairCounts count_pairs(const Frame& frame) {
   std::vector<PairCounts> tiles(static_cast<std::size_t>(frame.tile_count));
-  parallel_for(tiles.size(), [&](std::size_t i) { tiles[i] = count_tile(frame, static_cast<int>(frame.tile_order[i])); });
+  parallel_for(tiles.size(),
+               [&](std::size_t i) { tiles[i] = count_tile(frame, static_cast<int>(frame.tile_order[i])); });
   PairCounts total{0, 0};
   for (const PairCounts& tile : tiles) {
     total.evaluated += tile.evaluated;

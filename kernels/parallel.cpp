@@ -20,7 +20,7 @@ namespace ringlight {
 namespace {
 
 constexpr std::chrono::microseconds PATIENCE{100};  // a little more than the usual gap between two loops of one step
-constexpr int MOST_THREADS = 1024;                  // more than any machine has cores: a slip of the keyboard must not pass
+constexpr int MOST_THREADS = 1024;  // more than any machine has cores: a slip of the keyboard must not pass
 
 int cores() {
   cpu_set_t set;

@@ -50,8 +50,8 @@ struct LateColors {
   std::size_t scratch;  // floats
 };
 inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
-// Colours differ by at most 1, so that the picture differs by less than a step of 8 bits: as much as by a Gaussian that is
-// too faint to be drawn.
+// Colours differ by at most 1, so that the picture differs by less than a step of 8 bits: as much as by a Gaussian that
+// is too faint to be drawn.
 inline constexpr float DIM = 1 / 256.f;
 
 struct Footprints {
@@ -170,8 +170,8 @@ struct Frame : TileLists {
 };
 
 // Channels that the blending kernels are compiled for; narrower images are padded. Ten and the six moments fill a slot
-// of one cache line; eleven are what deferred shading blends. Wider ones take the general kernel, which keeps the weights
-// and adds up CHANNEL_GROUP channels at a time: more would not fit the registers.
+// of one cache line; eleven are what deferred shading blends. Wider ones take the general kernel, which keeps the
+// weights and adds up CHANNEL_GROUP channels at a time: more would not fit the registers.
 inline constexpr int WIDE = 0, CHANNEL_GROUP = 8;
 constexpr int kernel_channels(int channels) {
   constexpr int COMPILED[] = {1, 3, 4, 8, 10, 11};

@@ -41,7 +41,7 @@ bool all_zero(const float* values, std::size_t count) {
 // The last channels whose gradient is zero everywhere are left out: a depth that only a shader looks at, say. Those of
 // few channels stay, for the kernels that expect them in the records cannot be had with others behind them.
 int sloped_channels(const Frame& frame, const float* image_gradient) {
-  const std::size_t plane = static_cast<std::size_t>(frame.camera.width) * static_cast<std::size_t>(frame.camera.height);
+  const std::size_t plane = std::size_t(frame.camera.width) * std::size_t(frame.camera.height);
   int channels = frame.splats.channel_count;
   const auto last = [&] { return image_gradient + (static_cast<std::size_t>(channels) - 1) * plane; };
   while (channels > RECORD_CHANNELS + 1 && all_zero(last(), plane)) channels--;
@@ -71,8 +71,8 @@ void Workspace::await_colors(const LateColors* late) {
   frame_.late_broken = &late_broken_;
 }
 
-// Each worker needs the states of a tile's blocks and, forward, a chunk's rows and weights; backward, one row of channels
-// and the weights of its blocks.
+// Each worker needs the states of a tile's blocks and, forward, a chunk's rows and weights; backward, one row of
+// channels and the weights of its blocks.
 void Workspace::reserve_scratch() {
   const int channels = frame_.splats.channel_count;
   const auto floats = [](int n) { return static_cast<std::size_t>(n); };

@@ -2,8 +2,8 @@
 // enough. The surface is what was blended over alpha; the features are octahedral maps' in the direction, seen from the
 // centre of a sphere, of the point where the reflected ray leaves it (src/ringlight/shade/reflection.py is the twin).
 //
-// Nothing is kept between forward and backward: the backward pass recomputes, for a share of the pixels, above 0, that is
-// drawn by lot (lot.hpp). All pixels hand on the gradient of rgb that does not go by the network.
+// Nothing is kept between forward and backward: the backward pass recomputes, for a share of the pixels, above 0, that
+// is drawn by lot (lot.hpp). All pixels hand on the gradient of rgb that does not go by the network.
 #pragma once
 #include <cstddef>
 #include <cstdint>

@@ -1,5 +1,5 @@
-// A group of covered pixels on its way through the reflection shader: the forward pass, with everything that the backward
-// pass needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
+// A group of covered pixels on its way through the reflection shader: the forward pass, with everything that the
+// backward pass needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "arena.hpp"
 #include "reflection_pixels.hpp"
@@ -36,8 +36,8 @@ static inline ReflectionTables prepare(const ReflectionShape& shape, const Refle
   for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(inputs)) * outputs);
-    if (to) tables.layers[layer] = pack<FastTerms>(from.mlp[layer].weight, inputs, 1, from.mlp[layer].bias, outputs, inputs,
-                                                   to);
+    const auto& weights = from.mlp[layer];
+    if (to) tables.layers[layer] = pack<FastTerms>(weights.weight, inputs, 1, weights.bias, outputs, inputs, to);
   }
   for (int shell = 0; shell < shape.shells; shell++) {
     for (int level = 0; level < shape.levels; level++) {

@@ -47,7 +47,8 @@ RINGLIGHT_INLINE void put(float* plane, const PixelLanes& at, Vec values) {
 
 // Asks for the planes at the pixels of a group that comes next: a dozen streams are more than the processor foresees.
 static inline void prefetch_planes(const ReflectionShape& shape, const ReflectionView& view,
-                                   const ReflectionBuffers<const float>& buffers, const std::int32_t* pixels, int count) {
+                                   const ReflectionBuffers<const float>& buffers, const std::int32_t* pixels,
+                                   int count) {
   const std::size_t plane = static_cast<std::size_t>(view.width) * view.height;
   const auto ask = [&](const float* planes, int planes_count) {
     for (int c = 0; c < planes_count; c++, planes += plane)

@@ -6,8 +6,8 @@
 //
 // and l the Gaussian's latents, values of its own that have no other meaning; the paper has none.
 //
-// Nothing is kept between forward and backward: the backward pass recomputes, for rows with a gradient only, and of these
-// for a share.
+// Nothing is kept between forward and backward: the backward pass recomputes, for rows with a gradient only, and of
+// these for a share.
 #pragma once
 #include <cstddef>
 #include <cstdint>

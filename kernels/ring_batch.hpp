@@ -18,8 +18,8 @@ static inline bool by_rows(const RingShape& shape) {
   return shape.rank == ROW_RANK && !shape.diagonal && !in_tiles<FastTerms>(shape);
 }
 
-// The dense layers in the order of use, and the tables; these are the parameters' own but for diagonal matrices, and those
-// in tiles. `core` is the core's weights in the order of tiles, if matrices are.
+// The dense layers in the order of use, and the tables; these are the parameters' own but for diagonal matrices, and
+// those in tiles. `core` is the core's weights in the order of tiles, if matrices are.
 struct RingPanels {
   Panels core, modulation[2], render[3];
   CellTables tables;

@@ -8,8 +8,8 @@ namespace ringlight::RINGLIGHT_ISA {
 
 // One shard's sums, in the layout of its part of the workspace.
 struct ShardSums {
-  // As the tables, but each matrix of an axis is transposed if the ring is evaluated by rows, and all of them, the core's
-  // too, lie tile after tile if it is in tiles.
+  // As the tables, but each matrix of an axis is transposed if the ring is evaluated by rows, and all of them, the
+  // core's too, lie tile after tile if it is in tiles.
   float *axes, *view;
   LayerSums core, modulation[2], render[3];
 };

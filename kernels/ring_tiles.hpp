@@ -1,7 +1,7 @@
-// The ring's product and its gradient in pairs of bfloat16, one Gaussian at a time, for ranks 4, 8 and 16: a tile of 4 x 4
-// elements is one Vec, four rows of four. In a product, tile (h, c) = sum over k of column k of rows 4 h .. 4 h + 3 times
-// row k of columns 4 c .. 4 c + 3: the one is a lane in each quarter, the other a quarter, and one multiply-add takes two k.
-// Include from kernels/isa/*.cpp alone, see simd.hpp.
+// The ring's product and its gradient in pairs of bfloat16, one Gaussian at a time, for ranks 4, 8 and 16: a tile of
+// 4 x 4 elements is one Vec, four rows of four. In a product, tile (h, c) = sum over k of column k of rows
+// 4 h .. 4 h + 3 times row k of columns 4 c .. 4 c + 3: the one is a lane in each quarter, the other a quarter, and one
+// multiply-add takes two k. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "ring_batch.hpp"
 #include "ring_sums.hpp"
@@ -15,8 +15,8 @@ struct TileUnit {
   static constexpr int TILES = SIDE * SIDE, FLOATS = MATRICES * TILES, PACKED = FLOATS / 2;  // Vecs
 };
 
-// A unit's matrices as factors. By rows: pairs of columns, for the left factor. By columns: pairs of rows, for the right
-// one. Tiles pair as 2 m and 2 m + 1: [h][m] by rows, [m][c] by columns.
+// A unit's matrices as factors. By rows: pairs of columns, for the left factor. By columns: pairs of rows, for the
+// right one. Tiles pair as 2 m and 2 m + 1: [h][m] by rows, [m][c] by columns.
 template <class Terms, int Rank>
 struct Factor {
   Terms pairs[TileUnit<Rank>::PACKED];
@@ -208,7 +208,10 @@ template <class Terms, int Rank, bool Keep>
 static void multiply_tiles(Batch& batch, const RingShape& shape, const CellTables& tables) {
   using Unit = TileUnit<Rank>;
   const GroupTables<Terms> from{
-      batch, shape, tables, {CellWeights<Terms>(cells_of(batch.halves[0])), CellWeights<Terms>(cells_of(batch.halves[1]))}};
+      batch,
+      shape,
+      tables,
+      {CellWeights<Terms>(cells_of(batch.halves[0])), CellWeights<Terms>(cells_of(batch.halves[1]))}};
   auto* const products = reinterpret_cast<Factor<Terms, Rank>*>(batch.packed_products);
   auto* const kept = reinterpret_cast<UnitTransposes<Terms, Rank>*>(batch.transposes);
   for (int unit = 0; unit < Unit::COUNT; unit++) {

@@ -1,5 +1,5 @@
-// Colour from spherical harmonics (src/ringlight/core/sh_basis.py) towards a camera, its gradient, and the update of the
-// coefficients.
+// Colour from spherical harmonics (src/ringlight/core/sh_basis.py) towards a camera, its gradient, and the update of
+// the coefficients.
 #pragma once
 #include <cstddef>
 
@@ -33,8 +33,8 @@ struct HarmonicsGradient {
   bool adds;
 };
 
-// `slopes` ([N, rounded up to 16, x 9], in an order of the kernels' own) may be null where no gradient is wanted. Colours
-// are clamped at black; a clamped one is negative zero.
+// `slopes` ([N, rounded up to 16, x 9], in an order of the kernels' own) may be null where no gradient is wanted.
+// Colours are clamped at black; a clamped one is negative zero.
 // `by_constant`: sh_gradient's; means, position and degree as they were then. sh_rest_adam returns what adam does.
 #define RINGLIGHT_HARMONICS(isa)                                                                          \
   namespace isa {                                                                                         \

@@ -350,7 +350,8 @@ struct Bf16Pairs {
   // Number i of both, side by side: for the first (Half 0) or the last (1) sixteen of the 32 numbers of each.
   template <int Half>
   __attribute__((always_inline)) static Bf16Pairs side_by_side(Bf16Pairs first, Bf16Pairs second) {
-    const __m512i order = _mm512_add_epi32(_mm512_set1_epi32(0x00200000 + 0x00100010 * Half), detail::every(0, 0x00010001));
+    const __m512i start = _mm512_set1_epi32(0x00200000 + 0x00100010 * Half);
+    const __m512i order = _mm512_add_epi32(start, detail::every(0, 0x00010001));
     return Vec((__m512)_mm512_permutex2var_epi16((__m512i)first.v, order, (__m512i)second.v));
   }
   // Quarter i from and to `stride` floats after quarter i - 1.

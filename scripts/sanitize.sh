@@ -1,7 +1,7 @@
 #!/bin/sh
-# Builds the kernels with the address and undefined-behaviour sanitizers, makes recorded calls of each of them again, and
-# runs their tests; called by make sanitize. ISAS chooses instruction sets, by default the best of this machine, AVX2 and
-# the generic one; TESTS=no leaves the tests out, which take most of the time.
+# Builds the kernels with the address and undefined-behaviour sanitizers, makes recorded calls of each of them again,
+# and runs their tests; called by make sanitize. ISAS chooses instruction sets, by default the best of this machine,
+# AVX2 and the generic one; TESTS=no leaves the tests out, which take most of the time.
 set -eu
 PYTHON=${PYTHON:-.venv/bin/python}
 PYTHON="$(cd "$(dirname "$PYTHON")" && pwd)/$(basename "$PYTHON")" # CMake wants it from the root

@@ -12,7 +12,8 @@ command -v "$PYTHON" >/dev/null 2>&1 ||
   stop "$("$PYTHON" --version 2>&1) is too old; ringlight needs 3.10 or newer: make setup PYTHON=/path/to/python3.11"
 "$PYTHON" -c 'import venv, ensurepip' 2>/dev/null ||
   stop "this Python cannot make virtual environments; install its venv package (Debian: apt install python3-venv)"
-"$PYTHON" -c 'import sysconfig, pathlib, sys; sys.exit(not (pathlib.Path(sysconfig.get_path("include")) / "Python.h").exists())' ||
+"$PYTHON" -c 'import os, sys, sysconfig
+sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' ||
   stop "the headers of this Python are missing; install them (Debian: apt install python3-dev)"
 cxx=${CXX:-}
 for candidate in c++ g++ clang++; do
@@ -38,7 +39,10 @@ if ! "$VENV/bin/python" -c "import torch" 2>/dev/null; then
     cpu_reason=$(PIP_RETRIES=0 pip install --extra-index-url https://download.pytorch.org/whl/cpu \
       "torch==$torch_version+cpu" 2>&1) || {
       say "ringlight: the CPU build is not to be had here; taking the registry's default build, which may be gigabytes"
-      pip install "torch==$torch_version" || { say "$cpu_reason"; stop "torch cannot be installed; pip's reasons are above"; }
+      pip install "torch==$torch_version" || {
+        say "$cpu_reason"
+        stop "torch cannot be installed; pip's reasons are above"
+      }
     }
   fi
 fi

@@ -1,5 +1,6 @@
-// Arrays as all kernels take them: contiguous, on the CPU, never converted. A training step passes seventy, so it counts
-// that torch shows a tensor through its exchange table in a twentieth of the time that a call of __dlpack__ takes.
+// Arrays as all kernels take them: contiguous, on the CPU, never converted. A training step passes seventy, so it
+// counts that torch shows a tensor through its exchange table in a twentieth of the time that a call of __dlpack__
+// takes.
 #pragma once
 #include <nanobind/ndarray.h>
 

@@ -175,7 +175,8 @@ void bind_field(nb::module_& module) {
              nb::arg("visible"), nb::arg("frame"), nb::arg("color"), nb::arg("color_gradient"), nb::arg("share"),
              nb::arg("gradients"), nb::arg("base_gradient"),
              nb::arg("latents_gradient"), nb::arg("workspace"),
-             "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, drawn by lot.");
+             "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, "
+             "drawn by lot.");
   nb::class_<LateRing, LateColors>(module, "LateRing",
                                    "The light field's colours, row by row when the blend needs them.")
       .def(nb::init<const std::vector<int>&, std::vector<Input>, Input, Input, Input, Input>(), nb::arg("shape"),

@@ -99,7 +99,8 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
   const auto tiles_along = [](int pixels) {
     return static_cast<std::size_t>((pixels + convention::TILE - 1) / convention::TILE);
   };
-  require(!horizon || (horizon->shape(0) == tiles_along(camera.height) && horizon->shape(1) == tiles_along(camera.width)),
+  require(!horizon ||
+              (horizon->shape(0) == tiles_along(camera.height) && horizon->shape(1) == tiles_along(camera.width)),
           "rasterizer: the horizon needs one depth per tile");
   const nb::gil_scoped_release unlocked;
   workspace.forward(camera, settings, splats, {image.data(), alpha.data()}, {means2d.data(), radii.data()},
@@ -215,9 +216,10 @@ void bind_raster(nb::module_& module) {
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
            "means2d"_a, "radii"_a, "horizon"_a = nb::none(), "late"_a = nb::none(),
-           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] holds "
-           "depths that an earlier picture of this view left, infinity for none; it changes time alone, and is renewed. Late "
-           "colours take the place of the table's channels where these can be seen; then there is no backward pass.")
+           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] "
+           "holds depths that an earlier picture of this view left, infinity for none; it changes time alone, and is "
+           "renewed. Late colours take the place of the table's channels where these can be seen; then there is no "
+           "backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
       .def_prop_ro("beyond_horizon", &beyond_horizon,

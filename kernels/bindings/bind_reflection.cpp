@@ -19,7 +19,8 @@ bool within(int value, int least, int most) { return least <= value && value <= 
 ReflectionShape shape_from(const std::vector<int>& sizes) {
   constexpr std::size_t FIXED = 8;
   require(sizes.size() > FIXED && sizes.size() <= FIXED + REFLECTION_MAX_LEVELS,
-          "reflection: a shape is hidden, layers, latents, shells, features, parallax, direction, depth_gradient, sides");
+          "reflection: a shape is hidden, layers, latents, shells, features, parallax, direction, depth_gradient, "
+          "sides");
   ReflectionShape shape{};
   shape.hidden = sizes[0], shape.layers = sizes[1];
   shape.latents = sizes[2], shape.shells = sizes[3], shape.features = sizes[4];
@@ -65,7 +66,8 @@ ReflectionParameters<Float> parameters_from(const ReflectionShape& shape, const 
 ReflectionView view_from(const std::vector<float>& numbers, std::size_t height, std::size_t width) {
   constexpr std::size_t MOST_SIDE = 1 << 13;  // MAX_IMAGE_SIDE: a pixel's number fits 32 bits
   require(height <= MOST_SIDE && width <= MOST_SIDE, "reflection: the image is too large");
-  require(numbers.size() == 23, "reflection: a view is rotation, focal, center, origin, scale, background, three bounds");
+  require(numbers.size() == 23,
+          "reflection: a view is rotation, focal, center, origin, scale, background, three bounds");
   ReflectionView view{};
   view.height = static_cast<int>(height), view.width = static_cast<int>(width);
   const float* from = numbers.data();
@@ -116,17 +118,20 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
   const auto to = buffers_from<float>(shape, view, plane_gradients, shape.depth_gradient);
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)(shape, weights, view, buffers, color_gradient.data(), share, sums, to);
+  RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)
+  (shape, weights, view, buffers, color_gradient.data(), share, sums, to);
 }
 
 }  // namespace
 
 void bind_reflection(nb::module_& module) {
   module.def("reflection_forward", &forward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
-             nb::arg("planes"), nb::arg("color"), "Shades the pixels that are opaque enough; the others keep their rgb.");
+             nb::arg("planes"), nb::arg("color"),
+             "Shades the pixels that are opaque enough; the others keep their rgb.");
   module.def("reflection_backward", &backward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
              nb::arg("planes"), nb::arg("color_gradient"), nb::arg("share"), nb::arg("gradients"),
-             nb::arg("plane_gradients"), "Gradients of all parameters and of the planes; by a share of the pixels, drawn by lot.");
+             nb::arg("plane_gradients"),
+             "Gradients of all parameters and of the planes; by a share of the pixels, drawn by lot.");
 }
 
 }  // namespace ringlight

@@ -71,7 +71,8 @@ std::size_t rest_adam(const Points& means, const Position& position, int degree,
   require(number >= 1, "sh_rest_adam: steps count from 1");
   const nb::gil_scoped_release unlocked;
   const auto run = RINGLIGHT_CHOSEN(sh_rest_adam);
-  return run(table, by_constant.data(), {rest.data(), mean.data(), square.data()}, {rate, beta1, beta2, epsilon, number});
+  return run(table, by_constant.data(), {rest.data(), mean.data(), square.data()},
+             {rate, beta1, beta2, epsilon, number});
 }
 
 }  // namespace

@@ -52,7 +52,8 @@ RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::ui
       if (C != WIDE && C <= RECORD_CHANNELS) continue;
       const std::size_t width = static_cast<std::size_t>(channels);
       const float* const from = frame.splats.channels + row * width;
-      prefetch_floats(frame.splats.channels + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * width, channels);
+      const std::size_t next = static_cast<std::uint32_t>(entries[ahead]);
+      prefetch_floats(frame.splats.channels + next * width, channels);
       for (int c = 0; c < channels; c += LANES)
         store(to + RECORD + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
     }
@@ -79,8 +80,8 @@ struct RowList {
 };
 
 // Adds weighted channels to one block: `blended` listed rows, whose weights are known, for each group of channels.
-RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t stride, const float* weights, int width,
-                                   float* color) {
+RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t stride, const float* weights,
+                                   int width, float* color) {
   for (int c = 0; c < width; c += CHANNEL_GROUP) {
     Vec sums[CHANNEL_GROUP];
 #pragma GCC unroll 8

@@ -1,5 +1,5 @@
-// Colours that the blend asks for when a row first touches a block that is not dark yet: of a dense scene most rows never
-// do, and a light field is dear. Which rows a tile asks for depends on this tile alone.
+// Colours that the blend asks for when a row first touches a block that is not dark yet: of a dense scene most rows
+// never do, and a light field is dear. Which rows a tile asks for depends on this tile alone.
 #pragma once
 #include "raster.hpp"
 

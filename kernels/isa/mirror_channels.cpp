@@ -20,8 +20,8 @@ RINGLIGHT_INLINE void take_columns(const float* rows, int width, int count, Vec*
   transpose(columns);
 }
 
-// The way back; `columns` are lost. Whole vectors are several times faster to store than parts: what lies beyond a row is
-// the next one's, which follows, as long as that is one of these.
+// The way back; `columns` are lost. Whole vectors are several times faster to store than parts: what lies beyond a row
+// is the next one's, which follows, as long as that is one of these.
 RINGLIGHT_INLINE void put_columns(float* rows, int width, int count, Vec* columns) {
   if (count == LANES && width == 3) return store_columns(rows, columns[0], columns[1], columns[2]);
   if (count == LANES && width == 4) return store_columns(rows, columns[0], columns[1], columns[2], columns[3]);

@@ -42,7 +42,7 @@ RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int c
   return seen;
 }
 
-// Channel gradients of one Gaussian, straight to its row, where they do not all lie in the first LANES floats of a slot.
+// Channel gradients of one Gaussian, straight to its row, where not all lie in the first LANES floats of a slot.
 RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::size_t stride, bool seen, float* to) {
   const SlotRange range = slots_of(frame, frame.pieces[row / ROWS_PER_PIECE], row);
   const float* const from = frame.slots + slot_moments(frame.settings.absgrad);
@@ -57,8 +57,8 @@ RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::siz
 }
 
 // Channel gradients of sixteen Gaussians row by row; `totals` as add_slots left them.
-RINGLIGHT_INLINE void write_channel_rows(const Frame& frame, float* to, std::size_t first, int count, std::size_t stride,
-                                         unsigned seen, const Vec* totals) {
+RINGLIGHT_INLINE void write_channel_rows(const Frame& frame, float* to, std::size_t first, int count,
+                                         std::size_t stride, unsigned seen, const Vec* totals) {
   const int channels = frame.sloped_channels, moments = slot_moments(frame.settings.absgrad);
   for (int i = 0; i < count; i++) {
     const std::size_t row = first + static_cast<std::size_t>(i);

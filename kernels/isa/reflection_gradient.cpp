@@ -1,6 +1,6 @@
-// The backward pass of the reflection shader. Of the covered pixels some are drawn by lot (lot.hpp), and dealt to a fixed
-// number of shards, each with sums of its own for the parameters, which are added in order: the same bits for any number
-// of threads.
+// The backward pass of the reflection shader. Of the covered pixels some are drawn by lot (lot.hpp), and dealt to a
+// fixed number of shards, each with sums of its own for the parameters, which are added in order: the same bits for any
+// number of threads.
 #include "lot.hpp"
 #include "parallel.hpp"
 #include "reflection.hpp"

@@ -13,7 +13,7 @@ constexpr float CLAMPED = -0.0f;           // a colour below black: shows as 0, 
 
 using Coefficients = Lanes[SH_REST];
 
-// Lines of a row are read out of order, which the processor does not foresee. Past the end of the table it does no harm.
+// Lines of a row are read out of order, which the processor does not foresee. Harmless past the end of the table.
 void prefetch_block(const float* rows) {
   constexpr int LINE = 16;  // floats
   for (int i = 0; i < SH_REST * LANES; i += LINE) __builtin_prefetch(rows + i);

@@ -100,7 +100,7 @@ def _warnings_as_sentences() -> Iterator[None]:
             else:
                 others(message, category, *place, **where)
 
-        warnings.showwarning = show  # type: ignore[assignment]
+        warnings.showwarning = show
         yield
 
 
