@@ -1,7 +1,7 @@
 """Calls of the compiled module, kept in a file and made again without torch: ``make valgrind`` runs this.
 
-    recorded_calls.py record FILE            train each method for a few steps, and keep what the kernels were asked
-    recorded_calls.py replay FILE MODULE     ask the module of that path the same, with numpy's arrays
+    recorded_calls.py record FILE           train each method for a few steps, draw, keep what the kernels were asked
+    recorded_calls.py replay FILE MODULE    ask the module of that path the same, with numpy's arrays
 
 torch under valgrind takes an hour before the first kernel, numpy a minute. Every array is memory of its own, as long as
 it must be, so that a read or a write beside it is seen.
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-CLASSES = ("Pinhole", "RasterSettings", "SplatTable", "SplatGradients", "Workspace")
+CLASSES = ("Pinhole", "RasterSettings", "SplatTable", "SplatGradients", "LateRing", "Workspace")
 
 STEPS = 3
 
@@ -80,7 +80,7 @@ def _real(value: Any) -> Any:
 
 
 def record(path: Path) -> int:
-    """Every function of the module must be among the calls."""
+    """Every function and class of the module must be among the calls."""
     from ringlight import _kernels
 
     log = Log()
@@ -100,7 +100,7 @@ def record(path: Path) -> int:
         setattr(_kernels, name, lambda *a, name=name, make=make, **named: Stand(log, name, make, a, named))
     _train_all()
     log.save(path)
-    left_out = set(functions) - {call["name"] for call in log.calls}
+    left_out = {*functions, *CLASSES} - {call["name"] for call in log.calls}
     print(f"{len(log.calls)} calls kept; never called: {', '.join(sorted(left_out)) or 'none'}")  # noqa: T201
     return int(bool(left_out))
 
@@ -111,6 +111,8 @@ SETTINGS = ("isa", "threads", "set_threads", "keep_freed_memory", "set_memory", 
 
 def _train_all() -> None:
     import dataclasses
+
+    import torch
 
     from ringlight.data.synthetic import tiny_scene
     from ringlight.fit.train import train
@@ -123,6 +125,9 @@ def _train_all() -> None:
             training = recipe.build(tiny_scene(views=3, size=24), rasterizer_for("cpu"), 0)
             for _ in train(training, direct):
                 pass
+            scene = training.batches.scene
+            with torch.no_grad():  # what nobody wants gradients of may be drawn in another way
+                training.model.render(scene.train[0].camera, scene.background_color)
 
 
 def replay(path: Path, module: Path) -> int:
