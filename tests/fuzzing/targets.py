@@ -37,6 +37,7 @@ from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
 from ringlight.runs.demo import PLAN_NAME, Demo
 from ringlight.runs.folder import RunFolder
+from ringlight.runs.opened import Opened, recorded_scene
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
 REFUSALS = RinglightError
@@ -136,7 +137,7 @@ def _training(method: str) -> Training:
 def _model(path: Path, method: str) -> None:
     training = _training(method)
     scene = training.batches.scene
-    header = model_header(method, _recipe(method), 3, scene_facts(scene))
+    header = model_header(method, _recipe(method), 3, scene_facts(scene, SceneOptions()))
     save_model(path, training.model, header, [view.camera for view in scene.train])
 
 
@@ -148,6 +149,7 @@ def model() -> Target:
         if stored.cameras:
             with torch.no_grad():
                 stored.model.render(stored.cameras[0].resized(8, 8), torch.ones(3))
+        recorded_scene(Opened(path, None, stored))
 
     wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in ("3dgs", "ringlight")]
     seeds = [(0, wholes[0]), *((0, _without_checksum(whole)) for whole in wholes)]
