@@ -50,6 +50,8 @@ struct LateColors {
   std::size_t scratch;  // floats
 };
 inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
+inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one
+inline constexpr float NOT_LIT = -1;   // in place of a better colour
 // Colours differ by at most 1, so that the picture differs by less than a step of 8 bits: as much as by a Gaussian that
 // is too faint to be drawn.
 inline constexpr float DIM = 1 / 256.f;
@@ -114,6 +116,7 @@ enum RecordField {
   CENTER_X, CENTER_Y, ALONG_X, ALONG_Y, ACROSS_Y, LOG2_OPACITY,
   FIRST_CHANNELS,  // up to RECORD_CHANNELS channels
   SHEAR = 10, SPREAD, REACH2, TURN,
+  LATE_FIRST, LATE_SECOND, LATE_THIRD = 9,  // of three channels: better ones (LateColors)
   RECORD = 16
 };
 inline constexpr int RECORD_CHANNELS = 4;
@@ -158,10 +161,9 @@ struct Frame : TileLists {
   float* slots;             // [slots slot_stride]
   std::uint8_t* slot_used;  // 1 where the slot was written
 
-  // Better colours: null, or where they come from; those that are known (late_colors.hpp).
+  // Better colours: null, or where they come from (late_colors.hpp).
   const LateColors* late;
-  float* late_colors;  // [N 4]
-  bool* late_broken;   // set where one is not finite
+  bool* late_broken;  // set where one is not finite
 
   // Memory of each worker.
   int workers;

@@ -61,16 +61,6 @@ void Workspace::make_room() {
   frame_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
 }
 
-void Workspace::await_colors(const LateColors* late) {
-  frame_.late = late;
-  if (!late) return;
-  const std::size_t floats = (LATE_CHANNELS + 1) * frame_.splats.count;
-  frame_.late_colors = late_colors_.reserve(floats);
-  if (floats) std::memset(frame_.late_colors, 0, floats * sizeof(float));
-  late_broken_ = false;
-  frame_.late_broken = &late_broken_;
-}
-
 // Each worker needs the states of a tile's blocks and, forward, a chunk's rows and weights; backward, one row of
 // channels and the weights of its blocks.
 void Workspace::reserve_scratch() {
@@ -115,7 +105,8 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   frame_.tiles_x = tiles_along(camera.width);
   frame_.tiles_y = tiles_along(camera.height);
   make_room();
-  await_colors(late);
+  late_broken_ = false;
+  frame_.late = late, frame_.late_broken = &late_broken_;
   reserve_scratch();
   Stopwatch watch(seconds_);
   RINGLIGHT_CHOSEN(project)(frame_, footprints);

@@ -38,7 +38,6 @@ class Workspace {
 
  private:
   void make_room();
-  void await_colors(const LateColors* late);
   std::uint64_t number_slots();
   void reserve_scratch();
   void blend_again(const Images& images);
@@ -51,7 +50,7 @@ class Workspace {
   DepthSort sort_;
   Horizon horizon_;
   Binning binning_, binning_again_;
-  Buffer<float> records_, final_transmittance_, slots_, scratch_, late_colors_;
+  Buffer<float> records_, final_transmittance_, slots_, scratch_;
   Buffer<std::uint32_t> tile_used_, tile_used_again_;
   Buffer<Placement> placements_;
   Buffer<Piece> pieces_;

@@ -129,20 +129,31 @@ static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring,
   batch.terms = arena.take(static_cast<std::size_t>(GROUP) * terms_of<FastTerms>(widest_layer(shape)));
 }
 
-// The group's rows of table[][width] as columns, [width][GROUP].
-static inline void gather_columns(const Batch& batch, const float* table, int width, float* columns) {
-  if (batch.consecutive && (width == 3 || width == 4)) {
-    for (int first = 0; first < GROUP; first += LANES) {
-      const float* from = table + (static_cast<std::size_t>(batch.rows[0]) + first) * width;
-      Vec column[4];
-      if (width == 3)
-        load_columns(from, column[0], column[1], column[2]);
-      else
-        load_columns(from, column[0], column[1], column[2], column[3]);
-      for (int c = 0; c < width; c++) store(columns + c * GROUP + first, column[c]);
-    }
-    return;
+// The group's rows of table[][Width] as columns, [Width][GROUP].
+template <int Width>
+static inline void gather_narrow(const Batch& batch, const float* table, float* columns) {
+  alignas(64) float copies[Width * GROUP];
+  const float* rows = table + static_cast<std::size_t>(batch.rows[0]) * Width;
+  if (!batch.consecutive) {
+    for (int lane = 0; lane < GROUP; lane++)
+      __builtin_memcpy(copies + lane * Width, table + static_cast<std::size_t>(batch.rows[lane]) * Width,
+                       Width * sizeof(float));
+    rows = copies;
   }
+  for (int first = 0; first < GROUP; first += LANES) {
+    Vec column[Width];
+    if constexpr (Width == 3)
+      load_columns(rows + first * Width, column[0], column[1], column[2]);
+    else
+      load_columns(rows + first * Width, column[0], column[1], column[2], column[3]);
+    for (int c = 0; c < Width; c++) store(columns + c * GROUP + first, column[c]);
+  }
+}
+
+// The same for any width.
+static inline void gather_columns(const Batch& batch, const float* table, int width, float* columns) {
+  if (width == 3) return gather_narrow<3>(batch, table, columns);
+  if (width == 4) return gather_narrow<4>(batch, table, columns);
   for (int lane = 0; lane < GROUP; lane++)
     for (int c = 0; c < width; c++)
       columns[c * GROUP + lane] = table[static_cast<std::size_t>(batch.rows[lane]) * width + c];

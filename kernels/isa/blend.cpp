@@ -44,8 +44,6 @@ RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::ui
       const std::size_t row = static_cast<std::uint32_t>(entries[k]);
       const std::uint32_t ahead = k + PREFETCH < last ? k + PREFETCH : last;
       __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * RECORD);
-      if (C == LATE_CHANNELS && frame.late)
-        __builtin_prefetch(late_color(frame, static_cast<std::uint32_t>(entries[ahead])));
       fields[i] = load(frame.records + row * RECORD);
       float* const to = chunk.rows + (first + i) * stride;
       store(to, fields[i]);
@@ -206,7 +204,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
     gather_chunk<C>(frame, tile, alive, {at, count, rows, masks});
     if (C == LATE_CHANNELS && frame.late) {
       const std::uint64_t bright = bright_blocks(alive, states, floats);
-      add_late_colors(frame, {frame.entries + at, masks, bright, count, rows}, of_light);
+      add_late_colors(frame, {frame.entries + at, masks, bright, count, tile.end - at, rows}, of_light);
     }
     for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
     for (std::uint64_t left = alive; left; left &= left - 1) {

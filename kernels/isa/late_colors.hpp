@@ -5,63 +5,69 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-// The last float of a row's four says whether the colour before it is known.
-constexpr int LATE_FLOATS = LATE_CHANNELS + 1;
-constexpr std::uint32_t KNOWN = 1;
+// Where a record keeps them.
+constexpr RecordField LATE_FIELDS[LATE_CHANNELS] = {LATE_FIRST, LATE_SECOND, LATE_THIRD};
 
-static inline float* late_color(const Frame& frame, std::uint32_t row) {
-  return frame.late_colors + LATE_FLOATS * static_cast<std::size_t>(row);
-}
-static inline std::uint32_t* late_mark(const Frame& frame, std::uint32_t row) {
-  return reinterpret_cast<std::uint32_t*>(late_color(frame, row) + LATE_CHANNELS);
+RINGLIGHT_INLINE float* record_of(const Frame& frame, std::uint32_t row) {
+  return frame.records + std::size_t{row} * RECORD;
 }
 
-// Another thread may work out the same row at the same time. Both write the same bits, and nobody reads them before the
-// mark that is set behind them.
-static inline void publish_colors(const Frame& frame, const std::int32_t* rows, int count, const float* colors) {
+RINGLIGHT_INLINE bool is_known(const float* record) {
+  float first;
+  __atomic_load(record + LATE_FIRST, &first, __ATOMIC_ACQUIRE);
+  return first != NOT_LIT;
+}
+
+// Another thread may work out the same row at the same time: both write the same bits, the first colour last, and nobody
+// uses the others before.
+RINGLIGHT_INLINE void publish(const Frame& frame, const std::int32_t* rows, int count, const float* colors) {
   float zero = 0;
   for (int i = 0; i < LATE_CHANNELS * count; i++) zero += colors[i] * 0.f;
   if (!(zero >= 0)) __atomic_store_n(frame.late_broken, true, __ATOMIC_RELAXED);
   for (int i = 0; i < count; i++) {
-    const auto row = static_cast<std::uint32_t>(rows[i]);
-    for (int c = 0; c < LATE_CHANNELS; c++)
-      __atomic_store(late_color(frame, row) + c, colors + LATE_CHANNELS * i + c, __ATOMIC_RELAXED);
-    __atomic_store_n(late_mark(frame, row), KNOWN, __ATOMIC_RELEASE);
+    float* const record = record_of(frame, static_cast<std::uint32_t>(rows[i]));
+    for (int c = LATE_CHANNELS - 1; c >= 0; c--)
+      __atomic_store(record + LATE_FIELDS[c], colors + LATE_CHANNELS * i + c, __ATOMIC_RELEASE);
   }
 }
 
-// What a chunk asks for: entries whose mask has a bright block.
+// What a chunk asks for: entries whose mask has a bright block. Behind its `count` entries lie the rest of the tile's.
 struct LateChunk {
   const std::uint64_t *entries, *masks;
   std::uint64_t bright;
   int count;
+  std::uint32_t left_in_tile;
   float* rows;  // copies of the records, [count RECORD]: where the colours go
 
-  std::uint32_t row(int i) const { return static_cast<std::uint32_t>(entries[i]); }
-  bool asks(int i) const { return (masks[i] & bright) != 0; }
+  std::uint32_t row(std::uint32_t i) const { return static_cast<std::uint32_t>(entries[i]); }
+  bool asks(std::uint32_t i) const { return (masks[i] & bright) != 0; }
 };
 
 // Nobody could foretell which entries ask, hence no branches on it.
 static void add_late_colors(const Frame& frame, const LateChunk& chunk, float* scratch) {
-  std::int32_t wanted[CHUNK];
+  std::int32_t wanted[CHUNK + LATE_GROUP];
   int held = 0;
-  for (int i = 0; i < chunk.count; i++) {
+  const auto want = [&](std::uint32_t i, bool asks) {
     wanted[held] = static_cast<std::int32_t>(chunk.row(i));
-    held += chunk.asks(i) & (__atomic_load_n(late_mark(frame, chunk.row(i)), __ATOMIC_ACQUIRE) != KNOWN);
-  }
+    held += asks & !is_known(record_of(frame, chunk.row(i)));
+  };
+  const auto count = static_cast<std::uint32_t>(chunk.count);
+  for (std::uint32_t i = 0; i < count; i++) want(i, chunk.asks(i));
+  // The rest of a group costs nothing, and what comes next is likely to ask.
+  for (std::uint32_t i = count; i < chunk.left_in_tile && held % LATE_GROUP; i++) want(i, true);
   for (int first = 0; first < held; first += LATE_ROWS) {
     float colors[LATE_CHANNELS * LATE_ROWS];
     const int lot = held - first < LATE_ROWS ? held - first : LATE_ROWS;
     frame.late->light(frame.late->source, wanted + first, lot, colors, scratch);
-    publish_colors(frame, wanted + first, lot, colors);
+    publish(frame, wanted + first, lot, colors);
   }
-  for (int i = 0; i < chunk.count; i++) {
-    const float* const from = late_color(frame, chunk.row(i));
+  for (std::uint32_t i = 0; i < count; i++) {
+    const float* const from = record_of(frame, chunk.row(i));
     float* const to = chunk.rows + i * RECORD + FIRST_CHANNELS;
     const bool lit = chunk.asks(i);
     for (int c = 0; c < LATE_CHANNELS; c++) {
       float color;
-      __atomic_load(from + c, &color, __ATOMIC_RELAXED);
+      __atomic_load(from + LATE_FIELDS[c], &color, __ATOMIC_RELAXED);
       to[c] = lit ? color : to[c];
     }
   }

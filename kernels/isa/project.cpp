@@ -104,7 +104,7 @@ RINGLIGHT_INLINE void write_records(const Frame& frame, std::size_t first, const
   Vec c[RECORD_CHANNELS];
   channel_columns(rows, c);
   Vec fields[RECORD] = {e.x, e.y, e.along_x, e.along_y, e.across_y, e.log2_opacity, c[0], c[1],
-                        c[2], c[3], e.shear, e.spread, e.reach2, e.turn, Vec(0.f), Vec(0.f)};
+                        c[2], c[3], e.shear, e.spread, e.reach2, e.turn, Vec(NOT_LIT), Vec(0.f)};
   transpose(fields);
   for (int i = 0; i < LANES; i++) store(frame.records + (first + static_cast<std::size_t>(i)) * RECORD, fields[i]);
 }
