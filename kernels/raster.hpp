@@ -48,6 +48,7 @@ struct LateColors {
   Light light;
   const void* source;
   std::size_t scratch;  // floats
+  std::size_t count;    // rows of the table
 };
 inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
 inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one

@@ -142,11 +142,12 @@ class LateRing : public LateColors {
  public:
   LateRing(const std::vector<int>& sizes, std::vector<Input> parameters, Input means, Input base, Input latents,
            Input frame)
-      : LateColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0}, parameters_(std::move(parameters)),
+      : LateColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0, 0}, parameters_(std::move(parameters)),
         columns_{means, base, latents} {
     ring_.shape = shape_from(sizes);
     ring_.parameters = parameters_from<const float>(ring_.shape, parameters_);
     ring_.scene = scene_from(ring_.shape, columns_, nullptr, frame);
+    count = ring_.scene.count;
     scratch = RINGLIGHT_CHOSEN_WITH_BF16(ring_light_floats)(ring_.shape);
     float* const packed = packed_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(ring_packed_floats)(ring_.shape));
     RINGLIGHT_CHOSEN_WITH_BF16(ring_pack)(ring_.shape, ring_.parameters, packed);

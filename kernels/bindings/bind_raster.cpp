@@ -92,8 +92,8 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
   const Splats splats = table.splats();
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == table.channels.shape(1),
           "rasterizer: image must be [C H W] and alpha [H W]");
-  require(!late || (splats.channel_count == LATE_CHANNELS && !horizon),
-          "rasterizer: late colours are three, and go without a horizon");
+  require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count && !horizon),
+          "rasterizer: late colours are three for each row of the table, and go without a horizon");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
   const auto tiles_along = [](int pixels) {

@@ -18,8 +18,8 @@ RINGLIGHT_INLINE bool is_known(const float* record) {
   return first != NOT_LIT;
 }
 
-// Another thread may work out the same row at the same time: both write the same bits, the first colour last, and nobody
-// uses the others before.
+// Another thread may work out the same row at the same time: both write the same bits, the first colour last, and none
+// reads the others before. Whoever copies whole records meanwhile does not use these fields of the copy.
 RINGLIGHT_INLINE void publish(const Frame& frame, const std::int32_t* rows, int count, const float* colors) {
   float zero = 0;
   for (int i = 0; i < LATE_CHANNELS * count; i++) zero += colors[i] * 0.f;

@@ -15,6 +15,7 @@ from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.horizon import Horizon
 
 DIM = 1 / 256
@@ -95,6 +96,21 @@ def test_what_is_not_finite_is_named_as_ever():
         model.columns["latents"][7] = torch.nan
     with torch.no_grad(), pytest.raises(BackendError, match="channels"):
         model.render(workload_camera(96), WHITE)
+
+
+def test_late_colors_of_another_table_are_refused():
+    """Of fewer rows the kernels would read what is not there, and a horizon promises training's bits."""
+    model, camera = lit_model("300@96", 0.5), workload_camera(96)
+    assert isinstance(model.color, RingLight)
+    gaussians = model.gaussians
+    fewer = gaussians.rows(torch.arange(200))
+    late = model.color.late(fewer, camera)
+    assert late is not None
+    assert model.rasterize.draw_late(fewer, late.plain, late.kernel, camera, WHITE) is not None
+    with torch.no_grad():
+        assert model.rasterize.draw_late(gaussians, gaussians.means, late.kernel, camera, WHITE) is None
+        seen = RasterOptions(horizon=Horizon())
+        assert model.rasterize.draw_late(fewer, late.plain, late.kernel, camera, WHITE, seen) is None
 
 
 def test_where_it_does_not_apply_the_usual_way_is_taken(monkeypatch: pytest.MonkeyPatch):
