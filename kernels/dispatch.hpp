@@ -2,8 +2,8 @@
 #pragma once
 namespace ringlight {
 
-// x86-64-v3: AVX2 and FMA; v4: AVX-512 with VBMI2, BITALG, VPOPCNTDQ, GFNI; v4_bf16: and BF16; generic: what every
-// processor of this kind has, several times slower.
+// x86-64-v3: AVX2 and FMA; v4: AVX-512 with VBMI2, BITALG, VPOPCNTDQ, VNNI, GFNI; v4_bf16: and BF16; generic: what
+// every processor of this kind has, several times slower.
 enum class Isa { generic, v3, v4, v4_bf16 };
 
 // The best set that this processor has; the environment variable RINGLIGHT_ISA=generic, avx2, avx512 or avx512_bf16

@@ -12,6 +12,7 @@
 
 #include "convention.hpp"
 #include "every_isa.hpp"
+#include "tile_shader.hpp"
 
 namespace ringlight {
 
@@ -63,8 +64,9 @@ struct Footprints {
 };
 
 struct Images {
-  float* image;  // [C H W]
-  float* alpha;  // [H W]
+  float* image;              // [C H W], or with a shader its colours, [3 H W]
+  float* alpha;              // [H W]
+  const TileShader* shader;  // or null
 };
 
 struct ImageGradients {

@@ -62,14 +62,14 @@ void Workspace::make_room() {
 }
 
 // Each worker needs the states of a tile's blocks and, forward, a chunk's rows and weights; backward, one row of
-// channels and the weights of its blocks.
-void Workspace::reserve_scratch() {
+// channels and the weights of its blocks. A shader's floats come last.
+void Workspace::reserve_scratch(std::size_t of_shader) {
   const int channels = frame_.splats.channel_count;
   const auto floats = [](int n) { return static_cast<std::size_t>(n); };
   const std::size_t states = BLOCKS * floats(state_stride(channels));
   const std::size_t width = floats(round_up_lanes(channels)), row = floats(row_stride(padded_channels(channels)));
   frame_.workers = threads();
-  frame_.scratch_stride = states + std::max(CHUNK * (row + LANES), width + BLOCKS * LANES);
+  frame_.scratch_stride = states + std::max(CHUNK * (row + LANES), width + BLOCKS * LANES) + of_shader;
   if (frame_.late) frame_.scratch_stride += frame_.late->scratch;
   frame_.scratch_stride = (frame_.scratch_stride + LANES - 1) / LANES * LANES;
   frame_.scratch = scratch_.reserve(static_cast<std::size_t>(frame_.workers) * frame_.scratch_stride);
@@ -107,7 +107,7 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   make_room();
   late_broken_ = false;
   frame_.late = late, frame_.late_broken = &late_broken_;
-  reserve_scratch();
+  reserve_scratch(images.shader ? images.shader->scratch : 0);
   Stopwatch watch(seconds_);
   RINGLIGHT_CHOSEN(project)(frame_, footprints);
   const std::uint64_t drawn = number_slots();
@@ -129,7 +129,7 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   }
   watch.end(BLEND);
   frame_.late = nullptr;
-  complete_ = !late;
+  complete_ = !late && !images.shader;
   if (late && late_broken_) throw std::domain_error("rasterizer: colours are not finite");
 }
 
@@ -157,7 +157,7 @@ Frame Workspace::again() const {
 
 void Workspace::backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to) {
   frame_.splats = splats;
-  reserve_scratch();  // the number of threads may have changed
+  reserve_scratch(0);  // the number of threads may have changed
   frame_.sloped_channels = sloped_channels(frame_, from.image_gradient);
   const std::size_t stride = static_cast<std::size_t>(slot_stride(frame_.sloped_channels, frame_.settings.absgrad));
   frame_.slots = slots_.reserve(slots_in_use_ * stride);

@@ -16,8 +16,8 @@ class Workspace {
   // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
   // view would not fit into the memory of the machine, std::domain_error when the table holds a value that is not
   // finite. `horizon` [T] is null, or the depths that the last pass of this view left, which become those of this one:
-  // they change nothing but the time that it takes (horizon.hpp).
-  // With `late`, which goes without a horizon, there is no backward pass.
+  // they change nothing but the time that it takes (horizon.hpp). With a shader or with `late`, which goes without a
+  // horizon, there is no backward pass.
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
                const Footprints& footprints, float* horizon, const LateColors* late = nullptr);
 
@@ -39,7 +39,7 @@ class Workspace {
  private:
   void make_room();
   std::uint64_t number_slots();
-  void reserve_scratch();
+  void reserve_scratch(std::size_t of_shader);
   void blend_again(const Images& images);
 
   Frame frame_{};

@@ -9,6 +9,7 @@
 #include <cstdint>
 
 #include "every_isa.hpp"
+#include "tile_shader.hpp"
 
 namespace ringlight {
 
@@ -48,11 +49,12 @@ struct ReflectionParameters {
   } mlp[REFLECTION_MAX_LAYERS];
 };
 
-// Planes [c height width], one after another. Values, or where gradients go; depth may be null without spheres, and its
-// gradient where it is not wanted.
+// Planes one after another. Values, or where gradients go; depth may be null without spheres, and its gradient where it
+// is not wanted.
 template <class Float>
 struct ReflectionBuffers {
   Float *rgb, *normal, *latents, *depth, *alpha;
+  std::size_t plane;  // from a plane to the next: floats
 };
 
 // Lengths are in half sides of the scene's box.
@@ -66,6 +68,15 @@ struct ReflectionView {
   float smallest_chord;                    // the least square of half the chord that a ray cuts out of a sphere
 };
 
+// Shades tiles while a picture is blended. The channels are rgb, normal, latents and depth.
+struct ReflectionShading : TileShader {
+  ReflectionShape shape;
+  ReflectionParameters<const float> parameters;
+  ReflectionView view;
+  const void* tables;
+};
+static inline int shaded_channels(const ReflectionShape& shape) { return 3 + 3 + shape.latents + 1; }
+
 #define RINGLIGHT_REFLECTION(isa) \
   namespace isa { \
   void reflection_forward(const ReflectionShape&, const ReflectionParameters<const float>&, const ReflectionView&, \
@@ -74,6 +85,8 @@ struct ReflectionView {
                            const ReflectionBuffers<const float>&, const float* color_gradient, double share, \
                            const ReflectionParameters<float>& gradients, \
                            const ReflectionBuffers<float>& buffer_gradients); \
+  std::size_t reflection_room(const ReflectionShape&);  /* bytes for reflection_prepare */ \
+  void reflection_prepare(ReflectionShading&, void* room); /* from shape and parameters to all that is not view */ \
   }
 RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_REFLECTION)
 #undef RINGLIGHT_REFLECTION

@@ -116,28 +116,34 @@ static inline void run_network(const ReflectionScene& scene, ReflectionBatch& ba
 }
 
 // The same bits where nobody asks for the hidden layers, whose places hold terms then.
-static inline void run_network_once(const ReflectionScene& scene, ReflectionBatch& batch) {
-  const float* terms = feature_terms<FastTerms>(batch.inputs, network_inputs(scene.shape), batch.terms);
-  for (int layer = 0; layer + 1 < scene.shape.layers; terms = batch.hidden[layer++])
-    dense<FastTerms, Result::RECTIFIED_TERMS>(scene.tables.layers[layer], terms, batch.hidden[layer]);
-  dense<FastTerms>(scene.tables.layers[scene.shape.layers - 1], terms, batch.added);
+static inline void run_network_once(const ReflectionShape& shape, const ReflectionTables& tables,
+                                    ReflectionBatch& batch) {
+  const float* terms = feature_terms<FastTerms>(batch.inputs, network_inputs(shape), batch.terms);
+  for (int layer = 0; layer + 1 < shape.layers; terms = batch.hidden[layer++])
+    dense<FastTerms, Result::RECTIFIED_TERMS>(tables.layers[layer], terms, batch.hidden[layer]);
+  dense<FastTerms>(tables.layers[shape.layers - 1], terms, batch.added);
+}
+
+// The network's inputs for half a group.
+template <bool Slopes>
+static inline void look(const ReflectionScene& scene, ReflectionBatch& batch, int half) {
+  see(scene.shape, scene.view, scene.buffers, batch.pixels[half], batch.surfaces[half], batch.inputs + half * LANES);
+  read_maps<Slopes>(scene, batch, half);
 }
 
 // Up to GROUP covered pixels, from their surface to what is added per alpha.
 template <bool Slopes>
 static inline void evaluate(const ReflectionScene& scene, const std::int32_t* covered, int count,
                             ReflectionBatch& batch) {
-  const ReflectionShape& shape = scene.shape;
   for (int half = 0; half < HALVES; half++) {
     const int left = count - half * LANES;
     // A half without pixels repeats the last one: its lanes must hold numbers, and count for nothing.
-    batch.pixels[half] = left > 0 ? pixel_lanes(covered + half * LANES, left < LANES ? left : LANES)
-                                  : pixel_lanes(covered + count - 1, 1);
+    batch.pixels[half] = left > 0 ? pixel_lanes(covered + half * LANES, left < LANES ? left : LANES, scene.view.width)
+                                  : pixel_lanes(covered + count - 1, 1, scene.view.width);
     if (left <= 0) batch.pixels[half].count = 0;
-    see(shape, scene.view, scene.buffers, batch.pixels[half], batch.surfaces[half], batch.inputs + half * LANES);
-    read_maps<Slopes>(scene, batch, half);
+    look<Slopes>(scene, batch, half);
   }
-  Slopes ? run_network(scene, batch) : run_network_once(scene, batch);
+  Slopes ? run_network(scene, batch) : run_network_once(scene.shape, scene.tables, batch);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -19,18 +19,35 @@ static inline std::size_t list_covered(const float* alpha, std::size_t begin, st
   return count;
 }
 
-// Which pixels; the last one is repeated in lanes from `count` on.
+// Which numbers of a plane, and where these pixels have their centres; the last is repeated in lanes from `count` on.
 struct PixelLanes {
   alignas(64) std::int32_t index[LANES];
   int count;
   bool consecutive;
+  Vec x, y;
 };
 
-static inline PixelLanes pixel_lanes(const std::int32_t* from, int count) {
+// The centres of an image's pixels. Sixteen of a list lie in one row or two as a rule, and a division takes long.
+static inline void place_pixels(int width, PixelLanes& at) {
+  alignas(64) float x[LANES], y[LANES];
+  const int first_row = at.index[0] / width, start = first_row * width;
+  const auto place = [&](int lane, int row) {
+    x[lane] = static_cast<float>(at.index[lane] - row * width) + 0.5f;
+    y[lane] = static_cast<float>(row) + 0.5f;
+  };
+  if (at.index[LANES - 1] - start < 2 * width)
+    for (int lane = 0; lane < LANES; lane++) place(lane, first_row + (at.index[lane] - start >= width));
+  else
+    for (int lane = 0; lane < LANES; lane++) place(lane, at.index[lane] / width);
+  at.x = load(x), at.y = load(y);
+}
+
+static inline PixelLanes pixel_lanes(const std::int32_t* from, int count, int width) {
   PixelLanes at;
   at.count = count;
   for (int lane = 0; lane < LANES; lane++) at.index[lane] = from[lane < count ? lane : count - 1];
   at.consecutive = count == LANES && at.index[LANES - 1] - at.index[0] == LANES - 1;
+  place_pixels(width, at);
   return at;
 }
 
@@ -46,12 +63,10 @@ RINGLIGHT_INLINE void put(float* plane, const PixelLanes& at, Vec values) {
 }
 
 // Asks for the planes at the pixels of a group that comes next: a dozen streams are more than the processor foresees.
-static inline void prefetch_planes(const ReflectionShape& shape, const ReflectionView& view,
-                                   const ReflectionBuffers<const float>& buffers, const std::int32_t* pixels,
-                                   int count) {
-  const std::size_t plane = static_cast<std::size_t>(view.width) * view.height;
+static inline void prefetch_planes(const ReflectionShape& shape, const ReflectionBuffers<const float>& buffers,
+                                   const std::int32_t* pixels, int count) {
   const auto ask = [&](const float* planes, int planes_count) {
-    for (int c = 0; c < planes_count; c++, planes += plane)
+    for (int c = 0; c < planes_count; c++, planes += buffers.plane)
       for (int first = 0; first < count; first += LANES) __builtin_prefetch(planes + pixels[first]);
   };
   ask(buffers.rgb, 3);
@@ -72,29 +87,9 @@ struct Surface {
   Vec reflected[3], point[3];
 };
 
-// The pixels' centres. Sixteen of a list lie in one row or two as a rule, and a division takes long.
-static inline void place_pixels(int width, const PixelLanes& at, float* x, float* y) {
-  const int first_row = at.index[0] / width, start = first_row * width;
-  if (at.index[LANES - 1] - start < 2 * width) {
-    for (int lane = 0; lane < LANES; lane++) {
-      const int along = at.index[lane] - start, next = along >= width;
-      x[lane] = static_cast<float>(along - next * width) + 0.5f;
-      y[lane] = static_cast<float>(first_row + next) + 0.5f;
-    }
-    return;
-  }
-  for (int lane = 0; lane < LANES; lane++) {
-    const int row = at.index[lane] / width;
-    x[lane] = static_cast<float>(at.index[lane] - row * width) + 0.5f;
-    y[lane] = static_cast<float>(row) + 0.5f;
-  }
-}
-
 static inline void set_ray(const ReflectionView& view, const PixelLanes& at, Surface& surface) {
-  alignas(64) float x[LANES], y[LANES];
-  place_pixels(view.width, at, x, y);
-  const Vec across = (load(x) - Vec(view.center[0])) * Vec(1.f / view.focal[0]);
-  const Vec down = (load(y) - Vec(view.center[1])) * Vec(1.f / view.focal[1]);
+  const Vec across = (at.x - Vec(view.center[0])) * Vec(1.f / view.focal[0]);
+  const Vec down = (at.y - Vec(view.center[1])) * Vec(1.f / view.focal[1]);
   const float* m = view.rotation;
   for (int c = 0; c < 3; c++) surface.ray[c] = fma(across, Vec(m[c]), fma(down, Vec(m[3 + c]), Vec(m[6 + c])));
   const Vec inverse = Vec(1.f) / sqrt(dot(surface.ray, surface.ray));
@@ -105,21 +100,21 @@ static inline void set_ray(const ReflectionView& view, const PixelLanes& at, Sur
 static inline void see(const ReflectionShape& shape, const ReflectionView& view,
                        const ReflectionBuffers<const float>& buffers, const PixelLanes& at, Surface& surface,
                        float* inputs) {
-  const std::size_t plane = static_cast<std::size_t>(view.width) * view.height;
   set_ray(view, at, surface);
   const Vec alpha = take(buffers.alpha, at), inverse = Vec(1.f) / alpha;
   surface.inverse_alpha = inverse;
   surface.depth = shape.parallax ? take(buffers.depth, at) * inverse : Vec(0.f);
   Vec blended[3];
   for (int c = 0; c < 3; c++) {
-    blended[c] = take(buffers.normal + c * plane, at);
+    blended[c] = take(buffers.normal + c * buffers.plane, at);
     surface.point[c] = fma(surface.depth * Vec(view.scale), surface.ray[c], Vec(view.origin[c]));
     const Vec behind(view.background[c]);
-    store(inputs + (base_input(shape) + c) * GROUP, fma(take(buffers.rgb + c * plane, at) - behind, inverse, behind));
+    const Vec shown = take(buffers.rgb + c * buffers.plane, at);
+    store(inputs + (base_input(shape) + c) * GROUP, fma(shown - behind, inverse, behind));
     if (shape.direction) store(inputs + (direction_input(shape) + c) * GROUP, surface.direction[c]);
   }
   for (int i = 0; i < shape.latents; i++)
-    store(inputs + (LATENTS_INPUT + i) * GROUP, take(buffers.latents + i * plane, at) * inverse);
+    store(inputs + (LATENTS_INPUT + i) * GROUP, take(buffers.latents + i * buffers.plane, at) * inverse);
   const Vec length = sqrt(dot(blended, blended)), shortest(view.shortest_normal);
   surface.stretched = gt(length, shortest);
   surface.stretch = Vec(1.f) / max(length, shortest);
@@ -190,17 +185,16 @@ struct Upstream {
 static inline void see_gradient(const ReflectionShape& shape, const ReflectionView& view, const PixelLanes& at,
                                 const Surface& surface, const SurfaceGradient& gradient, const Upstream& upstream,
                                 const float* inputs, const float* of_inputs, const ReflectionBuffers<float>& to) {
-  const std::size_t plane = static_cast<std::size_t>(view.width) * view.height;
   const Vec inverse = surface.inverse_alpha;
   Vec of_alpha = upstream.alpha, of_mean(0.f);
   for (int c = 0; c < 3; c++) {
     const int i = (base_input(shape) + c) * GROUP;
-    put(to.rgb + c * plane, at, fma(load(of_inputs + i), inverse, upstream.color[c]));
+    put(to.rgb + c * to.plane, at, fma(load(of_inputs + i), inverse, upstream.color[c]));
     of_mean = fma(load(of_inputs + i), load(inputs + i) - Vec(view.background[c]), of_mean);
   }
   for (int k = 0; k < shape.latents; k++) {
     const int i = (LATENTS_INPUT + k) * GROUP;
-    put(to.latents + k * plane, at, load(of_inputs + i) * inverse);
+    put(to.latents + k * to.plane, at, load(of_inputs + i) * inverse);
     of_mean = fma(load(of_inputs + i), load(inputs + i), of_mean);
   }
   if (shape.depth_gradient) {
@@ -217,7 +211,7 @@ static inline void see_gradient(const ReflectionShape& shape, const ReflectionVi
     of_normal[c] = fnma(twice, gradient.reflected[c], of_facing * surface.direction[c]);
   const Vec radial = keep(surface.stretched, dot(of_normal, surface.normal));
   for (int c = 0; c < 3; c++)
-    put(to.normal + c * plane, at, surface.stretch * fnma(radial, surface.normal[c], of_normal[c]));
+    put(to.normal + c * to.plane, at, surface.stretch * fnma(radial, surface.normal[c], of_normal[c]));
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

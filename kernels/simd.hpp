@@ -28,6 +28,7 @@ constexpr int LANES = 16;  // floats in a Vec
 
 #ifdef __AVX512F__
 #include "simd_avx512.hpp"
+#include "simd_bytes.hpp"
 #elif defined __AVX2__
 #include "simd_avx2.hpp"
 #include "simd_columns.hpp"

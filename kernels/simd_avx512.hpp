@@ -1,4 +1,4 @@
-// Vec over AVX-512 (with VBMI2, BITALG and GFNI). Included by simd.hpp only, which says what the functions mean.
+// Vec over AVX-512 (with VBMI2, BITALG, VNNI and GFNI). Included by simd.hpp only, which says what the functions mean.
 #pragma once
 
 namespace ringlight::RINGLIGHT_ISA {

@@ -14,6 +14,17 @@ constexpr int numbers_of<Bf16Pairs> = 2;
 using FastTerms = Vec;
 #endif
 
+// The same where numbers are bytes; an instruction set without such multiply-adds has none to offer.
+#ifdef __AVX512VNNI__
+using FastBytes = ByteQuads;
+template <>
+constexpr int numbers_of<ByteQuads> = 4;
+#else
+using FastBytes = FastTerms;
+#endif
+template <class Terms>
+constexpr bool are_bytes = numbers_of<Terms> == 4;
+
 RINGLIGHT_INLINE Vec operator-(Vec a) { return Vec(0.f) - a; }
 RINGLIGHT_INLINE Vec& operator+=(Vec& a, Vec b) { return a = a + b; }
 

@@ -12,6 +12,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "pairs.hpp"
+#include "picture_shader.hpp"
 #include "rasterizer.hpp"
 
 namespace nb = nanobind;
@@ -88,12 +89,14 @@ bool is_image(const Array& array, const Pinhole& camera) {
 
 void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
-             std::optional<Out<-1, -1>> horizon, const LateColors* late) {
+             std::optional<Out<-1, -1>> horizon, const LateColors* late, const PictureShader* shader) {
   const Splats splats = table.splats();
-  require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == table.channels.shape(1),
-          "rasterizer: image must be [C H W] and alpha [H W]");
+  const std::size_t channels = table.channels.shape(1);
   require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count && !horizon),
           "rasterizer: late colours are three for each row of the table, and go without a horizon");
+  require(!shader || shader->channels() == channels, "rasterizer: the shader takes another number of channels");
+  require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == (shader ? 3 : channels),
+          "rasterizer: image must be [C H W], or [3 H W] with a shader, and alpha [H W]");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
   const auto tiles_along = [](int pixels) {
@@ -103,8 +106,8 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
               (horizon->shape(0) == tiles_along(camera.height) && horizon->shape(1) == tiles_along(camera.width)),
           "rasterizer: the horizon needs one depth per tile");
   const nb::gil_scoped_release unlocked;
-  workspace.forward(camera, settings, splats, {image.data(), alpha.data()}, {means2d.data(), radii.data()},
-                    horizon ? horizon->data() : nullptr, late);
+  workspace.forward(camera, settings, splats, {image.data(), alpha.data(), shader ? &shader->shader() : nullptr},
+                    {means2d.data(), radii.data()}, horizon ? horizon->data() : nullptr, late);
 }
 
 struct Gradients {
@@ -210,16 +213,18 @@ void bind_raster(nb::module_& module) {
            "means"_a, "log_scales"_a, "quats"_a, "opacity_logits"_a,
            "opacity_factor"_a.none(), "channels"_a, "means2d"_a, "absolute"_a.none());
 
+  nb::class_<PictureShader>(module, "PictureShader", "Turns what was blended into colour, tile by tile.");
+
   nb::class_<Workspace>(module, "Workspace", "What a forward pass leaves for its backward pass; reusable.")
       .def(nb::init<>())
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
-           "means2d"_a, "radii"_a, "horizon"_a = nb::none(), "late"_a = nb::none(),
+           "means2d"_a, "radii"_a, "horizon"_a = nb::none(), "late"_a = nb::none(), "shader"_a = nb::none(),
            "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] "
            "holds depths that an earlier picture of this view left, infinity for none; it changes time alone, and is "
-           "renewed. Late colours take the place of the table's channels where these can be seen; then there is no "
-           "backward pass.")
+           "renewed. Late colours take the place of the table's channels where these can be seen. A shader makes "
+           "colours of what was blended, and the image is [3 H W]. With either there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
       .def_prop_ro("beyond_horizon", &beyond_horizon,

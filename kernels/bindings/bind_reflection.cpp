@@ -6,7 +6,9 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "buffer.hpp"
 #include "dispatch.hpp"
+#include "picture_shader.hpp"
 #include "reflection.hpp"
 
 namespace nb = nanobind;
@@ -91,7 +93,7 @@ ReflectionBuffers<Float> buffers_from(const ReflectionShape& shape, const Reflec
   for (std::size_t i = 0; i < planes.size(); i++)
     require(planes[i].size() == channels[i] * pixels, "reflection: a buffer has the wrong size");
   return {planes[0].data(), planes[1].data(), planes[2].data(), with_depth ? planes[4].data() : nullptr,
-          planes[3].data()};
+          planes[3].data(), pixels};
 }
 
 using Image = Tensor<float, 3, -1, -1>;
@@ -122,6 +124,28 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   (shape, weights, view, buffers, color_gradient.data(), share, sums, to);
 }
 
+// Keeps parameters, which must not be given other memory meanwhile.
+class ReflectionPicture : public PictureShader {
+ public:
+  ReflectionPicture(const std::vector<int>& sizes, const std::vector<Input>& parameters,
+                    const std::vector<float>& numbers)
+      : parameters_(parameters) {
+    shading_.shape = shape_from(sizes);
+    shading_.parameters = parameters_from<const float>(shading_.shape, parameters_);
+    shading_.view = view_from(numbers, 0, 0);
+    char* const room = room_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(reflection_room)(shading_.shape));
+    RINGLIGHT_CHOSEN_WITH_BF16(reflection_prepare)(shading_, room);
+  }
+
+  const TileShader& shader() const override { return shading_; }
+  std::size_t channels() const override { return static_cast<std::size_t>(shaded_channels(shading_.shape)); }
+
+ private:
+  std::vector<Input> parameters_;
+  ReflectionShading shading_{};
+  Buffer<char> room_;
+};
+
 }  // namespace
 
 void bind_reflection(nb::module_& module) {
@@ -132,6 +156,10 @@ void bind_reflection(nb::module_& module) {
              nb::arg("planes"), nb::arg("color_gradient"), nb::arg("share"), nb::arg("gradients"),
              nb::arg("plane_gradients"),
              "Gradients of all parameters and of the planes; by a share of the pixels, drawn by lot.");
+  nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",
+                                               "Shades tiles of a picture as reflection_forward would shade its planes.")
+      .def(nb::init<const std::vector<int>&, const std::vector<Input>&, const std::vector<float>&>(), nb::arg("shape"),
+           nb::arg("parameters"), nb::arg("view"));
 }
 
 }  // namespace ringlight

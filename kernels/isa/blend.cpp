@@ -7,11 +7,12 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
+constexpr int SHADED_CHANNELS = 3;      // what a shader leaves
 constexpr std::uint32_t PREFETCH = 24;  // entries ahead: about the latency of memory
 
 // State of a block between chunks: 16 transmittances that go on falling past the threshold (which is how a pixel
 // knows that it is finished), 16 final ones, then 16 values of each channel.
-enum State { RUNNING = 0, FINAL = LANES, COLOR = 2 * LANES };
+enum State { RUNNING = BLOCK_RUNNING, FINAL = BLOCK_FINAL, COLOR = BLOCK_CHANNELS };
 
 template <int C>
 RINGLIGHT_INLINE int width_of(const Frame& frame) {
@@ -155,11 +156,26 @@ RINGLIGHT_INLINE int blend_block(const RowList& list, Vec x, Vec y, Vec stronges
   return open ? OPEN : list.numbers[k - 1];
 }
 
-template <int C>
-RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const float* states, const Images& images) {
+// Leaves the blended blocks to the shader, and lays what is behind them under the channels first.
+RINGLIGHT_INLINE void shade_tile(const Frame& frame, const Tile& tile, float* states, int floats, float* scratch,
+                                 const TileShader& shader) {
+  for (std::uint64_t left = tile.inside; left; left &= left - 1) {
+    float* const state = states + __builtin_ctzll(left) * floats;
+    const Vec transmittance = load(state + FINAL);
+    store(state + BLOCK_ALPHA, Vec(1.f) - transmittance);
+    for (int c = 0; c < frame.splats.channel_count; c++) {
+      float* const values = state + COLOR + c * LANES;
+      store(values, fma(transmittance, Vec(frame.splats.background[c]), load(values)));
+    }
+  }
+  shader.shade(shader, {tile.left, tile.top, tile.inside, states, static_cast<std::size_t>(floats)}, scratch);
+}
+
+// The first channels of what was blended, over the background: null where that has been done.
+RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const float* states, int floats, int channels,
+                                 const float* behind, const Images& images) {
   const std::size_t stride = static_cast<std::size_t>(frame.camera.width);
   const std::size_t plane = stride * static_cast<std::size_t>(frame.camera.height);
-  const int channels = frame.splats.channel_count, floats = (2 + width_of<C>(frame)) * LANES;
   float* const kept = frame.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
   for_each_strip(frame, tile, [&](const Strip& strip) {
     const float* const first = states + strip.first_block * floats;
@@ -171,7 +187,7 @@ RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const flo
     }
     store_strip(images.alpha, stride, strip, values);
     for (int c = 0; c < channels; c++) {
-      const Vec background(frame.splats.background[c]);
+      const Vec background(behind ? behind[c] : 0.f);
       for (int k = 0; k < STRIP; k++)
         values[k] = fma(transmittance[k], background, load(first + k * floats + COLOR + c * LANES));
       store_strip(images.image + static_cast<std::size_t>(c) * plane, stride, strip, values);
@@ -182,8 +198,9 @@ RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const flo
 template <int C>
 RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* scratch, const Images& images) {
   const int width = width_of<C>(frame), floats = (2 + width) * LANES;
+  const int written = images.shader ? SHADED_CHANNELS : frame.splats.channel_count;
   prefetch_pixels(frame, tile, images.alpha, 1);
-  prefetch_pixels(frame, tile, images.image, frame.splats.channel_count);
+  prefetch_pixels(frame, tile, images.image, written);
   float* const rows = scratch;
   float* const weights = scratch + CHUNK * row_stride(C == WIDE ? width : C);
   float* const states = weights + CHUNK * LANES;
@@ -226,7 +243,8 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
   }
   frame.tile_used[tile.number] = at - tile.begin;
   frame.tile_open[tile.number] = alive != 0;
-  write_tile<C>(frame, tile, states, images);
+  if (images.shader) shade_tile(frame, tile, states, floats, states + BLOCKS * floats, *images.shader);
+  write_tile(frame, tile, states, floats, written, images.shader ? nullptr : frame.splats.background, images);
 }
 
 template <int C>

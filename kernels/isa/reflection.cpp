@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t PIXELS_PER_PIECE = 4096;  // a fraction of a millisecond, and its planes fit the second cache
 
 void write(const ReflectionScene& scene, const ReflectionBatch& batch, float* color) {
-  const std::size_t plane = static_cast<std::size_t>(scene.view.width) * scene.view.height;
+  const std::size_t plane = scene.buffers.plane;
   for (int half = 0; half < HALVES; half++) {
     const PixelLanes& at = batch.pixels[half];
     const Vec alpha = take(scene.buffers.alpha, at);
@@ -45,7 +45,7 @@ void reflection_forward(const ReflectionShape& shape, const ReflectionParameters
     lay_out(batch, shape, false, scratch);
     for (int first = 0; first < count; first += GROUP) {
       const int next = first + GROUP;
-      prefetch_planes(shape, view, buffers, covered + next, count - next < GROUP ? count - next : GROUP);
+      prefetch_planes(shape, buffers, covered + next, count - next < GROUP ? count - next : GROUP);
       evaluate<false>(scene, covered + first, count - first < GROUP ? count - first : GROUP, batch);
       write(scene, batch, color);
     }

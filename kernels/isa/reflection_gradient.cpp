@@ -84,7 +84,7 @@ struct Backward {
 // dL/dcolor to the gradient of what the network returned, by what the pixels count; zero in lanes that do not.
 Upstream start_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const float* weights,
                         const BatchGradient& gradient) {
-  const std::size_t plane = static_cast<std::size_t>(pass.scene.view.width) * pass.scene.view.height;
+  const std::size_t plane = pass.scene.buffers.plane;
   const PixelLanes& at = batch.pixels[half];
   const Mask counts = mask_from_bits((1u << at.count) - 1);
   const Vec alpha = take(pass.scene.buffers.alpha, at), weight = load_first(weights, at.count);
@@ -172,7 +172,7 @@ void backpropagate(const Backward& pass, const ReflectionBatch& batch, const flo
 // part that does not go by the network.
 void write_unshaded_gradients(const Backward& pass, std::size_t begin, std::size_t end) {
   const ReflectionShape& shape = pass.scene.shape;
-  const std::size_t plane = static_cast<std::size_t>(pass.scene.view.width) * pass.scene.view.height;
+  const std::size_t plane = pass.to.plane;
   const std::size_t bytes = (end - begin) * sizeof(float);
   for (int c = 0; c < 3; c++) {
     std::memcpy(pass.to.rgb + c * plane + begin, pass.color_gradient + c * plane + begin, bytes);

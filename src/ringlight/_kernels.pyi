@@ -144,6 +144,11 @@ class SplatGradients:
         absolute: Tensor | None,
     ) -> None: ...
 
+class PictureShader: ...
+
+class ReflectionPicture(PictureShader):
+    def __init__(self, shape: Sequence[int], parameters: Sequence[Tensor], view: Sequence[float]) -> None: ...
+
 class Workspace:
     def __init__(self) -> None: ...
     @property
@@ -161,6 +166,7 @@ class Workspace:
         radii: Tensor,
         horizon: Tensor | None = None,
         late: LateColors | None = None,
+        shader: PictureShader | None = None,
     ) -> None: ...
     @property
     def beyond_horizon(self) -> tuple[int, int]: ...

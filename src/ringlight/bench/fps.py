@@ -54,7 +54,7 @@ def _row(method: str, recipe: Any, size: Size, rasterize: Rasterizer, budget: Bu
             model.columns.pop(name)
 
     def render(camera: Camera) -> Rendering:
-        return model.render(camera, background)
+        return model.picture(camera, background)
 
     cameras = [workload_camera(size.pixels, turn_y=math.tau * view / VIEWS) for view in range(VIEWS)]
     rate = frames_per_second(render, cameras, passes=budget.rounds, max_seconds=budget.seconds)

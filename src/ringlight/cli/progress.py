@@ -81,7 +81,9 @@ def test_psnr(session: Session) -> float:
 
     background = session.scene.background_color
     model = session.training.model
-    return evaluate(lambda camera: model.render(camera, background), session.scene.test, background, lpips_nets=()).psnr
+    return evaluate(
+        lambda camera: model.picture(camera, background), session.scene.test, background, lpips_nets=()
+    ).psnr
 
 
 class _Meter:

@@ -61,7 +61,7 @@ def layer_pictures(
     """
     pictures = {}
     if COLOR in wanted:
-        pictures[COLOR] = model.render(camera, background).color.cpu().clamp(0, 1)
+        pictures[COLOR] = model.picture(camera, background).color.cpu().clamp(0, 1)
     parts = [name for name in wanted if name != COLOR]
     buffers = {name: values.cpu() for name, values in model.layers(camera).items()} if parts else {}
     for name in parts:

@@ -37,6 +37,12 @@ def move(model: nn.Module, device: torch.device) -> None:
         setattr(model.get_submodule(owner), attribute, buffer)
 
 
+def backgrounds(channels: Channels, background: Float[Tensor, "3"]) -> Float[Tensor, "C"]:
+    """What the channels side by side lie over: "rgb" over the background, the others over nothing."""
+    black = background.new_zeros
+    return torch.cat([background if name == "rgb" else black(c.shape[-1]) for name, c in channels.items()])
+
+
 class SplatModel(nn.Module):
     """Anything splatted. One name per tensor everywhere: ``columns.means``, ``color.ring...``, ``shader...``."""
 
@@ -103,6 +109,23 @@ class SplatModel(nn.Module):
         )
         return drawn
 
+    @torch.no_grad()
+    def picture(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
+        """As :meth:`render`, for who wants colour and alpha alone: shaded while it is blended, where parts can."""
+        shaded, tiles = (
+            getattr(part, name, None) for part, name in ((self.rasterize, "shaded"), (self.shader, "tiles"))
+        )
+        shader = None if shaded is None or tiles is None else tiles(camera, background)
+        if shaded is None or shader is None:
+            return self.render(camera, background, horizon)
+        gaussians = self.gaussians
+        channels = dict(self.color.channels(gaussians, camera))
+        factor = channels.pop(OPACITY_FACTOR, None)
+        opacity_factor, options = None if factor is None else factor[:, 0], self.options_with(horizon)
+        values, behind = joined(list(channels.values())), backgrounds(channels, background)
+        raster = shaded(gaussians, values, camera, behind, shader, options, opacity_factor)
+        return Rendering(raster.image, raster.alpha, raster=raster)
+
     def direct(self) -> DirectModel | None:
         """Pictures and gradients without autograd, or None where a part of this model has no such form."""
         parts = (self.color, self.rasterize, self.shader)
@@ -155,9 +178,7 @@ class SplatModel(nn.Module):
             raster = self.rasterize(gaussians, channels["rgb"], camera, background, options, opacity_factor)
             return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
         widths = [values.shape[-1] for values in channels.values()]
-        black = background.new_zeros
-        behind = [background if name == "rgb" else black(w) for name, w in zip(channels, widths, strict=True)]
-        values = joined(list(channels.values()))
-        raster = self.rasterize(gaussians, values, camera, torch.cat(behind), options, opacity_factor)
+        values, behind = joined(list(channels.values())), backgrounds(channels, background)
+        raster = self.rasterize(gaussians, values, camera, behind, options, opacity_factor)
         buffers = dict(zip(channels, parted(raster.image, widths), strict=True)) | {"alpha": raster.alpha}
         return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)

@@ -82,6 +82,25 @@ class LateRasterizer(Protocol):
 
 
 @runtime_checkable
+class ShadingRasterizer(Protocol):
+    """A back end that hands tiles to a shader as soon as they are blended, for pictures without gradients."""
+
+    def shaded(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        shader: "_kernels.PictureShader",
+        options: RasterOptions = RasterOptions(),
+        opacity_factor: Float[Tensor, "N"] | None = None,
+    ) -> Raster:
+        """As :class:`Rasterizer`, but ``image`` [H W 3] holds the colours that ``shader`` makes; it is what a shader's
+        ``tiles`` gave."""
+        ...
+
+
+@runtime_checkable
 class DirectRasterizer(Protocol):
     """A picture and its gradient without autograd; a back end that can has a method ``direct()`` that makes one."""
 

@@ -55,9 +55,7 @@ class CpuRasterizer:
         opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster:
         """Blend front to back by camera depth; see :class:`ringlight.rasterize.contract.Rasterizer`."""
-        columns = [getattr(gaussians, name) for name in GEOMETRY] + [opacity_factor, channels]
-        check(columns, camera)
-        columns = [None if column is None else column.contiguous().resolve_neg() for column in columns]
+        columns = _columns(gaussians, channels, camera, opacity_factor)
         with refusals_named(columns, camera, background):
             job = Job(camera, background, options, len(gaussians))
             if torch.is_grad_enabled() and any(column is not None and column.requires_grad for column in columns):
@@ -78,9 +76,7 @@ class CpuRasterizer:
         opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster | None:
         """See :class:`ringlight.rasterize.contract.LateRasterizer`."""
-        columns = [getattr(gaussians, name) for name in GEOMETRY] + [opacity_factor, plain]
-        check(columns, camera)
-        columns = [None if column is None else column.contiguous().resolve_neg() for column in columns]
+        columns = _columns(gaussians, plain, camera, opacity_factor)
         job = Job(camera, background, options, len(gaussians))
         loan = _Loan(self._spare)
         try:
@@ -89,9 +85,36 @@ class CpuRasterizer:
             return None
         return Raster(image, alpha, job.footprint)
 
+    @torch.no_grad()
+    def shaded(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        shader: "_kernels.PictureShader",
+        options: RasterOptions = RasterOptions(),
+        opacity_factor: Float[Tensor, "N"] | None = None,
+    ) -> Raster:
+        """See :class:`ringlight.rasterize.contract.ShadingRasterizer`."""
+        columns = _columns(gaussians, channels, camera, opacity_factor)
+        with refusals_named(columns, camera, background):
+            job, loan = Job(camera, background, options, len(gaussians)), _Loan(self._spare)
+            image, alpha = as_raster(*job.draw(loan.workspace, job.table(columns), shader=shader))
+        return Raster(image, alpha, job.footprint)
+
     def direct(self) -> DirectRaster:
         """The same without autograd, for training loops."""
         return DirectRaster()
+
+
+def _columns(
+    gaussians: Gaussians, channels: Float[Tensor, "N C"], camera: Camera, opacity_factor: Float[Tensor, "N"] | None
+) -> list[Tensor | None]:
+    """The table as the kernels take it; refuses what they would refuse."""
+    columns = [getattr(gaussians, name) for name in GEOMETRY] + [opacity_factor, channels]
+    check(columns, camera)
+    return [None if column is None else column.contiguous().resolve_neg() for column in columns]
 
 
 class _Loan:

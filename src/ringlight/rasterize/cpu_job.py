@@ -73,12 +73,17 @@ class Job:
         workspace: "_kernels.Workspace",
         table: "_kernels.SplatTable",
         late: "_kernels.LateColors | None" = None,
+        shader: "_kernels.PictureShader | None" = None,
     ) -> tuple[Tensor, Tensor]:
-        """The planar image [C H W] and alpha [H W]; fills in the footprint. ``late`` before the table's channels."""
-        image, alpha = self.background.new_empty(len(self.background), *self.size), self.background.new_empty(self.size)
+        """The planar image [C H W], or of a ``shader``'s colours [3 H W], and alpha [H W]; fills in the footprint.
+
+        ``late`` goes before the table's channels.
+        """
+        planes = len(self.background) if shader is None else 3
+        image, alpha = self.background.new_empty(planes, *self.size), self.background.new_empty(self.size)
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
-            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, self.horizon, late)
+            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, self.horizon, late, shader)
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
             raise BackendError(

@@ -125,7 +125,7 @@ def _picture_loss(before: StoredModel, after: StoredModel) -> list[float]:
 
 
 def _picture(model: SplatModel, camera: Camera) -> torch.Tensor:
-    return model.render(camera, torch.ones(3)).color.clamp(0, 1)
+    return model.picture(camera, torch.ones(3)).color.clamp(0, 1)
 
 
 def _test_loss(before: SplatModel, after: SplatModel, scene: Scene, tell: Tell | None) -> tuple[float, float]:
@@ -134,7 +134,7 @@ def _test_loss(before: SplatModel, after: SplatModel, scene: Scene, tell: Tell |
 
     def measured(model: SplatModel, done_before: int) -> float:
         def render(camera: Camera) -> Rendering:
-            return model.render(camera, background)
+            return model.picture(camera, background)
 
         def progress(done: int, _: int) -> None:
             if tell is not None:

@@ -72,7 +72,7 @@ def measure(
     background = scene.background_color
 
     def render(camera: Camera) -> Rendering:
-        return model.render(camera, background)
+        return model.picture(camera, background)
 
     keep = None if pictures is None else _keeper(*pictures)
     scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)

@@ -1,12 +1,15 @@
 """The socket: blended channels in, colour out, per pixel."""
 
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
+
+if TYPE_CHECKING:
+    from ringlight import _kernels
 
 
 @runtime_checkable
@@ -23,6 +26,15 @@ class Shader(Protocol):
 
     def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
         """What single Gaussians at ``points`` would show, each alone and opaque, from their channels [N c]."""
+        ...
+
+
+@runtime_checkable
+class TileShader(Protocol):
+    """A shader that may also work inside the compiled rasterizer; a shader that can has this method."""
+
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> "_kernels.PictureShader | None":
+        """What shades a picture's tiles as they are blended; None where that cannot be."""
         ...
 
 

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.lot import by_lot
@@ -26,6 +27,7 @@ from ringlight.shade.reflection_kernel import (
     kernel_takes,
     reflect_by_kernel,
     reflection_job,
+    shading_of,
     sizes_fit,
 )
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
@@ -79,6 +81,12 @@ class ReflectionShader(nn.Module):
         if not kernel_takes(self.settings, buffers):
             return self.twin(buffers, camera, background)
         return reflect_by_kernel(self.job(camera, background), buffers, self.kernel_parameters())
+
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> _kernels.PictureShader | None:
+        """See :class:`ringlight.shade.contract.TileShader`; the channels are those of ``color/mirror.py``, in order."""
+        if not self.lit or not sizes_fit(self.settings):
+            return None
+        return shading_of(self.job(camera, background), self.kernel_parameters())
 
     def direct(self) -> DirectReflection | None:
         """The same without autograd, by the kernel; None where it does not take the sizes."""

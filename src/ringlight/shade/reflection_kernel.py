@@ -62,12 +62,15 @@ def reflection_job(
         settings.features,
         *map(int, kind),
     ]
-    low, high = box.double()
-    scale = 2 / (high - low).max()
-    origin = (camera.position.double() - 0.5 * (low + high)) * scale
+    corners = [*zip(*box.tolist(), strict=True)]  # by axis; Python's numbers take a tenth of the time of torch's
+    scale = 2 / max(high - low for low, high in corners)
+    origin = [
+        (at - 0.5 * (low + high)) * scale for at, (low, high) in zip(camera.position.tolist(), corners, strict=True)
+    ]
+    pose = camera.pose_numbers
     view = [
-        *camera.world_to_camera[:3, :3].flatten().tolist(), *camera.focal, *camera.center,
-        *origin.tolist(), scale.item(), *background.tolist(),
+        *pose[0:3], *pose[4:7], *pose[8:11], *camera.focal, *camera.center,
+        *origin, scale, *background.tolist(),
         FAINTEST_SHADED, SHORTEST_NORMAL, SMALLEST_HALF_CHORD_SQUARED,
     ]  # fmt: skip
     return ReflectionJob([*sizes, *settings.levels], view, settings.parallax, depth_gradient, settings.gradient_share)
@@ -99,6 +102,12 @@ def shaded(job: ReflectionJob, planes: Sequence[Tensor], parameters: Sequence[Te
     color = torch.empty_like(planes[0])
     _kernels.reflection_forward(job.shape, parameters, job.view, planes, color)
     return color.permute(1, 2, 0)
+
+
+def shading_of(job: ReflectionJob, parameters: Sequence[Tensor]) -> _kernels.PictureShader:
+    """The same picture from inside the rasterizer, where the blended planes need not be kept: rgb, normal, latents and
+    depth, side by side. Wide layers multiply bytes where the processor can."""
+    return _kernels.ReflectionPicture(job.shape, parameters, job.view)
 
 
 def _planar(values: Float[Tensor, "H W c"]) -> Float[Tensor, "c H W"]:

@@ -1,0 +1,134 @@
+"""Pictures that are shaded while they are blended are those that training sees."""
+
+import dataclasses
+
+import pytest
+import torch
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.bench.step import subject_of_workload
+from ringlight.bench.workload import Size, workload_camera
+from ringlight.core.camera import Camera
+from ringlight.errors import BackendError
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.table import METHODS
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.horizon import Horizon
+
+IN_BYTES = _kernels.isa() in ("avx512", "avx512_bf16")
+"""Whether the layer between two hidden ones multiplies bytes here: all else has the same bits."""
+ROUNDING_OF_BYTES = 0.01
+"""Of the largest residual; a trained one is a third of the range of colours at most."""
+WHITE = torch.ones(3)
+
+
+@pytest.fixture(autouse=True)
+def _all_cores_afterwards():
+    yield
+    _kernels.set_threads(0)
+
+
+def mirror(size: str = "2k@96", **shader: object) -> SplatModel:
+    """The workload's ball as a mirror, with residuals as large as those of a trained one."""
+    recipe = METHODS["ringlight-mirror"]
+    assert isinstance(recipe, RingLightMirrorRecipe)
+    recipe = dataclasses.replace(recipe, shader=dataclasses.replace(recipe.shader, **shader))
+    model = subject_of_workload("ringlight-mirror", recipe, Size.parse(size), rasterizer_for("cpu")).training.model
+    drawn = torch.Generator().manual_seed(3)
+    with torch.no_grad():
+        for name, parameter in model.shader.named_parameters():
+            if name.startswith("maps"):
+                parameter.copy_(torch.randn(parameter.shape, generator=drawn))
+        model.get_parameter("columns.normals").copy_(torch.randn(len(model), 3, generator=drawn))
+        last = f"shader.mlp.{2 * recipe.shader.hidden_layers}.weight"
+        model.get_parameter(last).mul_(30)
+    return model.eval()
+
+
+def view(width: int = 96, height: int = 96, turn: float = 0.3) -> Camera:
+    return workload_camera(96, turn_y=turn).resized(width, height)
+
+
+def both(model: SplatModel, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
+    """The picture shaded in tiles, that shaded in planes, and what the latter added to the base colours."""
+    tiles = model.picture(camera, WHITE)
+    with torch.no_grad():
+        planes = model.render(camera, WHITE)
+    assert torch.equal(tiles.alpha, planes.alpha)
+    assert not tiles.buffers
+    return tiles.color, planes.color, planes.color - planes.buffers["rgb"]
+
+
+OTHERS: tuple[dict[str, object], ...] = (
+    {"parallax": False},
+    {"shells": 2},
+    {"latents": 0},
+    {"latents": 9},
+    {"hidden": 21},
+    {"raw_direction": True},
+)
+
+
+@pytest.mark.parametrize("shader", [{}, *OTHERS])
+def test_tiles_are_shaded_as_planes_are(shader: dict[str, object]):
+    tiles, planes, residual = both(mirror(**shader), view())
+    assert residual.std() > 0.05
+    if IN_BYTES:
+        assert not torch.equal(tiles, planes)
+        assert (tiles - planes).abs().max() < ROUNDING_OF_BYTES * residual.abs().max()
+    else:
+        assert torch.equal(tiles, planes)
+
+
+@pytest.mark.parametrize("size", [(96, 96), (8, 8), (33, 70), (97, 5)])
+def test_without_a_second_hidden_layer_they_have_the_same_bits(size: tuple[int, int]):
+    tiles, planes, residual = both(mirror(hidden_layers=1), view(*size))
+    assert residual.abs().max() > 0
+    assert torch.equal(tiles, planes)
+
+
+def test_faint_pixels_keep_their_base_color():
+    model = mirror("40@96")
+    with torch.no_grad():
+        model.columns["opacity_logits"].fill_(torch.tensor(0.015).logit().item())
+        tiles, planes, residual = both(model, view())
+    assert not residual.any()
+    assert torch.equal(tiles, planes)
+    assert (planes < 1).any()
+
+
+def test_the_same_bits_for_any_number_of_threads_and_any_horizon():
+    model = mirror(hidden=20)
+    _kernels.set_threads(1)
+    usual = model.picture(view(), WHITE).color
+    _kernels.set_threads(3)
+    assert torch.equal(model.picture(view(), WHITE).color, usual)
+    horizon = Horizon()
+    for _ in range(3):
+        assert torch.equal(model.picture(view(), WHITE, horizon).color, usual)
+
+
+def test_before_the_surface_is_lit_the_picture_is_the_base_color():
+    model = mirror()
+    model.shader.lit.fill_(False)
+    model.color.lit.fill_(False)
+    with torch.no_grad():
+        assert torch.equal(model.picture(view(), WHITE).color, model.render(view(), WHITE).color)
+
+
+def test_what_is_not_finite_is_named():
+    model = mirror("50@96")
+    with torch.no_grad():
+        model.columns["means"][7, 1] = torch.nan
+    with pytest.raises(BackendError, match="means"):
+        model.picture(view(), WHITE)
+
+
+def test_a_shaded_picture_has_no_way_back():
+    model = mirror("50@96")
+    rasterize = model.rasterize
+    model.picture(view(), WHITE)
+    with pytest.raises(ValueError, match="no forward pass"):
+        rasterize._spare[-1].count_pairs()
