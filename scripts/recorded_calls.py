@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-CLASSES = ("Pinhole", "RasterSettings", "SplatTable", "SplatGradients", "LateRing", "Workspace")
-
 STEPS = 3
 
 
@@ -95,14 +93,21 @@ def record(path: Path) -> int:
 
     for name in functions:
         setattr(_kernels, name, kept(name, getattr(_kernels, name)))
-    for name in CLASSES:
+    classes = _classes(_kernels)
+    for name in classes:
         make = getattr(_kernels, name)
         setattr(_kernels, name, lambda *a, name=name, make=make, **named: Stand(log, name, make, a, named))
     _train_all()
     log.save(path)
-    left_out = {*functions, *CLASSES} - {call["name"] for call in log.calls}
+    left_out = {*functions, *classes} - {call["name"] for call in log.calls}
     print(f"{len(log.calls)} calls kept; never called: {', '.join(sorted(left_out)) or 'none'}")  # noqa: T201
     return int(bool(left_out))
+
+
+def _classes(module: Any) -> list[str]:
+    """Of which objects are made: all but those that others are kinds of."""
+    found = {name: value for name, value in vars(module).items() if isinstance(value, type)}
+    return [name for name, value in found.items() if not value.__subclasses__()]
 
 
 SETTINGS = ("isa", "threads", "set_threads", "keep_freed_memory", "set_memory", "largest_buffer", "multiply_adds")
@@ -111,8 +116,6 @@ SETTINGS = ("isa", "threads", "set_threads", "keep_freed_memory", "set_memory", 
 
 def _train_all() -> None:
     import dataclasses
-
-    import torch
 
     from ringlight.data.synthetic import tiny_scene
     from ringlight.fit.train import train
@@ -126,8 +129,7 @@ def _train_all() -> None:
             for _ in train(training, direct):
                 pass
             scene = training.batches.scene
-            with torch.no_grad():  # what nobody wants gradients of may be drawn in another way
-                training.model.render(scene.train[0].camera, scene.background_color)
+            training.model.picture(scene.train[0].camera, scene.background_color)
 
 
 def replay(path: Path, module: Path) -> int:
@@ -151,7 +153,7 @@ def replay(path: Path, module: Path) -> int:
         on = kernels if call["on"] is None else objects[call["on"]]
         named = {key: value(plain) for key, plain in call["named"].items()}
         found = getattr(on, call["name"])(*value(call["arguments"]), **named)
-        if call["name"] in CLASSES:
+        if call["on"] is None and isinstance(getattr(kernels, call["name"]), type):
             objects.append(found)
     print(f"{len(calls)} calls made again, instruction set {kernels.isa()}")  # noqa: T201
     return 0
