@@ -240,6 +240,8 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       closed_by = closed > closed_by ? closed : closed_by;
     }
     at += static_cast<std::uint32_t>(alive ? count : closed_by + 1);
+    // A surface of which so little is missing is shaded as it is.
+    if (images.shader) alive &= bright_blocks(alive, states, floats);
   }
   frame.tile_used[tile.number] = at - tile.begin;
   frame.tile_open[tile.number] = alive != 0;

@@ -19,8 +19,10 @@ from ringlight.rasterize.horizon import Horizon
 
 IN_BYTES = _kernels.isa() in ("avx512", "avx512_bf16")
 """Whether the layer between two hidden ones multiplies bytes here: all else has the same bits."""
-ROUNDING_OF_BYTES = 0.01
+ROUNDING_OF_BYTES = 0.02
 """Of the largest residual; a trained one is a third of the range of colours at most."""
+DIM = 1 / 256
+"""What may still show through a pixel when a tile is done; DIM in kernels/raster.hpp."""
 WHITE = torch.ones(3)
 
 
@@ -30,7 +32,7 @@ def _all_cores_afterwards():
     _kernels.set_threads(0)
 
 
-def mirror(size: str = "2k@96", **shader: object) -> SplatModel:
+def mirror(size: str = "600@96", **shader: object) -> SplatModel:
     """The workload's ball as a mirror, with residuals as large as those of a trained one."""
     recipe = METHODS["ringlight-mirror"]
     assert isinstance(recipe, RingLightMirrorRecipe)
@@ -56,7 +58,7 @@ def both(model: SplatModel, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
     tiles = model.picture(camera, WHITE)
     with torch.no_grad():
         planes = model.render(camera, WHITE)
-    assert torch.equal(tiles.alpha, planes.alpha)
+    assert torch.equal(tiles.alpha, planes.alpha)  # no tile is full enough to be done early
     assert not tiles.buffers
     return tiles.color, planes.color, planes.color - planes.buffers["rgb"]
 
@@ -74,7 +76,7 @@ OTHERS: tuple[dict[str, object], ...] = (
 @pytest.mark.parametrize("shader", [{}, *OTHERS])
 def test_tiles_are_shaded_as_planes_are(shader: dict[str, object]):
     tiles, planes, residual = both(mirror(**shader), view())
-    assert residual.std() > 0.05
+    assert residual.std() > 0.03
     if IN_BYTES:
         assert not torch.equal(tiles, planes)
         assert (tiles - planes).abs().max() < ROUNDING_OF_BYTES * residual.abs().max()
@@ -89,6 +91,20 @@ def test_without_a_second_hidden_layer_they_have_the_same_bits(size: tuple[int, 
     assert torch.equal(tiles, planes)
 
 
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.0])
+def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float):
+    model = mirror("20k@96")
+    with torch.no_grad():
+        model.columns["opacity_logits"].fill_(torch.tensor(0.6).logit().item())
+        model.columns["normals"].copy_(model.columns["means"])  # neighbours agree, as on a surface
+        tiles, planes = model.picture(view(turn=turn), WHITE), model.render(view(turn=turn), WHITE)
+    hidden = planes.alpha - tiles.alpha
+    assert hidden.max() > 0
+    assert 0 <= hidden.min() <= hidden.max() < DIM
+    # Root mean square: maps of noise show a normal's last part many times over in single pixels.
+    assert (tiles.color - planes.color).square().mean().sqrt() < DIM
+
+
 def test_faint_pixels_keep_their_base_color():
     model = mirror("40@96")
     with torch.no_grad():
@@ -100,7 +116,7 @@ def test_faint_pixels_keep_their_base_color():
 
 
 def test_the_same_bits_for_any_number_of_threads_and_any_horizon():
-    model = mirror(hidden=20)
+    model = mirror("20k@96", hidden=20)
     _kernels.set_threads(1)
     usual = model.picture(view(), WHITE).color
     _kernels.set_threads(3)
