@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 PRUNE_ROUNDS = 15
 """Removals of faint and masked rows after densification: every 1000 steps of the paper's 30,000."""
 
-FIELD_BETAS = (0.9, 0.99)
-"""Of the light field's Adam. Gradients grow tenfold at once when opacities are reset; a memory of 1000 steps then lets a
-step be three times as long as the rate, and the ring's features leave the range of their tanh for good."""
-
 PAPER_SCALE = 1e4
 """The paper's gamma, equation 9."""
 
@@ -78,6 +74,10 @@ class RingLightRecipe:
     """Learning rate of the light field and the render module when they are switched on; 6e-3 collapses."""
     field_rate_end: float = 1e-4
     """And at the end of the run, log-linear in between; the paper keeps 1e-4 all along."""
+    field_beta2: float = 0.99
+    """How much of its mean of squared gradients the light field's Adam keeps at a step. With 0.999, the usual, a jump
+    of the gradients makes steps several times as long as the rate, and the ring's features may leave the range of
+    their tanh for good."""
     field_epsilon: float = 1e-15
     """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
     antialiased: bool | None = None
@@ -102,6 +102,8 @@ class RingLightRecipe:
             raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
         if not 0 <= self.mask_penalty < math.inf:
             raise RecipeError(f"mask_penalty is {self.mask_penalty:g}; give 0 (none) or more")
+        if not 0 <= self.field_beta2 < 1:
+            raise RecipeError(f"field_beta2 is {self.field_beta2:g}; give 0 or more, and less than 1")
         if not 0 < self.field_epsilon < math.inf:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
@@ -191,7 +193,8 @@ class RingLightRecipe:
 
     def _groups(self, extent: float) -> dict[str, Adam]:
         lit = self._first_lit_step
-        light = Adam(Rate(self.field_rate, self.field_rate_end), FIELD_BETAS, self.field_epsilon, begins=lit)
+        rate, betas = Rate(self.field_rate, self.field_rate_end), (0.9, self.field_beta2)
+        light = Adam(rate, betas, self.field_epsilon, begins=lit)
         return self.rates.groups(extent) | {
             "columns.base": Adam(Rate.constant(self.base_rate)),
             "columns.latents": Adam(Rate(self.latents_rate, self.latents_rate / 10), begins=lit),
@@ -226,6 +229,7 @@ PAPER = dataclasses.replace(
     light=RingLightSettings(gradient_share=0.25),
     field_rate=1e-4,
     field_rate_end=1e-4,
+    field_beta2=0.999,
     field_epsilon=1e-8,
     densify=DensifySettings(threshold=1.1),
     loss=PhotometricLoss(pixel="l2", scale=PAPER_SCALE),
