@@ -157,7 +157,7 @@ void bind_reflection(nb::module_& module) {
              nb::arg("plane_gradients"),
              "Gradients of all parameters and of the planes; by a share of the pixels, drawn by lot.");
   nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",
-                                               "Shades tiles of a picture as reflection_forward would shade its planes.")
+                                               "Shades tiles of a picture as reflection_forward shades its planes.")
       .def(nb::init<const std::vector<int>&, const std::vector<Input>&, const std::vector<float>&>(), nb::arg("shape"),
            nb::arg("parameters"), nb::arg("view"));
 }
