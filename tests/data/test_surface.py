@@ -9,7 +9,7 @@ from ringlight.core.directions import normalize
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.data import hull
 from ringlight.data.photographed_colors import photographed_colors
-from ringlight.data.surface import plane_normals, surface_points
+from ringlight.data.surface import hull_points, own_points, plane_normals
 from ringlight.data.synthetic import BALLS, tiny_scene
 
 
@@ -24,21 +24,26 @@ def scene() -> Scene:
 
 
 def test_points_are_drawn_from_the_hull_by_the_seed(scene: Scene):
-    points = surface_points(scene, 500, seed=3)
-    again = surface_points(scene, 500, seed=3)
+    points, again, other = (drawn(scene, 500, seed) for seed in (3, 3, 4))
     assert points.normals is not None
     assert len(points.positions) == len(points.colors) == len(points.normals) == 500
     assert torch.equal(points.positions, again.positions)
-    assert not torch.equal(points.positions, surface_points(scene, 500, seed=4).positions)
+    assert not torch.equal(points.positions, other.positions)
     balls = torch.from_numpy(BALLS).float()
     gaps = (points.positions[:, None] - balls[:, :3]).norm(dim=-1) - balls[:, 3]
     assert gaps.amin(1).median().abs() < 0.1
 
 
 def test_more_points_than_voxels_are_not_in_one_place(scene: Scene):
-    count = 3 * len(surface_points(scene, 10**4, seed=0).positions)
-    points = surface_points(scene, count, seed=0)
+    count = 3 * len(drawn(scene, 10**4, seed=0).positions)
+    points = drawn(scene, count, seed=0)
     assert len(points.positions.unique(dim=0)) > 0.99 * count
+
+
+def drawn(scene: Scene, count: int, seed: int) -> PointCloud:
+    points = hull_points(scene, count, seed)
+    assert points is not None
+    return points
 
 
 def ball_points(count: int = 2000) -> torch.Tensor:
@@ -48,7 +53,9 @@ def ball_points(count: int = 2000) -> torch.Tensor:
 def test_without_masks_the_scenes_own_points_get_normals(scene: Scene):
     views = tuple(dataclasses.replace(view, has_alpha=False) for view in scene.train)
     own = PointCloud(ball_points(), torch.full((2000, 3), 0.25))
-    points = surface_points(dataclasses.replace(scene, train=views, points=own), 10, seed=0)
+    opaque = dataclasses.replace(scene, train=views, points=own)
+    assert hull_points(opaque, 10, seed=0) is None
+    points = own_points(opaque)
     assert points.positions is own.positions
     assert points.colors is own.colors
     assert points.normals is not None

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 import torch
 
+from ringlight.core.scene import Scene, View
 from ringlight.data import hull
 from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
+from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.train import train
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
@@ -43,6 +45,25 @@ def test_the_shader_is_switched_on_after_the_warm_up_and_learns():
         lit = [bool(training.model.get_buffer(f"{part}.lit")) for part in ("color", "shader")]
         assert lit == [progress.step >= 10] * 2
     assert all(not torch.equal(value, before[name]) for name, value in training.model.shader.named_parameters())
+
+
+def test_where_no_hull_cuts_the_subject_out_there_may_be_a_gaussian_for_every_pixel():
+    scene = tiny_scene(views=2, size=110)
+    opaque = dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))
+    bounds = [bound(RECIPE, each) for each in (scene, opaque)]
+    assert bounds == [most_gaussians(scene.pixels), scene.pixels]
+    assert bounds[0] < bounds[1]
+    asked = dataclasses.replace(RECIPE, densify=dataclasses.replace(RECIPE.densify, max_gaussians=1234))
+    assert bound(asked, opaque) == 1234
+
+
+def bound(recipe: RingLightMirrorRecipe, scene: Scene) -> int:
+    strategies = recipe.build(scene, rasterizer_for("auto"), seed=0).strategies
+    return next(strategy.most for strategy in strategies if isinstance(strategy, Densify))
+
+
+def without_mask(view: View) -> View:
+    return dataclasses.replace(view, load=lambda: view.load()[..., :3].copy(), has_alpha=False)
 
 
 def test_same_seed_same_bits():

@@ -23,11 +23,8 @@ PLANE_NEIGHBOURS = 12
 """Points through which a plane is laid: fewer follow their noise, more cut corners."""
 
 
-def surface_points(scene: Scene, count: int, seed: int) -> PointCloud:
-    """``count`` points drawn from the visual hull; without masks the scene's own, however many, with normals."""
-    points = hull_points(scene, count, seed)
-    if points is not None:
-        return points
+def own_points(scene: Scene) -> PointCloud:
+    """The scene's own points, with normals."""
     positions = scene.points.positions
     return PointCloud(positions, scene.points.colors, plane_normals(positions, [view.camera for view in scene.train]))
 

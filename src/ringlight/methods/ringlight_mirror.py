@@ -6,6 +6,7 @@ reflection is a small network's of octahedral features in the reflected directio
 (``shade/reflection.py``).
 """
 
+import dataclasses
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -31,7 +32,8 @@ DECAY = 0.1
 """Rates of normals, latents and shader end at this share of their start."""
 
 PIXELS_PER_GAUSSIAN = 7
-"""What a mirror shows is in the shader, so that a Gaussian serves several pixels."""
+"""What a mirror shows is in the shader, so that a Gaussian serves several pixels of a subject that is cut out. Where no
+hull cuts it out, what surrounds it needs Gaussians of its own, and there may be one for every pixel."""
 
 ALWAYS_ENOUGH = 10_000
 """Gaussians for small photographs, where those have as many pixels: shapes need them however few pixels show it."""
@@ -115,9 +117,13 @@ class RingLightMirrorRecipe:
         return math.ceil(self.start_share * most)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        from ringlight.data.surface import surface_points
+        from ringlight.data.surface import hull_points, own_points
 
-        return self.build_on(surface_points(scene, self.first_gaussians(scene), seed), scene, rasterize, seed)
+        points = hull_points(scene, self.first_gaussians(scene), seed)
+        if points is not None:
+            return self.build_on(points, scene, rasterize, seed)
+        whole_picture = dataclasses.replace(self, densify=self.densify.within(scene.pixels))
+        return whole_picture.build_on(own_points(scene), scene, rasterize, seed)
 
     def build_on(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         """The same from a surface that is known already."""

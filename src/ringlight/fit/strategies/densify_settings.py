@@ -38,8 +38,8 @@ class DensifySettings:
     """Opacities are lowered to this at a reset."""
     max_gaussians: int = 0
     """Density control ends with no more than this many, unless it began with more; the strongest pulls come first. 0:
-    as many as a training photograph has pixels, since no view could tell more apart; where pixels are lit, as in
-    ringlight-mirror, one for every seven of them, or 10,000 if that is more and there are as many pixels."""
+    as many as a training photograph has pixels, since no view could tell more apart; where pixels of a subject
+    that is cut out are lit, as in ringlight-mirror, one for every seven, or 10,000 if there are as many pixels."""
     drop_share: float = 0.0
     """Share of the Gaussians that is dropped again after density control, those that add least to the training
     photographs. Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
