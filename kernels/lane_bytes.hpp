@@ -28,19 +28,24 @@ static inline BytePanels pack_bytes(const float* weights, const float* bias, int
   const BytePanels packed{reinterpret_cast<std::int32_t*>(to), scales, bias, outputs, inputs};
   if (!to) return packed;
   for (int o = 0; o < outputs; o++) {
-    float largest = SMALLEST_SCALE;
+    float largest = SMALLEST_SCALE, zero = 0;  // or NaN, which a scale hands on where bytes cannot
     for (int i = 0; i < inputs; i++) {
-      const float size = __builtin_fabsf(weights[o * inputs + i]);
+      const float weight = weights[o * inputs + i], size = __builtin_fabsf(weight);
       largest = size > largest ? size : largest;
+      zero += weight * 0.f;
     }
-    scales[o] = largest / LARGEST_WEIGHT;
+    scales[o] = largest / LARGEST_WEIGHT + zero;
   }
+  const auto byte = [=](int o, int i) {
+    const float scaled = weights[o * inputs + i] / scales[o];
+    return scaled == scaled ? static_cast<std::int8_t>(__builtin_lrintf(scaled)) : std::int8_t{0};
+  };
   for (int first = 0, width; first < outputs; first += width) {
     width = panel_width(outputs - first);
     for (int word = 0; word < words; word++)
       for (int o = first; o < first + width; o++)
         for (int i = BYTES_IN_WORD * word; i < BYTES_IN_WORD * (word + 1); i++)
-          *to++ = i < inputs ? static_cast<std::int8_t>(__builtin_lrintf(weights[o * inputs + i] / scales[o])) : 0;
+          *to++ = i < inputs ? byte(o, i) : std::int8_t{0};
   }
   return packed;
 }
@@ -49,9 +54,13 @@ static inline BytePanels pack_bytes(const float* weights, const float* bias, int
 template <class Bytes>
 static inline void to_bytes(const float* x, int count, std::int32_t* words, float* scales) {
   for (int v = 0; v < GROUP; v += LANES) {
-    Vec largest(SMALLEST_SCALE);
-    for (int i = 0; i < count; i++) largest = max(largest, load(x + i * GROUP + v));
-    store(scales + v, largest * Vec(1 / LARGEST_INPUT));
+    Vec largest(SMALLEST_SCALE), zero(0.f);  // or NaN, see pack_bytes
+    for (int i = 0; i < count; i++) {
+      const Vec input = load(x + i * GROUP + v);
+      largest = max(largest, input);
+      zero = fma(input, Vec(0.f), zero);
+    }
+    store(scales + v, fma(largest, Vec(1 / LARGEST_INPUT), zero));
     const Vec inverse = Vec(LARGEST_INPUT) / largest;
     for (int word = 0; word < words_of(count); word++) {
       Vec scaled[BYTES_IN_WORD];

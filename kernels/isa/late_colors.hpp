@@ -21,9 +21,6 @@ RINGLIGHT_INLINE bool is_known(const float* record) {
 // Another thread may work out the same row at the same time: both write the same bits, the first colour last, and none
 // reads the others before. Whoever copies whole records meanwhile does not use these fields of the copy.
 RINGLIGHT_INLINE void publish(const Frame& frame, const std::int32_t* rows, int count, const float* colors) {
-  float zero = 0;
-  for (int i = 0; i < LATE_CHANNELS * count; i++) zero += colors[i] * 0.f;
-  if (!(zero >= 0)) __atomic_store_n(frame.late_broken, true, __ATOMIC_RELAXED);
   for (int i = 0; i < count; i++) {
     float* const record = record_of(frame, static_cast<std::uint32_t>(rows[i]));
     for (int c = LATE_CHANNELS - 1; c >= 0; c--)
@@ -61,6 +58,7 @@ static void add_late_colors(const Frame& frame, const LateChunk& chunk, float* s
     frame.late->light(frame.late->source, wanted + first, lot, colors, scratch);
     publish(frame, wanted + first, lot, colors);
   }
+  float zero = 0;
   for (std::uint32_t i = 0; i < count; i++) {
     const float* const from = record_of(frame, chunk.row(i));
     float* const to = chunk.rows + i * RECORD + FIRST_CHANNELS;
@@ -69,8 +67,11 @@ static void add_late_colors(const Frame& frame, const LateChunk& chunk, float* s
       float color;
       __atomic_load(from + LATE_FIELDS[c], &color, __ATOMIC_RELAXED);
       to[c] = lit ? color : to[c];
+      zero += to[c] * 0.f;
     }
   }
+  // Of rows that ask alone: which others were lit is a matter of time.
+  if (!(zero >= 0)) __atomic_store_n(frame.late_broken, true, __ATOMIC_RELAXED);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

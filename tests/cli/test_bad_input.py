@@ -314,6 +314,12 @@ def test_a_model_file_with_damaged_options(options: object, run_folder: Path, ri
     write_tensors(model, file.tensors, file.metadata | {"scene": json.dumps(scene)})
     refused(ringlight("eval", model), 1, model)
     refused(ringlight("render", model), 1, model)
+    told = ringlight("compress", model, run_folder / "packed.safetensors")
+    if isinstance(options, dict):  # compressing asks for no photographs
+        assert told.code == 0
+        assert "not measured on photographs" in told.err
+    else:
+        refused(told, 1, model)
 
 
 def test_a_damaged_report_is_made_again_by_eval(run_folder: Path, ringlight: Command) -> None:

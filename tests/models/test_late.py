@@ -98,6 +98,13 @@ def test_what_is_not_finite_is_named_as_ever():
         model.render(workload_camera(96), WHITE)
 
 
+def test_a_camera_that_is_not_finite_is_named_as_ever():
+    model, camera = lit_model("300@96", 0.5), workload_camera(96)
+    lost = dataclasses.replace(camera, focal=(float("nan"), 1.0))
+    with torch.no_grad(), pytest.raises(BackendError, match="lens"):
+        model.render(lost, WHITE)
+
+
 def test_late_colors_of_another_table_are_refused():
     """Of fewer rows the kernels would read what is not there, and a horizon promises training's bits."""
     model, camera = lit_model("300@96", 0.5), workload_camera(96)

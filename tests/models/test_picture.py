@@ -142,6 +142,21 @@ def test_what_is_not_finite_is_named():
         model.picture(view(), WHITE)
 
 
+@pytest.mark.parametrize("layer", ["mlp.0", "mlp.2", "mlp.4"])
+@pytest.mark.parametrize("value", [torch.nan, torch.inf])
+def test_a_broken_network_shows_in_the_picture(layer: str, value: float):
+    """Bytes cannot hold what is not finite: a picture that looks right would be a lie."""
+    model = mirror("50@96")
+    with torch.no_grad():
+        model.get_parameter(f"shader.{layer}.weight").fill_(value)
+    assert model.picture(view(), WHITE).color.isnan().any()
+
+
+def test_a_mirror_in_double_precision_is_refused_in_a_sentence():
+    with pytest.raises(BackendError, match="draws float32"):
+        mirror("50@96").double().picture(view(), WHITE)
+
+
 def test_a_shaded_picture_has_no_way_back():
     model = mirror("50@96")
     rasterize = model.rasterize

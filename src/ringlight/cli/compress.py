@@ -10,7 +10,7 @@ import tyro
 from ringlight.cli.arguments import ModelPath, SceneFolder
 from ringlight.cli.parse import parse
 from ringlight.data.options import ReadingOptions, SceneOptions
-from ringlight.errors import RunError
+from ringlight.errors import RecipeError, RunError, SceneError
 
 if TYPE_CHECKING:
     from ringlight.core.scene import Scene
@@ -68,9 +68,12 @@ def _scene(asked: CompressArguments, opened: "Opened") -> "Scene | None":
     from ringlight.runs.opened import scene_of
 
     options = SceneOptions(**vars(asked.options))
+    asks = asked.scene is not None or options != SceneOptions()
     try:
         return scene_of(opened, asked.scene, options)
-    except RunError as error:
+    except (RunError, RecipeError, SceneError) as error:
+        if asks and not isinstance(error, RunError):
+            raise
         if not asked.quiet:
             sys.stderr.write(f"not measured on photographs: {error}\n")
         return None

@@ -77,9 +77,9 @@ class CpuRasterizer:
     ) -> Raster | None:
         """See :class:`ringlight.rasterize.contract.LateRasterizer`."""
         columns = _columns(gaussians, plain, camera, opacity_factor)
-        job = Job(camera, background, options, len(gaussians))
         loan = _Loan(self._spare)
         try:
+            job = Job(camera, background, options, len(gaussians))
             image, alpha = as_raster(*job.draw(loan.workspace, job.table(columns), late))
         except ValueError:  # something is not finite: who has all colours at hand can say what
             return None

@@ -84,7 +84,7 @@ class ReflectionShader(nn.Module):
 
     def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> _kernels.PictureShader | None:
         """See :class:`ringlight.shade.contract.TileShader`; the channels are those of ``color/mirror.py``, in order."""
-        if not self.lit or not sizes_fit(self.settings):
+        if not self.lit or not kernel_takes(self.settings, dict(self.named_parameters())):
             return None
         return shading_of(self.job(camera, background), self.kernel_parameters())
 
