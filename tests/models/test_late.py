@@ -67,7 +67,7 @@ def test_behind_what_is_nearly_opaque_base_colors_will_do(turn: float):
     assert 0 < (late - usual).abs().max() <= DIM * min(brightest, 1) + ROUNDING
 
 
-def test_few_rows_of_a_dense_model_are_lit(monkeypatch: pytest.MonkeyPatch):
+def test_rows_that_are_hidden_are_not_lit(monkeypatch: pytest.MonkeyPatch):
     """The base colours of rows that are asked for make no difference; those of the others show, if hardly."""
     model = lit_model("20k@96", 0.7)
     camera = workload_camera(96)
