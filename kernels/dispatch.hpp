@@ -2,12 +2,12 @@
 #pragma once
 namespace ringlight {
 
-// x86-64-v3: AVX2 and FMA; v4: AVX-512 with VBMI2, BITALG, VPOPCNTDQ, VNNI, GFNI; v4_bf16: and BF16; generic: what
-// every processor of this kind has, several times slower.
-enum class Isa { generic, v3, v4, v4_bf16 };
+// x86-64-v3: AVX2 and FMA; v4: AVX-512 with VBMI2, BITALG, VPOPCNTDQ, VNNI, GFNI; v4_bf16: and BF16; v4_amx: and
+// AMX, a matrix unit; generic: what every processor of this kind has, several times slower.
+enum class Isa { generic, v3, v4, v4_bf16, v4_amx };
 
-// The best set that this processor has; the environment variable RINGLIGHT_ISA=generic, avx2, avx512 or avx512_bf16
-// forces one.
+// The best set that this processor has; the environment variable RINGLIGHT_ISA=generic, avx2, avx512, avx512_bf16 or
+// avx512_amx forces one.
 // Throws std::runtime_error with a sentence for the user if the value is unknown or the processor lacks it.
 Isa current_isa();
 
@@ -21,9 +21,11 @@ const char* isa_name(Isa isa);
   (::ringlight::current_isa() >= ::ringlight::Isa::v4   ? ::ringlight::v4::kernel \
    : ::ringlight::current_isa() == ::ringlight::Isa::v3 ? ::ringlight::v3::kernel \
                                                         : ::ringlight::generic::kernel)
-// The same for a kernel that has a copy with bfloat16 products.
+// The same for a kernel that has copies with bfloat16 products.
 #define RINGLIGHT_CHOSEN_WITH_BF16(kernel)                 \
-  (::ringlight::current_isa() == ::ringlight::Isa::v4_bf16 ? ::ringlight::v4_bf16::kernel : RINGLIGHT_CHOSEN(kernel))
+  (::ringlight::current_isa() == ::ringlight::Isa::v4_amx    ? ::ringlight::v4_amx::kernel \
+   : ::ringlight::current_isa() == ::ringlight::Isa::v4_bf16 ? ::ringlight::v4_bf16::kernel \
+                                                             : RINGLIGHT_CHOSEN(kernel))
 #else
 #define RINGLIGHT_CHOSEN(kernel) (::ringlight::generic::kernel)
 #define RINGLIGHT_CHOSEN_WITH_BF16(kernel) RINGLIGHT_CHOSEN(kernel)

@@ -100,7 +100,7 @@ static void byte_panel(const std::int32_t* weights, const float* of_outputs, con
       for (int v = 0; v < PANEL_VECS; v++)
         results[k][v] =
             fma(to_float(sums[k][v]) * Vec(of_outputs[k]), load(of_lanes + first + v * LANES), Vec(bias[k]));
-    store_sums<FastTerms, Outputs, Result::RECTIFIED_TERMS>(results, y + first);
+    store_sums<LayerTerms, Outputs, Result::RECTIFIED_TERMS>(results, y + first);
   }
 }
 
@@ -120,7 +120,7 @@ static inline void dense_bytes(const BytePanels& layer, const std::int32_t* x, c
   for (int first = 0, width; first < layer.outputs; first += width) {
     width = panel_width(layer.outputs - first);
     narrow_byte_panel<Bytes, PANEL>(width, layer.weights + first * words, layer.scales + first, layer.bias + first,
-                                    words, x, of_lanes, y + first / numbers_of<FastTerms> * GROUP);
+                                    words, x, of_lanes, y + first / numbers_of<LayerTerms> * GROUP);
   }
 }
 

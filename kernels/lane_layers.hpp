@@ -1,77 +1,12 @@
 // Dense layers for a group of Gaussians, one per lane: x[feature] is a vector over the group, weights are broadcast.
 // A layer of O outputs and I inputs is O x I fused multiply-adds on full vectors with sums in registers, which runs
-// near the peak of the processor.
-//
-// `Terms` is the type of the factors: Vec, or Bf16Pairs, whose lanes hold two inputs (or two Gaussians) each and halve
-// the work. Sums are floats in any case. Include from kernels/isa/*.cpp alone, see simd.hpp.
+// near the peak of the processor; by the matrix unit, where there is one, in a tenth of the time. Include from
+// kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
-#include "simd.hpp"
+#include "lane_panels.hpp"
+#include "matrix_layers.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
-
-constexpr int GROUP = 32;                   // Gaussians handled together: each weight is broadcast once for two Vecs
-constexpr bool MANY_REGISTERS = VEC_REGISTERS >= 32;
-constexpr int PANEL = MANY_REGISTERS ? 12 : 6;       // outputs whose sums stay in registers ...
-constexpr int PANEL_VECS = MANY_REGISTERS ? 2 : 1;   // ... for this many Vecs of the group
-constexpr int OUTER_ROWS = 6;                        // the same for weight gradients: rows ...
-constexpr int OUTER_VECS = MANY_REGISTERS ? 4 : 1;   // ... times columns / 16
-
-// Weights reordered to the order of use: for each panel of outputs, input by input. `bias` may be null.
-struct Panels {
-  const float *weights, *bias;
-  int outputs, inputs;
-};
-
-// Terms that hold so many numbers; the last one is filled up with a zero.
-template <class Terms>
-constexpr int terms_of(int numbers) {
-  return (numbers + numbers_of<Terms> - 1) / numbers_of<Terms>;
-}
-
-// Outputs of the next panel, of so many that are left. One of four has too few sums to hide a multiply-add's latency,
-// so that the last two share what they have; all but the last are even, for outputs to make pairs.
-constexpr int panel_width(int left) {
-  constexpr int FEW = 6;
-  return left <= PANEL ? left : MANY_REGISTERS && left < PANEL + FEW ? PANEL - 4 : PANEL;
-}
-
-// The weight of output o and input i is at weights[o * output_stride + i * input_stride]. Takes outputs times
-// terms_of(inputs) floats.
-template <class Terms = Vec>
-static inline Panels pack(const float* weights, int output_stride, int input_stride, const float* bias, int outputs,
-                          int inputs, float* to) {
-  const Panels packed{to, bias, outputs, inputs};
-  for (int first = 0, width; first < outputs; first += width) {
-    width = panel_width(outputs - first);
-    for (int i = 0; i < inputs; i += numbers_of<Terms>)
-      for (int k = 0; k < width; k++) {
-        const float* weight = weights + (first + k) * output_stride + i * input_stride;
-        if constexpr (numbers_of<Terms> == 1)
-          *to++ = *weight;
-        else
-          *to++ = Terms::one(*weight, i + 1 < inputs ? weight[input_stride] : 0.f);
-      }
-  }
-  return packed;
-}
-
-// x[count][GROUP] as terms, [terms_of(count)][GROUP]: x itself, or written to `buffer`.
-template <class Terms>
-static inline const float* feature_terms(const float* x, int count, float* buffer) {
-  if constexpr (numbers_of<Terms> == 1) {
-    return x;
-  } else {
-    for (int i = 0; i < count; i += 2)
-      for (int v = 0; v < GROUP; v += LANES) {
-        const Vec odd = i + 1 < count ? load(x + (i + 1) * GROUP + v) : Vec(0.f);
-        store(buffer + i / 2 * GROUP + v, Terms::of(load(x + i * GROUP + v), odd));
-      }
-    return buffer;
-  }
-}
-
-// What becomes of a layer's sums: stored as they are, or rectified, as numbers or as terms of the next layer.
-enum class Result { PLAIN, RECTIFIED, RECTIFIED_TERMS };
 
 template <class Terms, int Outputs, Result Kind>
 RINGLIGHT_INLINE void store_sums(const Vec sums[Outputs][PANEL_VECS], float* y) {
@@ -140,9 +75,11 @@ static void narrow_panel(int outputs, const float* weights, const float* bias, i
     narrow_panel<Terms, Outputs - 1, Kind>(outputs, weights, bias, terms, x, y);
 }
 
-// y[outputs][GROUP] = weights x[inputs][GROUP] + bias, x as feature_terms.
+// y[outputs][GROUP] = weights x[inputs][GROUP] + bias, x as feature_terms. RECTIFIED_TERMS are complete, as those of
+// feature_terms.
 template <class Terms = Vec, Result Kind = Result::PLAIN>
 static inline void dense(const Panels& layer, const float* x, float* y) {
+  if constexpr (in_unit<Terms>) return dense_tiles<Terms, Kind>(layer, x, y);
   const float *weights = layer.weights, *bias = layer.bias;
   const int terms = terms_of<Terms>(layer.inputs);
   const int numbers = Kind == Result::RECTIFIED_TERMS ? numbers_of<Terms> : 1;
@@ -163,49 +100,6 @@ static inline void rectify_gradient(float* gradient, const float* rectified, int
   for (int i = 0; i < count * GROUP; i += LANES)
     store(gradient + i, keep(gt(load(rectified + i), Vec(0.f)), load(gradient + i)));
 }
-
-constexpr int padded(int inputs) { return (inputs + LANES - 1) / LANES * LANES; }
-
-// The sum over the Gaussians of a group has this many terms.
-template <class Terms>
-constexpr int GROUP_TERMS = GROUP / numbers_of<Terms>;
-
-// x[count][GROUP] as terms over the Gaussians, [count][GROUP_TERMS]: x itself, or written to `buffer`. Which two
-// Gaussians make a pair does not matter, for to_rows makes the same.
-template <class Terms>
-static inline const float* lane_terms(const float* x, int count, float* buffer) {
-  if constexpr (numbers_of<Terms> == 1) {
-    return x;
-  } else {
-    for (int i = 0; i < count; i++)
-      store(buffer + i * LANES, Terms::in_any_order(load(x + i * GROUP), load(x + i * GROUP + LANES)));
-    return buffer;
-  }
-}
-
-// x[inputs][GROUP] to blocks of sixteen inputs, [padded / 16][GROUP_TERMS][16]; the padding is zero.
-template <class Terms = Vec>
-static inline void to_rows(const float* x, int inputs, float* rows) {
-  for (int first = 0; first < inputs; first += LANES)
-    for (int half = 0; half < GROUP_TERMS<Terms>; half += LANES, rows += LANES * LANES) {
-      Vec square[LANES];
-      for (int i = 0; i < LANES; i++) {
-        const float* from = x + (first + i) * GROUP + half;
-        if constexpr (numbers_of<Terms> == 1)
-          square[i] = first + i < inputs ? load(from) : Vec(0.f);
-        else
-          square[i] = first + i < inputs ? Terms::in_any_order(load(from), load(from + LANES)).bits() : Vec(0.f);
-      }
-      transpose(square);
-      for (int i = 0; i < LANES; i++) store(rows + i * LANES, square[i]);
-    }
-}
-
-// Running sums of a layer's gradient: weight [outputs][padded(inputs)], bias by lanes [outputs][16] or null.
-struct LayerSums {
-  float *weight, *bias;
-  int outputs, inputs;
-};
 
 template <class Terms, int Rows, int Vecs>
 static void outer_block(float* sums, int stride, const float* gradient, const float* rows) {
@@ -254,17 +148,22 @@ static void outer_last_rows(int count, float* sums, int stride, const float* gra
 }
 
 // Adds the group's part of dL/dweight and dL/dbias: gradient[outputs][GROUP] of the layer's result, and its input as
-// `to_rows` left it. `buffer` has room for the gradient, unless Terms are floats.
+// `to_rows` left it. `buffer` has result_rows(outputs) rows of a group, unless Terms are
+// floats.
 template <class Terms = Vec>
 static inline void add_layer_gradient(const LayerSums& sums, const float* gradient, const float* rows,
                                       float* buffer = nullptr) {
   const int stride = padded(sums.inputs);
   const float* terms = lane_terms<Terms>(gradient, sums.outputs, buffer);
-  int done = 0;
-  for (; done + OUTER_ROWS <= sums.outputs; done += OUTER_ROWS)
-    outer_rows<Terms, OUTER_ROWS>(sums.weight + done * stride, stride, terms + done * GROUP_TERMS<Terms>, rows);
-  outer_last_rows<Terms, OUTER_ROWS - 1>(sums.outputs - done, sums.weight + done * stride, stride,
-                                         terms + done * GROUP_TERMS<Terms>, rows);
+  if constexpr (in_unit<Terms>) {
+    outer_tiles(sums.weight, sums.outputs, stride, terms, rows);
+  } else {
+    int done = 0;
+    for (; done + OUTER_ROWS <= sums.outputs; done += OUTER_ROWS)
+      outer_rows<Terms, OUTER_ROWS>(sums.weight + done * stride, stride, terms + done * GROUP_TERMS<Terms>, rows);
+    outer_last_rows<Terms, OUTER_ROWS - 1>(sums.outputs - done, sums.weight + done * stride, stride,
+                                           terms + done * GROUP_TERMS<Terms>, rows);
+  }
   if (!sums.bias) return;
   for (int o = 0; o < sums.outputs; o++) {
     float* bias = sums.bias + o * LANES;

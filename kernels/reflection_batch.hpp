@@ -20,7 +20,7 @@ static inline int widest_layer(const ReflectionShape& shape) {
 }
 
 static inline void apply(const Panels& layer, const float* from, float* terms, float* to) {
-  dense<FastTerms>(layer, feature_terms<FastTerms>(from, layer.inputs, terms), to);
+  dense<LayerTerms>(layer, feature_terms<LayerTerms>(from, layer.inputs, terms), to);
 }
 
 // What a call prepares once: layers in the order of use, maps sewn, spheres' sizes.
@@ -35,9 +35,9 @@ static inline ReflectionTables prepare(const ReflectionShape& shape, const Refle
   ReflectionTables tables;
   for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
-    float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(inputs)) * outputs);
+    float* to = arena.take(panel_floats<LayerTerms>(outputs, inputs));
     const auto& weights = from.mlp[layer];
-    if (to) tables.layers[layer] = pack<FastTerms>(weights.weight, inputs, 1, weights.bias, outputs, inputs, to);
+    if (to) tables.layers[layer] = pack<LayerTerms>(weights.weight, inputs, 1, weights.bias, outputs, inputs, to);
   }
   for (int shell = 0; shell < shape.shells; shell++) {
     for (int level = 0; level < shape.levels; level++) {
@@ -67,12 +67,12 @@ struct ReflectionBatch {
 static inline void lay_out(ReflectionBatch& batch, const ReflectionShape& shape, bool slopes, Arena& arena) {
   batch.inputs = arena.take(static_cast<std::size_t>(GROUP) * network_inputs(shape));
   for (int layer = 0; layer + 1 < shape.layers; layer++)
-    batch.hidden[layer] = arena.take(static_cast<std::size_t>(GROUP) * shape.hidden);
+    batch.hidden[layer] = arena.take(static_cast<std::size_t>(GROUP) * result_rows(shape.hidden));
   batch.added = arena.take(GROUP * 3);
   const std::size_t features = static_cast<std::size_t>(GROUP) * feature_count(shape) * slopes;
   batch.slopes_across = slopes ? arena.take(features) : nullptr;
   batch.slopes_down = slopes ? arena.take(features) : nullptr;
-  batch.terms = arena.take(static_cast<std::size_t>(GROUP) * widest_layer(shape));
+  batch.terms = arena.take(static_cast<std::size_t>(GROUP) * result_rows(widest_layer(shape)));
 }
 
 // What does not change from group to group.
@@ -118,10 +118,10 @@ static inline void run_network(const ReflectionScene& scene, ReflectionBatch& ba
 // The same bits where nobody asks for the hidden layers, whose places hold terms then.
 static inline void run_network_once(const ReflectionShape& shape, const ReflectionTables& tables,
                                     ReflectionBatch& batch) {
-  const float* terms = feature_terms<FastTerms>(batch.inputs, network_inputs(shape), batch.terms);
+  const float* terms = feature_terms<LayerTerms>(batch.inputs, network_inputs(shape), batch.terms);
   for (int layer = 0; layer + 1 < shape.layers; terms = batch.hidden[layer++])
-    dense<FastTerms, Result::RECTIFIED_TERMS>(tables.layers[layer], terms, batch.hidden[layer]);
-  dense<FastTerms>(tables.layers[shape.layers - 1], terms, batch.added);
+    dense<LayerTerms, Result::RECTIFIED_TERMS>(tables.layers[layer], terms, batch.hidden[layer]);
+  dense<LayerTerms>(tables.layers[shape.layers - 1], terms, batch.added);
 }
 
 // The network's inputs for half a group.

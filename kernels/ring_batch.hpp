@@ -15,7 +15,7 @@ constexpr int ROW_RANK = LANES;
 constexpr int MATRIX = ROW_RANK * ROW_RANK;
 
 static inline bool by_rows(const RingShape& shape) {
-  return shape.rank == ROW_RANK && !shape.diagonal && !in_tiles<FastTerms>(shape);
+  return shape.rank == ROW_RANK && !shape.diagonal && !in_tiles<MatrixTerms>(shape);
 }
 
 // The dense layers in the order of use, and the tables; these are the parameters' own but for diagonal matrices, and
@@ -40,17 +40,17 @@ static inline const float* to_tiles(const float* matrices, int rank, int rows, f
 
 static inline RingPanels pack_layers(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
   const auto packed = [&arena](const RingLayer<const float>& layer, int outputs, int inputs) {
-    float* to = arena.take(static_cast<std::size_t>(outputs) * terms_of<FastTerms>(inputs));
-    return to ? pack<FastTerms>(layer.weight, inputs, 1, layer.bias, outputs, inputs, to) : Panels{};
+    float* to = arena.take(panel_floats<LayerTerms>(outputs, inputs));
+    return to ? pack<LayerTerms>(layer.weight, inputs, 1, layer.bias, outputs, inputs, to) : Panels{};
   };
   const int matrix = static_cast<int>(matrix_size(shape)), hidden = shape.render_hidden;
   RingPanels panels;
-  const bool tiles = in_tiles<FastTerms>(shape);
-  if (shape.diagonal || tiles) panels.tables = pack_tables<FastTerms>(shape, from, arena);
+  const bool tiles = in_tiles<MatrixTerms>(shape);
+  if (shape.diagonal || tiles) panels.tables = pack_tables<MatrixTerms>(shape, from, arena);
   panels.core_weights = from.core;
   if (tiles) {
     float* const to = arena.take(static_cast<std::size_t>(shape.features) * matrix);
-    panels.core_weights = to_tiles<FastTerms>(from.core, shape.rank, shape.features, to);
+    panels.core_weights = to_tiles<MatrixTerms>(from.core, shape.rank, shape.features, to);
   }
   panels.core = packed({panels.core_weights, nullptr}, shape.features, matrix);
   if (modulated(shape)) {
@@ -103,7 +103,7 @@ constexpr int TRANSPOSES = 6;  // matrices of each Gaussian that the gradient of
 static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring, Arena& arena) {
   const std::size_t matrix = padded(static_cast<int>(matrix_size(shape))) * LANES;
   batch.keep_ring = keep_ring;
-  const bool tiles = in_tiles<FastTerms>(shape);
+  const bool tiles = in_tiles<MatrixTerms>(shape);
   batch.packed_products = tiles ? arena.take(matrix_size(shape) / 2 * GROUP) : nullptr;
   batch.transposes = tiles && keep_ring ? arena.take(TRANSPOSES * matrix_size(shape) / 2 * GROUP) : nullptr;
   for (int half = 0; half < 2 && !tiles; half++) {
@@ -123,10 +123,11 @@ static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring,
   batch.modulation = batch.activated + shape.features * GROUP;
   batch.base = batch.activated + base_input(shape) * GROUP;
   batch.latents = batch.base + 3 * GROUP;
-  batch.modulation_hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.modulation_hidden);
-  for (float*& hidden : batch.render_hidden) hidden = arena.take(static_cast<std::size_t>(GROUP) * shape.render_hidden);
-  batch.residual = arena.take(GROUP * 3);
-  batch.terms = arena.take(static_cast<std::size_t>(GROUP) * terms_of<FastTerms>(widest_layer(shape)));
+  const auto rows = [&arena](int count) { return arena.take(static_cast<std::size_t>(GROUP) * count); };
+  batch.modulation_hidden = rows(result_rows(shape.modulation_hidden));
+  for (float*& hidden : batch.render_hidden) hidden = rows(result_rows(shape.render_hidden));
+  batch.residual = rows(3);
+  batch.terms = rows(term_rows<LayerTerms>(widest_layer(shape)));
 }
 
 // The group's rows of table[][Width] as columns, [Width][GROUP].
@@ -219,17 +220,17 @@ static inline void multiply_ring(Batch& batch, const RingShape& shape, const Rin
 }
 
 static inline void apply(const Panels& layer, const float* from, float* terms, float* to) {
-  dense<FastTerms>(layer, feature_terms<FastTerms>(from, layer.inputs, terms), to);
+  dense<LayerTerms>(layer, feature_terms<LayerTerms>(from, layer.inputs, terms), to);
 }
 
 // A hidden layer of `terms`. With Keep its activations are numbers in `to`; else they are terms already.
 template <bool Keep>
 static inline const float* hidden_layer(const Panels& layer, const float* terms, float* buffer, float* to) {
   if constexpr (Keep) {
-    dense<FastTerms, Result::RECTIFIED>(layer, terms, to);
-    return feature_terms<FastTerms>(to, layer.outputs, buffer);
+    dense<LayerTerms, Result::RECTIFIED>(layer, terms, to);
+    return feature_terms<LayerTerms>(to, layer.outputs, buffer);
   } else {
-    dense<FastTerms, Result::RECTIFIED_TERMS>(layer, terms, to);
+    dense<LayerTerms, Result::RECTIFIED_TERMS>(layer, terms, to);
     return to;
   }
 }
@@ -237,23 +238,23 @@ static inline const float* hidden_layer(const Panels& layer, const float* terms,
 // From the ring's product to the residual colour. With Keep the hidden layers' activations are left for the gradient.
 template <bool Keep>
 static inline void shade(Batch& batch, const RingShape& shape, const RingPanels& panels) {
-  const auto terms = [&batch](const float* x, int count) { return feature_terms<FastTerms>(x, count, batch.terms); };
+  const auto terms = [&batch](const float* x, int count) { return feature_terms<LayerTerms>(x, count, batch.terms); };
   const auto hidden = [&batch](const Panels& layer, const float* from, float* to) {
     return hidden_layer<Keep>(layer, from, batch.terms, to);
   };
-  const bool ready = in_tiles<FastTerms>(shape);
-  dense<FastTerms>(panels.core, ready ? batch.product : terms(batch.product, panels.core.inputs), batch.activated);
+  const bool ready = in_tiles<MatrixTerms>(shape);
+  dense<LayerTerms>(panels.core, ready ? batch.product : terms(batch.product, panels.core.inputs), batch.activated);
   for (int i = 0; i < shape.features * GROUP; i += LANES)
     store(batch.activated + i, tanh_fast(load(batch.activated + i)));
   if (modulated(shape)) {
     const Panels* layers = panels.modulation;
     const float* const unit = hidden(layers[0], terms(batch.inputs, layers[0].inputs), batch.modulation_hidden);
-    dense<FastTerms>(layers[1], unit, batch.modulation);
+    dense<LayerTerms>(layers[1], unit, batch.modulation);
     for (int i = 0; i < GROUP; i += LANES) store(batch.modulation + i, sigmoid(load(batch.modulation + i)));
   }
   const float* from = terms(batch.activated, panels.render[0].inputs);
   for (int layer = 0; layer < 2; layer++) from = hidden(panels.render[layer], from, batch.render_hidden[layer]);
-  dense<FastTerms>(panels.render[2], from, batch.residual);
+  dense<LayerTerms>(panels.render[2], from, batch.residual);
   for (int i = 0; i < 3 * GROUP; i += LANES) store(batch.residual + i, tanh_fast(load(batch.residual + i)));
 }
 

@@ -14,7 +14,7 @@ static inline void multiply_diagonal(Batch& batch, const RingShape& shape, const
   for (int half = 0; half < 2; half++) {
     float* const rows = batch.halves[half].x;  // [16][padded(D)]
     const RingCells cells = cells_of(batch.halves[half]);
-    const CellWeights<FastTerms> weights(cells);
+    const CellWeights<MatrixTerms> weights(cells);
     for (int lane = 0; lane < LANES; lane++) {
       const RingPlace at(shape, cells, lane);
       float* const row = rows + lane * padded(width);
@@ -47,7 +47,7 @@ static inline void ring_gradient_diagonal(const RingHalf& ring, const RingShape&
     for (int lane = 0; lane < LANES; lane++) store(rows + lane * padded(width) + first, square[lane]);
   }
   const RingCells cells = cells_of(ring);
-  const CellWeights<FastTerms> weights(cells);
+  const CellWeights<MatrixTerms> weights(cells);
   for (int lane = 0; lane < LANES; lane++) {
     const RingPlace at(shape, cells, lane);
     const float* const row = rows + lane * padded(width);

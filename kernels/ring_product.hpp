@@ -8,8 +8,8 @@ namespace ringlight::RINGLIGHT_ISA {
 template <bool Keep>
 static inline void multiply(Batch& batch, const RingShape& shape, const RingParameters<const float>& parameters,
                             const CellTables& tables) {
-  const bool done = with_tiles<FastTerms>(
-      shape, [&](auto rank) { multiply_tiles<FastTerms, decltype(rank)::VALUE, Keep>(batch, shape, tables); });
+  const bool done = with_tiles<MatrixTerms>(
+      shape, [&](auto rank) { multiply_tiles<MatrixTerms, decltype(rank)::VALUE, Keep>(batch, shape, tables); });
   if (done) return;
   if (shape.diagonal)
     multiply_diagonal(batch, shape, tables);

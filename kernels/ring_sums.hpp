@@ -17,7 +17,7 @@ struct ShardSums {
 static inline ShardSums lay_out_sums(const RingShape& shape, Arena& arena) {
   const auto layer = [&](int outputs, int inputs, bool biased) {
     LayerSums sums{nullptr, nullptr, outputs, inputs};
-    sums.weight = arena.take(static_cast<std::size_t>(outputs) * padded(inputs));
+    sums.weight = arena.take(weight_sums(outputs, inputs));
     if (biased) sums.bias = arena.take(static_cast<std::size_t>(outputs) * LANES);
     return sums;
   };
@@ -75,10 +75,10 @@ static inline void add_up_shards(const RingShape& shape, const Shards& shards, c
   const ShardSums sums = lay_out_sums(shape, first);
   const std::size_t matrix = matrix_size(shape);
   const std::size_t nodes = 3 * static_cast<std::size_t>(shape.nodes);
-  if (in_tiles<FastTerms>(shape)) {
-    add_up_tiles<FastTerms>(shards, sums.axes, nodes, shape.rank, to.axes);
-    add_up_tiles<FastTerms>(shards, sums.view, view_size(shape) / matrix, shape.rank, to.view);
-    add_up_tiles<FastTerms>(shards, sums.core.weight, shape.features, shape.rank, to.core);
+  if (in_tiles<MatrixTerms>(shape)) {
+    add_up_tiles<MatrixTerms>(shards, sums.axes, nodes, shape.rank, to.axes);
+    add_up_tiles<MatrixTerms>(shards, sums.view, view_size(shape) / matrix, shape.rank, to.view);
+    add_up_tiles<MatrixTerms>(shards, sums.core.weight, shape.features, shape.rank, to.core);
   } else {
     if (by_rows(shape))
       add_up_transposed(shards, sums.axes, nodes, to.axes);

@@ -37,4 +37,5 @@ constexpr int LANES = 16;  // floats in a Vec
 #include "simd_columns.hpp"
 #endif
 
+#include "simd_matrix.hpp"
 #include "simd_math.hpp"

@@ -3,24 +3,32 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-// What the fastest multiply-add of this instruction set takes, and how many numbers a lane of it holds.
+// What the fastest multiply-add of this instruction set takes, in dense layers and in products of the ring's matrices,
+// and how many numbers a lane of it holds. Processors with a matrix unit take twice as long for a multiply-add of pairs
+// outside of it as for one of floats.
 template <class Terms>
 constexpr int numbers_of = 1;
 #ifdef __AVX512BF16__
-using FastTerms = Bf16Pairs;
+using LayerTerms = Bf16Pairs;
 template <>
 constexpr int numbers_of<Bf16Pairs> = 2;
 #else
-using FastTerms = Vec;
+using LayerTerms = Vec;
+#endif
+#if defined __AVX512BF16__ && !defined __AMX_BF16__
+using MatrixTerms = Bf16Pairs;
+#else
+using MatrixTerms = Vec;
 #endif
 
-// The same where numbers are bytes; an instruction set without such multiply-adds has none to offer.
-#ifdef __AVX512VNNI__
+// The same where numbers are bytes; an instruction set without such multiply-adds, or with a matrix unit, has none to
+// offer.
+#if defined __AVX512VNNI__ && !defined __AMX_BF16__
 using FastBytes = ByteQuads;
 template <>
 constexpr int numbers_of<ByteQuads> = 4;
 #else
-using FastBytes = FastTerms;
+using FastBytes = LayerTerms;
 #endif
 template <class Terms>
 constexpr bool are_bytes = numbers_of<Terms> == 4;

@@ -14,7 +14,7 @@ from ringlight import _kernels
 
 ROOT = Path(__file__).parents[1]
 
-UNKNOWN = "RINGLIGHT_ISA=sse9 is unknown; use generic, avx2, avx512 or avx512_bf16, or unset it"
+UNKNOWN = "RINGLIGHT_ISA=sse9 is unknown; use generic, avx2, avx512, avx512_bf16 or avx512_amx, or unset it"
 
 KERNEL_TESTS = (
     "contracts/test_rasterizers.py",
@@ -60,7 +60,7 @@ def answer(name: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["generic", "avx2", "avx512"])
+@pytest.mark.parametrize("name", ["generic", "avx2", "avx512", "avx512_bf16"])
 def test_the_kernels_equal_their_twins(name: str):
     if _kernels.isa() == name:
         pytest.skip("the whole suite runs on it already")
@@ -81,9 +81,9 @@ def test_a_set_that_does_not_exist_is_refused_with_those_that_do():
 
 
 def test_what_the_processor_lacks_is_refused_with_the_remedy():
-    if answer("avx512_bf16") == "avx512_bf16":
+    if answer("avx512_amx") == "avx512_amx":
         pytest.skip("this processor has them all")
-    assert answer("avx512_bf16").endswith("unset it")
+    assert answer("avx512_amx").endswith("unset it")
 
 
 def test_a_set_that_cannot_run_ends_the_command_in_one_sentence():

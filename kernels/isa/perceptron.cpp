@@ -14,16 +14,18 @@ constexpr int SHARD = 8 * GROUP;  // nodes whose gradients are summed together: 
 
 struct Widths {
   int of[LAYERS + 1];  // inputs, hidden, hidden, outputs
-  int widest;
+  int widest;  // rows to allow for in a group
 
   explicit Widths(const PerceptronShape& shape) : of{shape.inputs, shape.hidden, shape.hidden, shape.outputs} {
     widest = 0;
     for (const int width : of) widest = width > widest ? width : widest;
+    widest = result_rows(widest);
   }
   // Floats of a packed layer, transposed or not, and of all.
   std::size_t weights(int layer) const {
     const int inputs = of[layer], outputs = of[layer + 1];
-    const int plain = outputs * terms_of<FastTerms>(inputs), transposed = inputs * terms_of<FastTerms>(outputs);
+    const std::size_t plain = panel_floats<LayerTerms>(outputs, inputs);
+    const std::size_t transposed = panel_floats<LayerTerms>(inputs, outputs);
     return plain > transposed ? plain : transposed;
   }
   std::size_t weights() const { return weights(0) + weights(1) + weights(2); }
@@ -61,8 +63,8 @@ struct StackPanels {
       const float* weight = layers.weight[layer] + static_cast<std::size_t>(head) * inputs * outputs;
       const float* bias = layers.bias[layer] + head * outputs;
       panels.layers[layer] = transposed ? Panels{to, nullptr, inputs, outputs} : Panels{to, bias, outputs, inputs};
-      if (write && transposed) pack<FastTerms>(weight, outputs, 1, nullptr, inputs, outputs, to);
-      if (write && !transposed) pack<FastTerms>(weight, 1, outputs, bias, outputs, inputs, to);
+      if (write && transposed) pack<LayerTerms>(weight, outputs, 1, nullptr, inputs, outputs, to);
+      if (write && !transposed) pack<LayerTerms>(weight, 1, outputs, bias, outputs, inputs, to);
       to += widths.weights(layer);
     }
     return panels;
@@ -101,7 +103,7 @@ struct Activations {
 template <Result Kind>
 void evaluate(const HeadPanels& panels, const Activations& at, int layer) {
   const Panels& packed = panels.layers[layer];
-  dense<FastTerms, Kind>(packed, feature_terms<FastTerms>(at.of[layer], packed.inputs, at.terms), at.of[layer + 1]);
+  dense<LayerTerms, Kind>(packed, feature_terms<LayerTerms>(at.of[layer], packed.inputs, at.terms), at.of[layer + 1]);
 }
 
 void evaluate_hidden(const HeadPanels& panels, const Activations& at) {
@@ -121,7 +123,7 @@ constexpr int SPARE = LAYERS + 2;  // blocks of [widest][GROUP] that Activations
 std::size_t sums_size(const Widths& widths) {
   std::size_t size = 0;
   for (int layer = 0; layer < LAYERS; layer++)
-    size += static_cast<std::size_t>(widths.of[layer]) * padded(widths.of[layer + 1]) + widths.of[layer + 1] * LANES;
+    size += weight_sums(widths.of[layer], widths.of[layer + 1]) + widths.of[layer + 1] * LANES;
   return size;
 }
 
@@ -132,17 +134,17 @@ void add_gradients(const Widths& widths, const HeadPanels& transposed, const Act
   float* ends = sums + sums_size(widths);
   for (int layer = LAYERS - 1; layer >= 0; layer--) {
     const int inputs = widths.of[layer], outputs = widths.of[layer + 1];
-    ends -= static_cast<std::size_t>(inputs) * padded(outputs) + outputs * LANES;
-    to_rows<FastTerms>(gradient.of[layer + 1], outputs, blocks);
-    add_layer_gradient<FastTerms>({ends, nullptr, inputs, outputs}, at.of[layer], blocks, at.terms);
-    float* bias = ends + static_cast<std::size_t>(inputs) * padded(outputs);
+    ends -= weight_sums(inputs, outputs) + outputs * LANES;
+    to_rows<LayerTerms>(gradient.of[layer + 1], outputs, blocks);
+    add_layer_gradient<LayerTerms>({ends, nullptr, inputs, outputs}, at.of[layer], blocks, at.terms);
+    float* bias = ends + weight_sums(inputs, outputs);
     for (int o = 0; o < outputs; o++) {
       const float* of_output = gradient.of[layer + 1] + o * GROUP;
       store(bias + o * LANES, load(bias + o * LANES) + load(of_output) + load(of_output + LANES));
     }
     if (layer == 0) return;
-    const float* terms = feature_terms<FastTerms>(gradient.of[layer + 1], outputs, at.terms);
-    dense<FastTerms>(transposed.layers[layer], terms, gradient.of[layer]);
+    const float* terms = feature_terms<LayerTerms>(gradient.of[layer + 1], outputs, at.terms);
+    dense<LayerTerms>(transposed.layers[layer], terms, gradient.of[layer]);
     rectify_gradient(gradient.of[layer], at.of[layer], inputs);
   }
 }
@@ -161,7 +163,7 @@ void write_gradients(const Widths& widths, const float* sums, int shards, int he
         for (int shard = 0; shard < shards; shard++) total += load(sums + shard * stride + i * width + o);
         store_first(weight + static_cast<std::size_t>(i) * outputs + o, total, left);
       }
-    sums += static_cast<std::size_t>(inputs) * width;
+    sums += weight_sums(inputs, outputs);
     for (int o = 0; o < outputs; o++) {
       Vec total(0.f);
       for (int shard = 0; shard < shards; shard++) total += load(sums + shard * stride + o * LANES);
@@ -181,6 +183,7 @@ void perceptron_forward(const PerceptronShape& shape, const PerceptronLayers<con
   parallel_for(static_cast<std::size_t>(shape.heads) * shards, [&](std::size_t piece) {
     const int head = static_cast<int>(piece) / shards, begin = static_cast<int>(piece) % shards * SHARD;
     const Scratch memory(static_cast<std::size_t>(SPARE + 1) * (widths.widest + LANES) * GROUP * sizeof(float));
+    const MatrixUnit unit;
     const HeadPanels panels = packed.of(head, false);
     const Activations at = lay_out(widths, memory.floats());
     float* blocks = memory.floats() + static_cast<std::size_t>(SPARE) * widths.widest * GROUP;
@@ -205,6 +208,7 @@ void perceptron_backward(const PerceptronShape& shape, const PerceptronLayers<co
   parallel_for(static_cast<std::size_t>(shape.heads) * shards, [&](std::size_t piece) {
     const int head = static_cast<int>(piece) / shards, begin = static_cast<int>(piece) % shards * SHARD;
     const Scratch memory(static_cast<std::size_t>(2 * SPARE + 1) * (widths.widest + LANES) * GROUP * sizeof(float));
+    const MatrixUnit unit;
     const HeadPanels panels = packed.of(head, false), transposed = packed.of(head, true);
     const std::size_t half = static_cast<std::size_t>(SPARE) * widths.widest * GROUP;
     const Activations at = lay_out(widths, memory.floats()), gradient = lay_out(widths, memory.floats() + half);

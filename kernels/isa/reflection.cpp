@@ -43,6 +43,7 @@ void reflection_forward(const ReflectionShape& shape, const ReflectionParameters
     const Scratch memory(needed.used * sizeof(float));
     Arena scratch{memory.floats()};
     lay_out(batch, shape, false, scratch);
+    const MatrixUnit unit;
     for (int first = 0; first < count; first += GROUP) {
       const int next = first + GROUP;
       prefetch_planes(shape, buffers, covered + next, count - next < GROUP ? count - next : GROUP);

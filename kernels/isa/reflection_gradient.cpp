@@ -34,7 +34,7 @@ ParameterSums lay_out_sums(const ReflectionShape& shape, Arena& arena) {
   sums.sphere = arena.take(static_cast<std::size_t>(4 * LANES) * shape.shells);
   for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
-    float* weight = arena.take(static_cast<std::size_t>(outputs) * padded(inputs));
+    float* weight = arena.take(weight_sums(outputs, inputs));
     sums.layers[layer] = {weight, arena.take(static_cast<std::size_t>(outputs) * LANES), outputs, inputs};
   }
   return sums;
@@ -51,8 +51,8 @@ Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParame
   for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     const int wanted = layer ? inputs : direction_input(shape);  // the viewing direction's gradient is not
-    float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(outputs)) * wanted);
-    if (to) transposed.layers[layer] = pack<FastTerms>(from.mlp[layer].weight, 1, inputs, nullptr, wanted, outputs, to);
+    float* to = arena.take(panel_floats<LayerTerms>(wanted, outputs));
+    if (to) transposed.layers[layer] = pack<LayerTerms>(from.mlp[layer].weight, 1, inputs, nullptr, wanted, outputs, to);
   }
   return transposed;
 }
@@ -69,7 +69,7 @@ void lay_out_gradient(BatchGradient& gradient, const ReflectionShape& shape, Are
     gradient.hidden[layer] = arena.take(static_cast<std::size_t>(shape.hidden) * GROUP);
   gradient.inputs = arena.take(static_cast<std::size_t>(network_inputs(shape)) * GROUP);
   gradient.rows = arena.take(static_cast<std::size_t>(padded(widest_layer(shape))) * GROUP);
-  gradient.terms = arena.take(static_cast<std::size_t>(widest_layer(shape)) * GROUP);
+  gradient.terms = arena.take(static_cast<std::size_t>(result_rows(widest_layer(shape))) * GROUP);
 }
 
 struct Backward {
@@ -103,8 +103,8 @@ Upstream start_gradient(const Backward& pass, const ReflectionBatch& batch, int 
 // Adds to a layer's sums, given dL/d(its result) and its input, and leaves dL/d(its input) in `of_input`.
 void layer_gradient(const LayerSums& sums, const Panels& transposed, const float* of_result, const float* input,
                     const BatchGradient& gradient, float* of_input) {
-  to_rows<FastTerms>(input, sums.inputs, gradient.rows);
-  add_layer_gradient<FastTerms>(sums, of_result, gradient.rows, gradient.terms);
+  to_rows<LayerTerms>(input, sums.inputs, gradient.rows);
+  add_layer_gradient<LayerTerms>(sums, of_result, gradient.rows, gradient.terms);
   apply(transposed, of_result, gradient.terms, of_input);
 }
 
@@ -197,6 +197,7 @@ void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* 
   Arena scratch{memory.floats()};
   lay_out(batch, shape, true, scratch);
   lay_out_gradient(gradient, shape, scratch);
+  const MatrixUnit unit;
   for (std::size_t first = begin; first < end; first += GROUP) {
     evaluate<true>(pass.scene, pass.drawn + first, end - first < GROUP ? static_cast<int>(end - first) : GROUP, batch);
     backpropagate(pass, batch, pass.weights + first, gradient, sums);

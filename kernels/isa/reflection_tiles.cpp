@@ -24,13 +24,13 @@ template <class Bytes>
 void run_network(const ReflectionShape& shape, const PictureTables& tables, ReflectionBatch& batch) {
   if constexpr (are_bytes<Bytes>) {
     if (shape.layers < 3) return run_network_once(shape, tables, batch);
-    const float* terms = feature_terms<FastTerms>(batch.inputs, network_inputs(shape), batch.terms);
-    dense<FastTerms, Result::RECTIFIED>(tables.layers[0], terms, batch.hidden[0]);
+    const float* terms = feature_terms<LayerTerms>(batch.inputs, network_inputs(shape), batch.terms);
+    dense<LayerTerms, Result::RECTIFIED>(tables.layers[0], terms, batch.hidden[0]);
     auto* const words = reinterpret_cast<std::int32_t*>(batch.terms);
     alignas(64) float scales[GROUP];
     to_bytes<Bytes>(batch.hidden[0], shape.hidden, words, scales);
     dense_bytes<Bytes>(tables.middle, words, scales, batch.hidden[1]);
-    dense<FastTerms>(tables.layers[2], batch.hidden[1], batch.added);
+    dense<LayerTerms>(tables.layers[2], batch.hidden[1], batch.added);
   } else {
     run_network_once(shape, tables, batch);
   }
@@ -69,6 +69,7 @@ void shade_tile(const TileShader& self, const BlendedTile& tile, float* scratch)
   Arena arena{scratch};
   lay_out(batch, shading.shape, false, arena);
   int blocks[HALVES], count = 0;
+  const MatrixUnit unit;
   const auto shade_group = [&] {
     for (int half = 0; half < HALVES; half++) {
       const int block = blocks[half < count ? half : 0];

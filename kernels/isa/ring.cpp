@@ -108,6 +108,7 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
   parallel_ranges(scene.visible_count, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
     const Scratch memory(ring_light_floats(shape) * sizeof(float));
     Group group(shape, memory.floats());
+    const MatrixUnit unit;
     for_each_group(begin, end, [&](std::size_t first, int count) {
       light_group(group.batch, field, scene, scene.visible + first, count);
       write(group.batch, shape, outputs);
@@ -134,6 +135,7 @@ void ring_light(const void* packed_ring, const std::int32_t* rows, int count, fl
   const Batch& batch = group.batch;
   const Field field{ring.shape, ring.parameters, panels_in(ring.packed)};
   prefetch_rows(ring, rows, count);
+  const MatrixUnit unit;
   for_each_group(0, static_cast<std::size_t>(count), [&](std::size_t first, int held) {
     light_group(group.batch, field, ring.scene, rows + first, held);
     finish(batch);

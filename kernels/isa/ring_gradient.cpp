@@ -24,8 +24,8 @@ struct GradientPanels {
 GradientPanels pack_transposed(const RingShape& shape, const RingParameters<const float>& from, const float* core,
                                Arena& arena) {
   const auto packed = [&](const float* weight, int outputs, int inputs, int skipped) {
-    float* to = arena.take(static_cast<std::size_t>(terms_of<FastTerms>(outputs)) * (inputs - skipped));
-    return to ? pack<FastTerms>(weight + skipped, 1, inputs, nullptr, inputs - skipped, outputs, to) : Panels{};
+    float* to = arena.take(panel_floats<LayerTerms>(inputs - skipped, outputs));
+    return to ? pack<LayerTerms>(weight + skipped, 1, inputs, nullptr, inputs - skipped, outputs, to) : Panels{};
   };
   const int hidden = shape.render_hidden;
   GradientPanels panels;
@@ -60,7 +60,7 @@ void lay_out_gradient(BatchGradient& gradient, const RingShape& shape, Arena& ar
   gradient.features = arena.take(static_cast<std::size_t>(shape.features) * GROUP);
   gradient.product = arena.take(matrix * GROUP);
   gradient.rows = arena.take(padded(static_cast<int>(widest)) * static_cast<std::size_t>(GROUP));
-  gradient.terms = arena.take(widest * GROUP);
+  gradient.terms = arena.take(static_cast<std::size_t>(result_rows(static_cast<int>(widest))) * GROUP);
   float** const matrices[] = {&gradient.left, &gradient.right, &gradient.result};
   for (float** place : matrices) *place = arena.take(matrix * LANES);
 }
@@ -80,8 +80,8 @@ struct Backward {
 // Adds to a layer's sums, given dL/d(its result) and its input, and leaves dL/d(its input) in `of_input`.
 void layer_gradient(const LayerSums& sums, const Panels& transposed, const float* of_result, const float* input,
                     const BatchGradient& gradient, float* of_input) {
-  to_rows<FastTerms>(input, sums.inputs, gradient.rows);
-  add_layer_gradient<FastTerms>(sums, of_result, gradient.rows, gradient.terms);
+  to_rows<LayerTerms>(input, sums.inputs, gradient.rows);
+  add_layer_gradient<LayerTerms>(sums, of_result, gradient.rows, gradient.terms);
   apply(transposed, of_result, gradient.terms, of_input);
 }
 
@@ -173,10 +173,10 @@ void write_row_gradients(const Backward& pass, const Batch& batch, BatchGradient
 
 // From dL/d(core's result), in gradient.features, to dL/d(product).
 void core_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
-  const bool done = with_tiles<FastTerms>(
-      pass.shape, [&](auto rank) { product_rows<FastTerms, decltype(rank)::VALUE>(batch, gradient.rows); });
-  if (!done) to_rows<FastTerms>(batch.product, sums.core.inputs, gradient.rows);
-  add_layer_gradient<FastTerms>(sums.core, gradient.features, gradient.rows, gradient.terms);
+  const bool done = with_tiles<MatrixTerms>(
+      pass.shape, [&](auto rank) { product_rows<MatrixTerms, decltype(rank)::VALUE>(batch, gradient.rows); });
+  if (!done) to_rows<LayerTerms>(batch.product, sums.core.inputs, gradient.rows);
+  add_layer_gradient<LayerTerms>(sums.core, gradient.features, gradient.rows, gradient.terms);
   apply(pass.transposed.core, gradient.features, gradient.terms, gradient.product);
 }
 
@@ -192,8 +192,8 @@ void backpropagate(const Backward& pass, Batch& batch, const float* weights, Bat
     store(gradient.features + i, load(gradient.inputs + i) * fnma(activated, activated, Vec(1.f)));
   }
   core_gradient(pass, batch, gradient, sums);
-  const bool done = with_tiles<FastTerms>(shape, [&](auto rank) {
-    ring_gradient_tiles<FastTerms, decltype(rank)::VALUE>(batch, shape, gradient.product, sums, gradient.left);
+  const bool done = with_tiles<MatrixTerms>(shape, [&](auto rank) {
+    ring_gradient_tiles<MatrixTerms, decltype(rank)::VALUE>(batch, shape, gradient.product, sums, gradient.left);
   });
   if (done) return;
   if (!shape.diagonal && !by_rows(shape)) return ring_gradient(pass, batch, gradient, sums);
@@ -236,6 +236,7 @@ void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* 
   Arena scratch{own.floats()};
   lay_out(batch, pass.shape, true, scratch);
   lay_out_gradient(gradient, pass.shape, scratch);
+  const MatrixUnit unit;
   for (std::size_t first = begin; first < end; first += GROUP) {
     const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
     start(batch, pass.shape, pass.scene, pass.rows + first, count);

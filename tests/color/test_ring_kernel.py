@@ -24,7 +24,7 @@ from ringlight.core.scene import PointCloud
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.methods.ringlight import OURS
 
-BF16 = _kernels.isa() == "avx512_bf16"
+BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 KINK = 0.02 if BF16 else 2e-6
 VALUE_TOLERANCE = 0.02 if BF16 else 1e-5
 """Absolute, of colours in [0, 1]; single precision through seven chained products gives some 1e-6."""

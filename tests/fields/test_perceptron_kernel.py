@@ -15,7 +15,7 @@ from ringlight.fields.perceptron_kernel import stack_at
 
 # Hidden units nearer to zero than this may be on the other side of the ReLU in single precision.
 KINK = 2e-6
-BF16 = _kernels.isa() == "avx512_bf16"
+BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 TOLERANCE, SMALLEST = (0.02, 0.02) if BF16 else (1e-5, 1e-6)
 """Of the largest value or gradient, and absolute: bfloat16 has eight bits, and sums cancel."""
 FAR_BIAS = 4.0

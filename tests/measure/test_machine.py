@@ -14,7 +14,7 @@ def test_the_machine_is_described():
     assert facts.cpu
     assert facts.cores >= 1
     assert facts.threads >= 1
-    assert facts.isa in ("avx2", "avx512", "avx512_bf16", "none")
+    assert facts.isa in ("generic", "avx2", "avx512", "avx512_bf16", "avx512_amx", "none")
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_kernel import kernel_takes
 from ringlight.shade.reflection_settings import ReflectionSettings
 
-BF16 = _kernels.isa() == "avx512_bf16"
+BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 VALUE_TOLERANCE = 0.02 if BF16 else 2e-5
 """Of the largest value; single precision through base colours divided by a small alpha gives some 2e-6."""
 GRADIENT_TOLERANCE = 0.15 if BF16 else 2e-4

@@ -36,7 +36,7 @@ ISA_FLAGS = {
 }
 """The kernel's namespace, and the flags with which that copy is compiled."""
 
-VECTOR_BITS = {"avx2": 256, "avx512": 512, "avx512_bf16": 512}
+VECTOR_BITS = {"avx2": 256, "avx512": 512, "avx512_bf16": 512, "avx512_amx": 512}
 COMPILE_JOBS = 2
 """Each takes half a gigabyte."""
 
