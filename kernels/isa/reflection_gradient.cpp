@@ -52,7 +52,8 @@ Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParame
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     const int wanted = layer ? inputs : direction_input(shape);  // the viewing direction's gradient is not
     float* to = arena.take(panel_floats<LayerTerms>(wanted, outputs));
-    if (to) transposed.layers[layer] = pack<LayerTerms>(from.mlp[layer].weight, 1, inputs, nullptr, wanted, outputs, to);
+    const float* weight = from.mlp[layer].weight;
+    if (to) transposed.layers[layer] = pack<LayerTerms>(weight, 1, inputs, nullptr, wanted, outputs, to);
   }
   return transposed;
 }
