@@ -79,7 +79,7 @@ static void narrow_panel(int outputs, const float* weights, const float* bias, i
 // feature_terms.
 template <class Terms = Vec, Result Kind = Result::PLAIN>
 static inline void dense(const Panels& layer, const float* x, float* y) {
-  if constexpr (in_unit<Terms>) return dense_tiles<Terms, Kind>(layer, x, y);
+  if constexpr (in_unit<Terms>) return dense_tiles<TileSums, Terms, Kind>(layer, x, y);
   const float *weights = layer.weights, *bias = layer.bias;
   const int terms = terms_of<Terms>(layer.inputs);
   const int numbers = Kind == Result::RECTIFIED_TERMS ? numbers_of<Terms> : 1;
@@ -156,7 +156,7 @@ static inline void add_layer_gradient(const LayerSums& sums, const float* gradie
   const int stride = padded(sums.inputs);
   const float* terms = lane_terms<Terms>(gradient, sums.outputs, buffer);
   if constexpr (in_unit<Terms>) {
-    outer_tiles(sums.weight, sums.outputs, stride, terms, rows);
+    outer_tiles<TileSums>(sums.weight, sums.outputs, stride, terms, rows);
   } else {
     int done = 0;
     for (; done + OUTER_ROWS <= sums.outputs; done += OUTER_ROWS)

@@ -5,25 +5,16 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-#ifdef __AMX_BF16__
 constexpr int TILE_FLOATS = LANES * LANES, BLOCK_OUTPUTS = 2 * LANES;
 
-// sums[BLOCK_OUTPUTS or LANES][GROUP] = weights x, of `steps` tiles along the inputs; `row` from an output's first tile
-// to that of the output sixteen further on.
-template <bool Two>
-static inline void multiply_block(const float* weights, int row, int steps, const float* x, float* sums) {
-  _tile_zero(0);
-  _tile_zero(1);
-  _tile_zero(2);
-  _tile_zero(3);
-  for (int step = 0; step < steps; step++, weights += TILE_FLOATS, x += LANES * GROUP)
-    multiply_tiles_into_sums<Two>(weights, weights + row, LANES, x, x + LANES, GROUP);
-  _tile_stored(0, sums, GROUP * 4);
-  _tile_stored(1, sums + LANES, GROUP * 4);
-  if constexpr (Two) {
-    _tile_stored(2, sums + LANES * GROUP, GROUP * 4);
-    _tile_stored(3, sums + LANES * GROUP + LANES, GROUP * 4);
-  }
+// sums[BLOCK_OUTPUTS or LANES][GROUP] = weights x, of `steps` tiles along the inputs.
+template <class Tiles, bool Down>
+static inline void multiply_block(const float* weights, int steps, const float* x, float* sums) {
+  Tiles::clear();
+  for (int step = 0; step < steps; step++)
+    Tiles::template add_product<Down, true>(weights + step * TILE_FLOATS, LANES, steps * TILE_FLOATS,
+                                            x + step * LANES * GROUP, GROUP, LANES);
+  Tiles::template store<Down, true>(sums, GROUP);
 }
 
 // What becomes of a block's sums, for `outputs` of them; terms are written for a whole block.
@@ -45,60 +36,46 @@ static inline void finish_block(const float* sums, const float* bias, int output
 }
 
 // dense() of lane_layers.hpp.
-template <class Terms, Result Kind>
+template <class Tiles, class Terms, Result Kind>
 static inline void dense_tiles(const Panels& layer, const float* x, float* y) {
-  const int steps = term_rows<Terms>(layer.inputs) / LANES, row = steps * TILE_FLOATS;
+  const int steps = term_rows<Terms>(layer.inputs) / LANES;
   alignas(64) float sums[BLOCK_OUTPUTS * GROUP];
   before_tile_loads();
   for (int first = 0; first < layer.outputs; first += BLOCK_OUTPUTS) {
     const int left = layer.outputs - first, outputs = left < BLOCK_OUTPUTS ? left : BLOCK_OUTPUTS;
-    const float *weights = layer.weights + first / LANES * row, *bias = layer.bias ? layer.bias + first : nullptr;
+    const float* weights = layer.weights + first / LANES * steps * TILE_FLOATS;
     if (left > LANES)
-      multiply_block<true>(weights, row, steps, x, sums);
+      multiply_block<Tiles, true>(weights, steps, x, sums);
     else
-      multiply_block<false>(weights, row, steps, x, sums);
+      multiply_block<Tiles, false>(weights, steps, x, sums);
     const int rows = Kind == Result::RECTIFIED_TERMS ? first / 2 : first;
-    finish_block<Terms, Kind>(sums, bias, outputs, y + rows * GROUP);
+    finish_block<Terms, Kind>(sums, layer.bias ? layer.bias + first : nullptr, outputs, y + rows * GROUP);
   }
 }
 
-// Tiles 0 to 3 hold sums of outputs by inputs here, at the corners of a square; those beyond `Down` and `Right` are
-// left alone.
-template <bool Down, bool Right>
+template <class Tiles, bool Down, bool Right>
 static inline void outer_square(float* sums, int stride, const float* gradient, const float* rows) {
-  float* const below = sums + LANES * stride;
-  _tile_loadd(0, sums, stride * 4);
-  if constexpr (Right) _tile_loadd(1, sums + LANES, stride * 4);
-  if constexpr (Down) _tile_loadd(2, below, stride * 4);
-  if constexpr (Down && Right) _tile_loadd(3, below + LANES, stride * 4);
-  multiply_tiles_into_sums<Down>(gradient, gradient + TILE_FLOATS, LANES, rows, Right ? rows + TILE_FLOATS : rows,
-                                 LANES);
-  _tile_stored(0, sums, stride * 4);
-  if constexpr (Right) _tile_stored(1, sums + LANES, stride * 4);
-  if constexpr (Down) _tile_stored(2, below, stride * 4);
-  if constexpr (Down && Right) _tile_stored(3, below + LANES, stride * 4);
+  Tiles::template load<Down, Right>(sums, stride);
+  Tiles::template add_product<Down, Right>(gradient, LANES, TILE_FLOATS, rows, LANES, TILE_FLOATS);
+  Tiles::template store<Down, Right>(sums, stride);
 }
 
-template <bool Down>
+template <class Tiles, bool Down>
 static inline void outer_band(float* sums, int stride, const float* gradient, const float* rows) {
   int done = 0;
   for (; done + LANES < stride; done += 2 * LANES)
-    outer_square<Down, true>(sums + done, stride, gradient, rows + done * LANES);
-  if (done < stride) outer_square<Down, false>(sums + done, stride, gradient, rows + done * LANES);
+    outer_square<Tiles, Down, true>(sums + done, stride, gradient, rows + done * LANES);
+  if (done < stride) outer_square<Tiles, Down, false>(sums + done, stride, gradient, rows + done * LANES);
 }
 
 // sums[padded(outputs)][stride] += gradient rows, over the group: gradient[outputs][16] as lane_terms, rows as to_rows.
+template <class Tiles>
 static inline void outer_tiles(float* sums, int outputs, int stride, const float* gradient, const float* rows) {
   before_tile_loads();
   int done = 0;
   for (; done + LANES < outputs; done += 2 * LANES)
-    outer_band<true>(sums + done * stride, stride, gradient + done * LANES, rows);
-  if (done < outputs) outer_band<false>(sums + done * stride, stride, gradient + done * LANES, rows);
+    outer_band<Tiles, true>(sums + done * stride, stride, gradient + done * LANES, rows);
+  if (done < outputs) outer_band<Tiles, false>(sums + done * stride, stride, gradient + done * LANES, rows);
 }
-#else
-template <class Terms, Result Kind>
-static inline void dense_tiles(const Panels&, const float*, float*) {}
-static inline void outer_tiles(float*, int, int, const float*, const float*) {}
-#endif
 
 }  // namespace ringlight::RINGLIGHT_ISA

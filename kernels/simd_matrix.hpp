@@ -28,24 +28,52 @@ class MatrixUnit {
 // they are.
 RINGLIGHT_INLINE void before_tile_loads() { asm volatile("" ::: "memory"); }
 
-// Tiles 0 to 3 += two tiles of sixteen outputs by sixteen pairs, times two of sixteen pairs by sixteen lanes: tile
-// 2 m + n is that of outputs m and lanes n. Strides are from row to row, in floats.
-template <bool Two>
-RINGLIGHT_INLINE void multiply_tiles_into_sums(const float* first, const float* second, int stride, const float* pairs,
-                                               const float* more_pairs, int pairs_stride) {
-  _tile_loadd(4, first, stride * 4);
-  _tile_loadd(6, pairs, pairs_stride * 4);
-  _tile_loadd(7, more_pairs, pairs_stride * 4);
-  _tile_dpbf16ps(0, 4, 6);
-  _tile_dpbf16ps(1, 4, 7);
-  if constexpr (Two) {
-    _tile_loadd(5, second, stride * 4);
-    _tile_dpbf16ps(2, 5, 6);
-    _tile_dpbf16ps(3, 5, 7);
+// Up to four tiles of sums, at the corners of a square of rows and columns: the second row and the second column are
+// there only where `Down` and `Right` say so. Strides are from row to row, in floats.
+struct TileSums {
+  static void clear() {
+    _tile_zero(0);
+    _tile_zero(1);
+    _tile_zero(2);
+    _tile_zero(3);
   }
-}
+  template <bool Down, bool Right>
+  static void load(const float* from, int stride) {
+    _tile_loadd(0, from, stride * 4);
+    if constexpr (Right) _tile_loadd(1, from + LANES, stride * 4);
+    if constexpr (Down) _tile_loadd(2, from + LANES * stride, stride * 4);
+    if constexpr (Down && Right) _tile_loadd(3, from + LANES * stride + LANES, stride * 4);
+  }
+  template <bool Down, bool Right>
+  static void store(float* to, int stride) {
+    _tile_stored(0, to, stride * 4);
+    if constexpr (Right) _tile_stored(1, to + LANES, stride * 4);
+    if constexpr (Down) _tile_stored(2, to + LANES * stride, stride * 4);
+    if constexpr (Down && Right) _tile_stored(3, to + LANES * stride + LANES, stride * 4);
+  }
+  // += tiles of sixteen rows of pairs, times tiles of such pairs by sixteen columns; the second tile of each kind lies
+  // `next` floats behind the first.
+  template <bool Down, bool Right>
+  static void add_product(const float* rows, int rows_stride, int next_rows, const float* columns, int columns_stride,
+                          int next_columns) {
+    _tile_loadd(4, rows, rows_stride * 4);
+    _tile_loadd(6, columns, columns_stride * 4);
+    _tile_dpbf16ps(0, 4, 6);
+    if constexpr (Right) {
+      _tile_loadd(7, columns + next_columns, columns_stride * 4);
+      _tile_dpbf16ps(1, 4, 7);
+    }
+    if constexpr (Down) {
+      _tile_loadd(5, rows + next_rows, rows_stride * 4);
+      _tile_dpbf16ps(2, 5, 6);
+    }
+    if constexpr (Down && Right) _tile_dpbf16ps(3, 5, 7);
+  }
+};
 #else
 constexpr bool HAS_MATRIX_UNIT = false;
+struct TileSums {};
+RINGLIGHT_INLINE void before_tile_loads() {}
 struct MatrixUnit {
   MatrixUnit() {}
   ~MatrixUnit() {}  // so that nobody calls it unused
