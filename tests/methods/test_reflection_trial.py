@@ -11,21 +11,41 @@ from ringlight.data.border_masks import on_even_background
 from ringlight.data.bundled import bundled_scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
+from ringlight.data.points import random_points
 from ringlight.data.shrunk import shrunk
 from ringlight.data.synthetic import tiny_scene
 from ringlight.methods import reflection_trial as module
 from ringlight.methods.reflection_trial import FEWEST_VIEWS, SIDE, ReflectionTrial, reflection_trial
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 
 
-def test_a_scene_without_masks_has_no_trial_and_is_lit_forward():
-    scene = tiny_scene(views=FEWEST_VIEWS)
-    opaque = dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))
-    assert reflection_trial(opaque, rasterizer_for("auto"), 0, 5) is None
-    settled, why = METHODS["ringlight"].settled(opaque, rasterizer_for("auto"), 0)
+def opaque_scene(views: int = FEWEST_VIEWS) -> Scene:
+    scene = tiny_scene(views=views)
+    return dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))
+
+
+def test_a_scene_without_masks_has_no_trial_and_is_lit_per_pixel_from_its_points():
+    assert reflection_trial(opaque_scene(), rasterizer_for("auto"), 0, 5) is None
+    settled, why = METHODS["ringlight"].settled(opaque_scene(), rasterizer_for("auto"), 0)
+    assert isinstance(settled, RingLightMirrorRecipe)
+    assert why is not None
+    assert why.startswith("shading: deferred (no masks")
+
+
+def test_points_that_lie_on_nothing_are_no_surface():
+    scene = opaque_scene()
+    random = dataclasses.replace(scene, points=random_points(scene.box, 50, seed=0))
+    settled, why = METHODS["ringlight"].settled(random, rasterizer_for("auto"), 0)
     assert settled.shading == "forward"
-    assert "no masks" in why
+    assert "no points" in why
+
+
+def test_few_photographs_without_masks_are_lit_forward():
+    settled, why = METHODS["ringlight"].settled(opaque_scene(FEWEST_VIEWS - 1), rasterizer_for("auto"), 0)
+    assert settled.shading == "forward"
+    assert f"fewer than {FEWEST_VIEWS}" in why
 
 
 def test_an_even_background_is_as_good_as_masks():

@@ -8,6 +8,7 @@ shader, with more freedom to learn single photographs by heart, gains little or 
 import math
 from dataclasses import dataclass, replace
 from statistics import fmean
+from typing import Literal
 
 import torch
 
@@ -57,6 +58,22 @@ class ReflectionTrial:
             f"on the visual hull reflections reach {self.reflections:.1f} dB "
             f"and harmonics at best {self.harmonics:.1f} dB after {self.steps} steps, on training views held out"
         )
+
+
+def chosen_shading(
+    scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int
+) -> tuple[Literal["forward", "deferred"], str]:
+    """How to light a scene, and why. Where no surface can be carved there is nothing to try on: from points on a surface
+    light per pixel was ahead of light per Gaussian, and of 3DGS, on every scene that was measured (docs/method.md)."""
+    trial = reflection_trial(scene, rasterize, seed, most_steps)
+    if trial is not None:
+        return "deferred" if trial.reflects else "forward", str(trial)
+    if len(scene.train) < FEWEST_VIEWS:
+        return "forward", f"fewer than {FEWEST_VIEWS} photographs"
+    nothing_to_carve = "no masks or even background to carve a surface by"
+    if not scene.points.measured:
+        return "forward", f"{nothing_to_carve}, and no points on one"
+    return "deferred", f"{nothing_to_carve}, so that its points are the first surface"
 
 
 def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int) -> ReflectionTrial | None:

@@ -57,7 +57,8 @@ class RingLightRecipe:
     shading: Literal["auto", "forward", "deferred"] = "auto"
     """forward lights each Gaussian by the ring. deferred lights each pixel of the surface that they blend to, as
     ringlight-mirror does, with its settings but for those that both have. auto: decided by a short trial where masks or
-    an even background cut the subject out of the photographs, so that a surface can be carved; forward elsewhere."""
+    an even background cut the subject out of the photographs, so that a surface can be carved; elsewhere deferred, from
+    points on a surface, and forward without such points or with few photographs."""
     warmup: float = 0.2
     """Share of the steps with base colour only, before the light field is switched on. The paper takes 0.1, which in
     short runs is just before the first opacity reset and costs 0.3 dB."""
@@ -113,12 +114,10 @@ class RingLightRecipe:
         shading is ringlight-mirror's, so that its recipe is what files record."""
         shading, why = self.shading, None
         if shading == "auto":
-            from ringlight.methods.reflection_trial import reflection_trial
+            from ringlight.methods.reflection_trial import chosen_shading
 
-            trial = reflection_trial(scene, rasterize, seed, self.steps)
-            shading = "deferred" if trial is not None and trial.reflects else "forward"
-            no_trial = "no masks or even background to carve a surface by, or too few photographs"
-            why = f"shading: {shading} ({trial or no_trial})"
+            shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
+            why = f"shading: {shading} ({reason})"
         if shading == "deferred":
             return self.mirror, "; ".join(filter(None, [why, self._unused])) or None
         # The compensation is stated, so that no later version's preference changes how a file renders.
