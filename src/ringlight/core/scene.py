@@ -34,8 +34,8 @@ class View:
 class PointCloud:
     """Points to start from, world units; ``colors`` are display-referred sRGB in [0, 1].
 
-    ``normals``, where known, are unit and point out of the surface; ``measured`` is False for random points, which lie on
-    nothing that was photographed.
+    ``normals``, where known, are unit and point out of the surface; ``measured`` is False for random points, which lie
+    on nothing that was photographed.
     """
 
     positions: Float[Tensor, "P 3"]

@@ -151,4 +151,5 @@ def _surface_points(random: np.random.Generator) -> PointCloud:
     positions = BALLS[:, None, :3] + BALLS[:, None, 3:4] * normals
     positions += POINT_NOISE * random.standard_normal(positions.shape)
     colors = np.broadcast_to(BALLS[:, None, 4:], positions.shape)
-    return PointCloud(*(torch.from_numpy(rows.reshape(-1, 3).astype(np.float32)) for rows in (positions, colors)))
+    rows = [torch.from_numpy(values.reshape(-1, 3).astype(np.float32)) for values in (positions, colors)]
+    return PointCloud(positions=rows[0], colors=rows[1])

@@ -63,8 +63,11 @@ class ReflectionTrial:
 def chosen_shading(
     scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int
 ) -> tuple[Literal["forward", "deferred"], str]:
-    """How to light a scene, and why. Where no surface can be carved there is nothing to try on: from points on a surface
-    light per pixel was ahead of light per Gaussian, and of 3DGS, on every scene that was measured (docs/method.md)."""
+    """How to light a scene, and why.
+
+    Where no surface can be carved there is nothing to try on: from points on a surface light per pixel was ahead of
+    light per Gaussian, and of 3DGS, on every scene that was measured (docs/method.md).
+    """
     trial = reflection_trial(scene, rasterize, seed, most_steps)
     if trial is not None:
         return "deferred" if trial.reflects else "forward", str(trial)
