@@ -148,8 +148,7 @@ static void outer_last_rows(int count, float* sums, int stride, const float* gra
 }
 
 // Adds the group's part of dL/dweight and dL/dbias: gradient[outputs][GROUP] of the layer's result, and its input as
-// `to_rows` left it. `buffer` has result_rows(outputs) rows of a group, unless Terms are
-// floats.
+// `to_rows` left it. `buffer` has result_rows(outputs) rows of sixteen, unless Terms are floats.
 template <class Terms = Vec>
 static inline void add_layer_gradient(const LayerSums& sums, const float* gradient, const float* rows,
                                       float* buffer = nullptr) {

@@ -26,6 +26,9 @@ sanitized() {
 
 others="generic"
 [ "$(uname -m)" != x86_64 ] || others="avx2 generic"
+# On a processor with a matrix unit the best set leaves out what others of its kind run.
+[ "$("$PYTHON" -c 'from ringlight import _kernels; print(_kernels.isa())')" != avx512_amx ] ||
+  others="avx512_bf16 $others"
 for isa in ${ISAS:-best $others}; do
   echo "sanitized kernels, instruction set: $isa"
   [ "$isa" = best ] || export RINGLIGHT_ISA="$isa"

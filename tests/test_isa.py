@@ -60,7 +60,7 @@ def answer(name: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["generic", "avx2", "avx512", "avx512_bf16"])
+@pytest.mark.parametrize("name", ["generic", "avx2", "avx512", "avx512_bf16", "avx512_amx"])
 def test_the_kernels_equal_their_twins(name: str):
     if _kernels.isa() == name:
         pytest.skip("the whole suite runs on it already")

@@ -119,7 +119,7 @@ Activations lay_out(const Widths& widths, float* memory) {
 }
 constexpr int SPARE = LAYERS + 2;  // blocks of [widest][GROUP] that Activations take
 
-// Sums of a shard: weight [inputs][padded(outputs)], then bias [outputs][16], layer after layer.
+// Sums of a shard: weight_sums(inputs, outputs), then bias [outputs][16], layer after layer.
 std::size_t sums_size(const Widths& widths) {
   std::size_t size = 0;
   for (int layer = 0; layer < LAYERS; layer++)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from data.scene_folders import write_blender
 from ringlight.core.scene import Scene, View
 from ringlight.data.border_masks import on_even_background
 from ringlight.data.bundled import bundled_scene
@@ -39,7 +40,20 @@ def test_points_that_lie_on_nothing_are_no_surface():
     random = dataclasses.replace(scene, points=random_points(scene.box, 50, seed=0))
     settled, why = METHODS["ringlight"].settled(random, rasterizer_for("auto"), 0)
     assert settled.shading == "forward"
-    assert "no points" in why
+    assert "fewer than 100 points" in why
+
+
+def test_a_folder_without_points_has_none_that_lie_on_a_surface(tmp_path):
+    folder = write_blender(tmp_path)
+    assert not load_scene(folder, SceneOptions()).points.measured
+
+
+def test_masks_that_leave_nothing_are_lit_forward():
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    beside = dataclasses.replace(scene, box=scene.box + 100)
+    settled, why = METHODS["ringlight"].settled(beside, rasterizer_for("auto"), 0)
+    assert settled.shading == "forward"
+    assert "leaves no surface" in why
 
 
 def test_few_photographs_without_masks_are_lit_forward():

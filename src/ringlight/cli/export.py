@@ -63,8 +63,8 @@ def _sentences(exported: "Exported") -> str:
             f"colour baked to spherical harmonics of degree 3 from {exported.cameras} training cameras",
             f"  pictures of the PLY against the model's, from {exported.pictures} of them: "
             f"{exported.picture_psnr:.1f} dB PSNR{fitted if exported.fitted else ''}",
-            f"  colour of single Gaussians, 0 to 1, over the directions of those cameras: "
-            f"rmse {exported.rmse:.4f} ({exported.psnr:.1f} dB), {exported.worst:.3f} for the worst",
+            f"  colour of single Gaussians{', before' if exported.fitted else ''}, 0 to 1, over the directions of "
+            f"those cameras: rmse {exported.rmse:.4f} ({exported.psnr:.1f} dB), {exported.worst:.3f} for the worst",
         ]
     else:
         lines += ["colour is spherical harmonics already: exact"]

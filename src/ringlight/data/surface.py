@@ -5,6 +5,7 @@ with normals from the planes through their neighbours, turned towards the camera
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -26,7 +27,7 @@ PLANE_NEIGHBOURS = 12
 def own_points(scene: Scene) -> PointCloud:
     """The scene's own points, with normals."""
     positions = scene.points.positions
-    return PointCloud(positions, scene.points.colors, plane_normals(positions, [view.camera for view in scene.train]))
+    return replace(scene.points, normals=plane_normals(positions, [view.camera for view in scene.train]))
 
 
 def hull_points(scene: Scene, count: int, seed: int) -> PointCloud | None:

@@ -15,6 +15,7 @@ import torch
 from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data.border_masks import on_even_background
 from ringlight.data.hull import masks_of
+from ringlight.data.points import FEWEST_FOR_BOX
 from ringlight.data.shrunk import shrunk
 from ringlight.data.surface import guessed_masks, points_on_hull
 from ringlight.fit.train import Training, train
@@ -65,17 +66,19 @@ def chosen_shading(
 ) -> tuple[Literal["forward", "deferred"], str]:
     """How to light a scene, and why.
 
-    Where no surface can be carved there is nothing to try on: from points on a surface light per pixel was ahead of
-    light per Gaussian, and of 3DGS, on every scene that was measured (docs/method.md).
+    Where nothing cuts the subject out there is no surface to try on: from enough points on one, light per pixel had
+    more PSNR than light per Gaussian, and than 3DGS, on every scene that was measured (docs/method.md).
     """
+    if len(scene.train) < FEWEST_VIEWS:
+        return "forward", f"fewer than {FEWEST_VIEWS} photographs"
     trial = reflection_trial(scene, rasterize, seed, most_steps)
     if trial is not None:
         return "deferred" if trial.reflects else "forward", str(trial)
-    if len(scene.train) < FEWEST_VIEWS:
-        return "forward", f"fewer than {FEWEST_VIEWS} photographs"
+    if masks_of(scene.train) or on_even_background(scene.train, scene.background_color):
+        return "forward", "what cuts the subject out of the photographs leaves no surface in the scene's box"
     nothing_to_carve = "no masks or even background to carve a surface by"
-    if not scene.points.measured:
-        return "forward", f"{nothing_to_carve}, and no points on one"
+    if not scene.points.measured or len(scene.points.positions) < FEWEST_FOR_BOX:
+        return "forward", f"{nothing_to_carve}, and fewer than {FEWEST_FOR_BOX} points that lie on one"
     return "deferred", f"{nothing_to_carve}, so that its points are the first surface"
 
 

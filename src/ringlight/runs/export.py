@@ -37,10 +37,11 @@ FAINTEST_FACTOR = 1e-6
 class Exported:
     """What was written. The errors are those of baking a neural colour, None where the colour was exact.
 
-    ``rmse`` is over all Gaussians and the training cameras that see them, display-referred colour in [0, 1];
-    ``psnr`` is the same in dB, ``worst`` the rmse of the worst Gaussian. ``picture_psnr`` compares pictures of what was
-    written with pictures of the model, dB, mean over ``pictures`` of the training cameras; ``unfitted_picture_psnr``
-    pictures of what single Gaussians emit, before that was fitted to ``fitted`` of the model's pictures.
+    ``rmse`` is over all Gaussians and the training cameras that see them, display-referred colour in [0, 1], before
+    harmonics are fitted to pictures; ``psnr`` is the same in dB, ``worst`` the rmse of the worst Gaussian.
+    ``picture_psnr`` compares pictures of what was written with pictures of the model, dB, mean over ``pictures`` of the
+    training cameras; ``fitted`` counts the steps of fitting, 0 where it did not help, ``unfitted_picture_psnr`` is that
+    before it.
     """
 
     file: str
@@ -80,6 +81,7 @@ def export_ply(stored: StoredModel, path: Path, fit_steps: int = FIT_STEPS) -> E
     with torch.no_grad():
         gaussians = _folded(model, cameras)
     exact = all(name in gaussians.appearance for name in HARMONICS)
+    fitted = 0
     if exact:
         sh_dc, sh_rest = (gaussians.appearance[name] for name in HARMONICS)
         rmse = psnr = worst = picture_psnr = unfitted = None
@@ -92,10 +94,10 @@ def export_ply(stored: StoredModel, path: Path, fit_steps: int = FIT_STEPS) -> E
         harmonics = replace(gaussians, appearance={"sh_dc": baked.sh_dc, "sh_rest": baked.sh_rest})
         picture_psnr = unfitted = _picture_psnr(model, harmonics, _spread(cameras))
         if fit_steps:
-            fitted = fitted_to_pictures(model, harmonics, cameras, fit_steps)
-            psnr_of_fitted = _picture_psnr(model, fitted, _spread(cameras))
-            if psnr_of_fitted > unfitted:
-                harmonics, picture_psnr = fitted, psnr_of_fitted
+            better = fitted_to_pictures(model, harmonics, cameras, fit_steps)
+            psnr_of_better = _picture_psnr(model, better, _spread(cameras))
+            if psnr_of_better > unfitted:
+                harmonics, picture_psnr, fitted = better, psnr_of_better, fit_steps
         sh_dc, sh_rest = (harmonics.appearance[name] for name in HARMONICS)
     note = f"ringlight {ringlight.__version__}, {stored.header.preset}, {stored.header.scene.name}"
     write_gaussian_ply(path, gaussians, sh_dc, sh_rest, model.options.antialiased, [note])
@@ -110,7 +112,7 @@ def export_ply(stored: StoredModel, path: Path, fit_steps: int = FIT_STEPS) -> E
         worst=worst,
         pictures=0 if exact else len(_spread(cameras)),
         picture_psnr=picture_psnr,
-        fitted=0 if exact else fit_steps,
+        fitted=fitted,
         unfitted_picture_psnr=unfitted,
     )
 

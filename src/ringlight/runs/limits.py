@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from ringlight.core.memory import machine_memory
-from ringlight.core.scene import PointCloud, Scene
+from ringlight.core.scene import Scene
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.train import Training
 from ringlight.rasterize.choose import rasterizer_for
@@ -77,6 +77,12 @@ def bounded(recipe: Any, scene: Scene, training: Training, most: int) -> tuple[A
     allowed = max(most, recipe.densify.max_gaussians)
     if start > allowed:
         rows = torch.arange(allowed) * start // allowed  # evenly through the file, whatever its order
-        scene = replace(scene, points=PointCloud(scene.points.positions[rows], scene.points.colors[rows]))
+        kept_points = replace(
+            scene.points,
+            positions=scene.points.positions[rows],
+            colors=scene.points.colors[rows],
+            normals=None if scene.points.normals is None else scene.points.normals[rows],
+        )
+        scene = replace(scene, points=kept_points)
         notes.append(f"{allowed:,} of the {start:,} points are used to start with: {remedy}")
     return recipe, scene, tuple(notes)
