@@ -156,10 +156,12 @@ def fps_tables(record: FpsBench) -> Iterator[Block]:
     """Frames a second."""
     yield Text(f"frames per second of the {record.rasterizer} rasterizer, medians over passes", style="bold")
     yield from _circumstances(record.circumstances)
-    table = _table("size", "method", "FPS", "ms", "CPU ms")
+    first = {row.size.name: row for row in reversed(record.rows)}
+    table = _table("size", "method", "FPS", "ms", "CPU ms", "best ms", "times the first")
     for row in record.rows:
-        times = (_ms(1e3 * row.wall_seconds), _ms(1e3 * row.cpu_seconds))
-        table.add_row(row.size.name, row.method, f"{row.fps:,.1f}", *times)
+        times = (_ms(1e3 * seconds) for seconds in (row.wall_seconds, row.cpu_seconds, row.best_seconds))
+        ratio = row.wall_seconds / max(first[row.size.name].wall_seconds, SHORTEST_MS / 1e3)
+        table.add_row(row.size.name, row.method, f"{row.fps:,.1f}", *times, f"{ratio:.2f}")
     yield table
     yield Text(record.rows[0].note if record.rows else "", style="dim")
 
