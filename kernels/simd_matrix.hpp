@@ -81,9 +81,24 @@ struct TileSums {
     if constexpr (Down && Right) _tile_dpbf16ps(3, 5, 7);
   }
 };
+
+// Two rows of a matrix in a Vec, see ring_pairs.hpp.
+struct RowPairs {
+  // Two neighbours in all places.
+  static Vec broadcast(const float* pair) {
+    double both;
+    __builtin_memcpy(&both, pair, sizeof both);
+    return _mm512_castpd_ps(_mm512_set1_pd(both));
+  }
+  // In each quarter the sums of two neighbours: two of the first row, then two of the second.
+  static Vec sums(Vec first, Vec second) {
+    return _mm512_add_ps(_mm512_shuffle_ps(first.v, second.v, 0x88), _mm512_shuffle_ps(first.v, second.v, 0xdd));
+  }
+};
 #else
 constexpr bool HAS_MATRIX_UNIT = false;
 struct TileSums {};
+struct RowPairs {};
 RINGLIGHT_INLINE void before_tile_loads() {}
 struct MatrixUnit {
   MatrixUnit() {}

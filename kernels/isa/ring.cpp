@@ -1,7 +1,9 @@
 #include "ring.hpp"
 
 #include <cstring>
+#include <initializer_list>
 
+#include "light_rows.hpp"
 #include "parallel.hpp"
 #include "ring_batch.hpp"
 #include "ring_product.hpp"
@@ -48,47 +50,92 @@ void write_base_colors(const RingScene& scene, float* color) {
   });
 }
 
-// Room for a group, and its layout in it.
-struct Group {
-  Batch batch;
+constexpr int TOGETHER = 2;  // groups
+
+// Room for groups, and their layout in it.
+struct Groups {
+  LitGroup groups[TOGETHER];
   std::size_t floats;
-  Group(const RingShape& shape, float* memory) {
+  Groups(const RingShape& shape, float* memory) {
     Arena arena{memory};
-    lay_out(batch, shape, false, arena);
+    for (LitGroup& group : groups) {
+      lay_out(group.batch, shape, false, arena);
+      if (lit_by_rows<LayerTerms>(shape)) group.rows = lay_out_rows(shape, arena);
+    }
     floats = arena.used;
   }
 };
 
-// The field as its kernels read it: panels and behind them what they point at, but for what lies in the parameters.
+// What is packed of a field: these, of which one counts, and behind them what they point at, but for what lies in the
+// parameters.
+struct PackedField {
+  RingPanels panels;
+  RowField rows;
+};
+
+// The field as its kernels read it.
 struct Field {
   const RingShape& shape;
   const RingParameters<const float>& parameters;
-  const RingPanels& panels;
+  const PackedField& packed;
 };
+
+template <class Terms>
+RowField packed_rows(const RingShape& shape, const RingParameters<const float>& parameters, Arena& arena) {
+  if constexpr (in_unit<Terms>) return pack_row_field<Terms>(shape, parameters, arena);
+  return {};
+}
 
 // With a null memory it only counts.
 std::size_t pack_field(const RingShape& shape, const RingParameters<const float>& parameters, float* memory) {
   Arena arena{memory};
-  float* const head = arena.take(sizeof(RingPanels) / sizeof(float));
-  const RingPanels panels = pack_layers(shape, parameters, arena);
-  if (head) std::memcpy(head, &panels, sizeof panels);
+  float* const head = arena.take(sizeof(PackedField) / sizeof(float));
+  PackedField packed{};
+  if (lit_by_rows<LayerTerms>(shape))
+    packed.rows = packed_rows<LayerTerms>(shape, parameters, arena);
+  else
+    packed.panels = pack_layers(shape, parameters, arena);
+  if (head) std::memcpy(head, &packed, sizeof packed);
   return arena.used;
 }
 
-const RingPanels& panels_in(const float* packed) { return *reinterpret_cast<const RingPanels*>(packed); }
+const PackedField& field_in(const float* packed) { return *reinterpret_cast<const PackedField*>(packed); }
 
-// Base and residual colours of a group.
-void light_group(Batch& batch, const Field& field, const RingScene& scene, const std::int32_t* rows, int count) {
-  start(batch, field.shape, scene, rows, count);
-  multiply<false>(batch, field.shape, field.parameters, field.panels.tables);
-  shade<false>(batch, field.shape, field.panels);
+// Leaves the residual colours of groups by rows, where it can.
+template <class Terms, int Count>
+bool light_rows(LitGroup* groups, const Field& field) {
+  if (!lit_by_rows<Terms>(field.shape)) return false;
+  if constexpr (in_unit<Terms>) light_rows<TileSums, RowPairs, Terms, Count>(groups, field.shape, field.packed.rows);
+  return true;
 }
 
-// Calls run(first, count) for groups of so many rows.
+// Base and residual colours of rows[count], at most GROUP of them for each of the groups.
+template <int Count>
+void light_groups(LitGroup* groups, const Field& field, const RingScene& scene, const std::int32_t* rows, int count) {
+  for (int i = 0; i < Count; i++) {
+    const int left = count - i * GROUP;
+    start(groups[i].batch, field.shape, scene, rows + i * GROUP, left < GROUP ? left : GROUP);
+  }
+  if (light_rows<LayerTerms, Count>(groups, field)) return;
+  for (int i = 0; i < Count; i++) {
+    multiply<false>(groups[i].batch, field.shape, field.parameters, field.packed.panels.tables);
+    shade<false>(groups[i].batch, field.shape, field.packed.panels);
+  }
+}
+
+// Calls run(batch, first) for each group of rows[count], once it holds their base and residual colours.
 template <class Run>
-void for_each_group(std::size_t begin, std::size_t end, Run run) {
-  for (std::size_t first = begin; first < end; first += GROUP)
-    run(first, end - first < GROUP ? static_cast<int>(end - first) : GROUP);
+void light_rows(Groups& room, const Field& field, const RingScene& scene, const std::int32_t* rows, std::size_t count,
+                Run run) {
+  constexpr int MOST = TOGETHER * GROUP;
+  for (std::size_t first = 0; first < count; first += MOST) {
+    const int held = count - first < MOST ? static_cast<int>(count - first) : MOST;
+    if (held > GROUP)
+      light_groups<TOGETHER>(room.groups, field, scene, rows + first, held);
+    else
+      light_groups<1>(room.groups, field, scene, rows + first, held);
+    for (int i = 0; i * GROUP < held; i++) run(room.groups[i].batch, first + static_cast<std::size_t>(i * GROUP));
+  }
 }
 
 }  // namespace
@@ -104,15 +151,13 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
   write_base_colors(scene, outputs.color);
   const Scratch packed(ring_packed_floats(shape) * sizeof(float));
   ring_pack(shape, parameters, packed.floats());
-  const Field field{shape, parameters, panels_in(packed.floats())};
+  const Field field{shape, parameters, field_in(packed.floats())};
   parallel_ranges(scene.visible_count, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
     const Scratch memory(ring_light_floats(shape) * sizeof(float));
-    Group group(shape, memory.floats());
+    Groups room(shape, memory.floats());
     const MatrixUnit unit;
-    for_each_group(begin, end, [&](std::size_t first, int count) {
-      light_group(group.batch, field, scene, scene.visible + first, count);
-      write(group.batch, shape, outputs);
-    });
+    light_rows(room, field, scene, scene.visible + begin, end - begin,
+               [&](const Batch& batch, std::size_t) { write(batch, shape, outputs); });
   });
 }
 
@@ -127,21 +172,20 @@ static void prefetch_rows(const PackedRing& ring, const std::int32_t* rows, int 
   }
 }
 
-std::size_t ring_light_floats(const RingShape& shape) { return Group(shape, nullptr).floats; }
+std::size_t ring_light_floats(const RingShape& shape) { return Groups(shape, nullptr).floats; }
 
 void ring_light(const void* packed_ring, const std::int32_t* rows, int count, float* colors, float* scratch) {
   const PackedRing& ring = *static_cast<const PackedRing*>(packed_ring);
-  Group group(ring.shape, scratch);
-  const Batch& batch = group.batch;
-  const Field field{ring.shape, ring.parameters, panels_in(ring.packed)};
+  Groups room(ring.shape, scratch);
+  const Field field{ring.shape, ring.parameters, field_in(ring.packed)};
   prefetch_rows(ring, rows, count);
   const MatrixUnit unit;
-  for_each_group(0, static_cast<std::size_t>(count), [&](std::size_t first, int held) {
-    light_group(group.batch, field, ring.scene, rows + first, held);
+  const auto hand_over = [=](const Batch& batch, std::size_t first) {
     finish(batch);
-    for (int lane = 0; lane < held; lane++)
+    for (int lane = 0; lane < batch.count; lane++)
       for (int c = 0; c < 3; c++) colors[3 * (first + lane) + c] = batch.base[c * GROUP + lane];
-  });
+  };
+  light_rows(room, field, ring.scene, rows, static_cast<std::size_t>(count), hand_over);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA
