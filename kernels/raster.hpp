@@ -40,8 +40,8 @@ struct Splats {
   const float* background;      // [C]
 };
 
-// Better colours than the channels', worked out row by row when the blend first needs them: for pictures that want no
-// gradient. A pixel through which less than DIM of what lies behind still shows gets the channels for all of that.
+// Colours in place of the channels, worked out row by row when the blend first needs them: for pictures that want no
+// gradient.
 struct LateColors {
   // Writes the colours of at most LATE_ROWS rows, [count LATE_CHANNELS]. Threads call it at the same time, each with
   // floats of its own to write to; a row gets the same bits whoever asks, and together with whichever others.
@@ -53,10 +53,11 @@ struct LateColors {
 };
 inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
 inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one
-inline constexpr float NOT_LIT = -1;   // in place of a better colour
-// Colours differ by at most 1, so that the picture differs by less than a step of 8 bits: as much as by a Gaussian that
-// is too faint to be drawn.
-inline constexpr float DIM = 1 / 256.f;
+inline constexpr float NOT_LIT = -1;   // in place of such a colour
+// Pictures that want no gradient end a block once less than this of what lies behind shows through each of its pixels,
+// and take what is in front for the rest. Pictures of trained scenes then differ by half a step of 8 bits or less, root
+// mean square: docs/method.md has what other values would save.
+inline constexpr float DIM = 1 / 64.f;
 
 struct Footprints {
   float* means2d;  // [N 2] pixels; 0 where not drawn
@@ -119,7 +120,7 @@ enum RecordField {
   CENTER_X, CENTER_Y, ALONG_X, ALONG_Y, ACROSS_Y, LOG2_OPACITY,
   FIRST_CHANNELS,  // up to RECORD_CHANNELS channels
   SHEAR = 10, SPREAD, REACH2, TURN,
-  LATE_FIRST, LATE_SECOND, LATE_THIRD = 9,  // of three channels: better ones (LateColors)
+  LATE_FIRST, LATE_SECOND, LATE_THIRD = 9,  // of three channels, once they are known (LateColors)
   RECORD = 16
 };
 inline constexpr int RECORD_CHANNELS = 4;
@@ -129,7 +130,7 @@ inline constexpr int RECORD_CHANNELS = 4;
 enum SlotField { SUM_G, SUM_GU, SUM_GV, SUM_GUU, SUM_GUV, SUM_GVV, SLOT_MOMENTS, ABSOLUTE_X = 6, ABSOLUTE_Y };
 
 // Entries of a tile that are blended in one go: a list position fits one byte, the rows fit L1.
-inline constexpr int CHUNK = 256;
+inline constexpr int CHUNK = 128;
 inline constexpr int BLOCKS = 64;  // blocks of a tile, bits of a mask
 inline constexpr int LANES = 16;   // pixels of a block
 inline constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255): what is fainter is not drawn

@@ -96,14 +96,20 @@ RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t
   }
 }
 
-// Those of the blocks that have a pixel through which at least DIM of what lies behind still shows.
-RINGLIGHT_INLINE std::uint64_t bright_blocks(std::uint64_t blocks, const float* states, int floats) {
-  std::uint64_t bright = 0;
+// Ends the blocks through whose pixels less than DIM of what lies behind shows, as if that were what is in front;
+// returns the others.
+RINGLIGHT_INLINE std::uint64_t close_dim_blocks(std::uint64_t blocks, float* states, int floats) {
+  std::uint64_t open = blocks;
   for (std::uint64_t left = blocks; left; left &= left - 1) {
     const int block = __builtin_ctzll(left);
-    if (any(ge(load(states + block * floats + RUNNING), Vec(DIM)))) bright |= std::uint64_t{1} << block;
+    float* const state = states + block * floats;
+    if (any(ge(load(state + RUNNING), Vec(DIM)))) continue;
+    const Vec filling = Vec(1.f) / (Vec(1.f) - load(state + FINAL));
+    for (int i = COLOR; i < floats; i += LANES) store(state + i, load(state + i) * filling);
+    store(state + FINAL, Vec(0.f));
+    open &= ~(std::uint64_t{1} << block);
   }
-  return bright;
+  return open;
 }
 
 constexpr int OPEN = -1;
@@ -198,6 +204,7 @@ RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const flo
 template <int C>
 RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* scratch, const Images& images) {
   const int width = width_of<C>(frame), floats = (2 + width) * LANES;
+  const bool ends_early = images.shader || frame.late;
   const int written = images.shader ? SHADED_CHANNELS : frame.splats.channel_count;
   prefetch_pixels(frame, tile, images.alpha, 1);
   prefetch_pixels(frame, tile, images.image, written);
@@ -219,10 +226,8 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
     const int count = tile.end - at < CHUNK ? static_cast<int>(tile.end - at) : CHUNK;
     int closed_by = OPEN;  // the last row of the chunk that finished a block
     gather_chunk<C>(frame, tile, alive, {at, count, rows, masks});
-    if (C == LATE_CHANNELS && frame.late) {
-      const std::uint64_t bright = bright_blocks(alive, states, floats);
-      add_late_colors(frame, {frame.entries + at, masks, bright, count, tile.end - at, rows}, of_light);
-    }
+    if (C == LATE_CHANNELS && frame.late)
+      add_late_colors(frame, {frame.entries + at, masks, count, tile.end - at, rows}, of_light);
     for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
     for (std::uint64_t left = alive; left; left &= left - 1) {
       const int block = __builtin_ctzll(left);
@@ -240,8 +245,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       closed_by = closed > closed_by ? closed : closed_by;
     }
     at += static_cast<std::uint32_t>(alive ? count : closed_by + 1);
-    // A surface of which so little is missing is shaded as it is.
-    if (images.shader) alive &= bright_blocks(alive, states, floats);
+    if (ends_early) alive = close_dim_blocks(alive, states, floats);
   }
   frame.tile_used[tile.number] = at - tile.begin;
   frame.tile_open[tile.number] = alive != 0;

@@ -1,4 +1,4 @@
-// Colours that the blend asks for when a row first touches a block that is not dark yet: of a dense scene most rows
+// Colours that the blend asks for when a row first touches a block that has not ended yet: of a dense scene most rows
 // never do, and a light field is dear. Which rows a tile asks for depends on this tile alone.
 #pragma once
 #include "raster.hpp"
@@ -28,16 +28,15 @@ RINGLIGHT_INLINE void publish(const Frame& frame, const std::int32_t* rows, int 
   }
 }
 
-// What a chunk asks for: entries whose mask has a bright block. Behind its `count` entries lie the rest of the tile's.
+// What a chunk asks for: entries that touch a block. Behind its `count` entries lie the rest of the tile's.
 struct LateChunk {
   const std::uint64_t *entries, *masks;
-  std::uint64_t bright;
   int count;
   std::uint32_t left_in_tile;
   float* rows;  // copies of the records, [count RECORD]: where the colours go
 
   std::uint32_t row(std::uint32_t i) const { return static_cast<std::uint32_t>(entries[i]); }
-  bool asks(std::uint32_t i) const { return (masks[i] & bright) != 0; }
+  bool asks(std::uint32_t i) const { return masks[i] != 0; }
 };
 
 // Nobody could foretell which entries ask, hence no branches on it.

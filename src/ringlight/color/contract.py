@@ -45,12 +45,12 @@ class ColorModel(Protocol):
 class LateColors:
     """The channel "rgb", worked out row by row when a rasterizer first needs it; no gradient.
 
-    ``kernel`` is what the compiled rasterizer asks, for the bits of ``channels``; ``plain`` are good enough for rows
-    that hardly show, ``opacity_factor`` is that of ``Channels``. A colour model that can may have a method
+    ``kernel`` is what the compiled rasterizer asks, for the bits of ``channels``; ``checked`` must be finite, for the
+    kernel makes colours of it; ``opacity_factor`` is that of ``Channels``. A colour model that can may have a method
     ``late(gaussians, camera)`` that returns one of these, or None.
     """
 
-    plain: Float[Tensor, "N 3"]
+    checked: Float[Tensor, "N 3"]
     kernel: "_kernels.LateColors"
     opacity_factor: Float[Tensor, "N"] | None
 

@@ -95,7 +95,7 @@ class RingLight(nn.Module):
 
     @torch.no_grad()
     def late(self, gaussians: Gaussians, camera: Camera) -> LateColors | None:
-        """Base colours, and the same as ``channels`` when the blend asks; None unlit, and where there is no kernel."""
+        """The same as ``channels``, when the blend asks; None unlit, and where there is no kernel."""
         parameters = self._kernel_parameters(gaussians) if self.lit else None
         if parameters is None:
             return None
@@ -104,7 +104,7 @@ class RingLight(nn.Module):
             factor = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)[:, 0]
         base = self._base(gaussians)
         kernel = late_light(gaussians.means, self._frame(camera), base, self._latents(gaussians), parameters)
-        return LateColors(base.sigmoid(), kernel, factor)
+        return LateColors(base, kernel, factor)
 
     def direct(self) -> DirectRingLight | None:
         """The same without autograd, by the kernels; None where they do not apply."""

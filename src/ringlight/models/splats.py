@@ -105,7 +105,7 @@ class SplatModel(nn.Module):
         if colors is None:
             return None
         drawn: Raster | None = draw(
-            gaussians, colors.plain, colors.kernel, camera, background, self.options, colors.opacity_factor
+            gaussians, colors.checked, colors.kernel, camera, background, self.options, colors.opacity_factor
         )
         return drawn
 

@@ -67,7 +67,7 @@ class LateRasterizer(Protocol):
     def draw_late(
         self,
         gaussians: Gaussians,
-        plain: Float[Tensor, "N 3"],
+        checked: Float[Tensor, "N 3"],
         late: "_kernels.LateColors",
         camera: Camera,
         background: Float[Tensor, "3"],
@@ -76,7 +76,8 @@ class LateRasterizer(Protocol):
     ) -> Raster | None:
         """The picture of :class:`Rasterizer` with ``late`` colours, without gradients; None where that would refuse.
 
-        What lies behind the last 1/256 of a pixel's light may be ``plain``.
+        The last 1/64 of a pixel's light may be what lies in front of it, with alpha 1. ``checked`` is what colours are
+        made of: it is not shown, but refused where it is not finite, like all else whether it is seen or not.
         """
         ...
 
@@ -96,7 +97,7 @@ class ShadingRasterizer(Protocol):
         opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster:
         """As :class:`Rasterizer`, but ``image`` [H W 3] holds the colours that ``shader`` makes; it is what a shader's
-        ``tiles`` gave."""
+        ``tiles`` gave. The last 1/64 of a pixel's light may be taken for what lies in front of it, with alpha 1."""
         ...
 
 

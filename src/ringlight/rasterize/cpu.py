@@ -68,7 +68,7 @@ class CpuRasterizer:
     def draw_late(
         self,
         gaussians: Gaussians,
-        plain: Float[Tensor, "N 3"],
+        checked: Float[Tensor, "N 3"],
         late: "_kernels.LateColors",
         camera: Camera,
         background: Float[Tensor, "3"],
@@ -76,7 +76,7 @@ class CpuRasterizer:
         opacity_factor: Float[Tensor, "N"] | None = None,
     ) -> Raster | None:
         """See :class:`ringlight.rasterize.contract.LateRasterizer`."""
-        columns = _columns(gaussians, plain, camera, opacity_factor)
+        columns = _columns(gaussians, checked, camera, opacity_factor)
         loan = _Loan(self._spare)
         try:
             job = Job(camera, background, options, len(gaussians))

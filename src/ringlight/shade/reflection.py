@@ -84,9 +84,10 @@ class ReflectionShader(nn.Module):
 
     def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> _kernels.PictureShader | None:
         """See :class:`ringlight.shade.contract.TileShader`; the channels are those of ``color/mirror.py``, in order."""
-        if not self.lit or not kernel_takes(self.settings, dict(self.named_parameters())):
+        parameters = self.kernel_parameters()
+        if not self.lit or not kernel_takes(self.settings, dict(enumerate(parameters))):
             return None
-        return shading_of(self.job(camera, background), self.kernel_parameters())
+        return shading_of(self.job(camera, background), parameters)
 
     def direct(self) -> DirectReflection | None:
         """The same without autograd, by the kernel; None where it does not take the sizes."""

@@ -1,6 +1,6 @@
 """Autograd glue over the fused reflection shader: planes and parameters in, colours out, nothing kept in between."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from ringlight.shade.reflection_settings import ReflectionSettings
 MAX_HIDDEN, MAX_LATENTS, MAX_FEATURES, MAX_LEVELS, MAX_SIDE, QUAD = 128, 16, 16, 8, 1024, 4
 
 
-def kernel_takes(settings: ReflectionSettings, buffers: Channels) -> bool:
+def kernel_takes(settings: ReflectionSettings, buffers: Mapping[Any, Tensor]) -> bool:
     """Whether the kernel can do it: float32 on the CPU, and sizes that it takes."""
     kinds = {(values.dtype, values.device.type) for values in buffers.values()}
     return sizes_fit(settings) and kinds == {(torch.float32, "cpu")}
