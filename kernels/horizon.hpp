@@ -1,7 +1,7 @@
 // How deep each tile of a view can be seen into: what lies behind is neither sorted nor dealt out to the tile.
 //
 // The horizon is a guess, what an earlier picture of the same view found, but the picture does not depend on it: a tile
-// is blended front to back until every pixel is opaque. If that happens before its horizon, nothing behind would have
+// is blended front to back until every block has ended. If that happens before its horizon, nothing behind would have
 // been looked at. If not, the tile is blended once more, with all that it holds. Slots are numbered as without a
 // horizon, hence image and gradients have the same bits.
 #pragma once
@@ -20,12 +20,12 @@ class Horizon {
   // left to sort.
   std::size_t hide(Frame& frame, const float* depths, std::size_t drawn);
 
-  // After the frame was blended: forgets what it found in those tiles that did not become opaque before their horizon,
+  // After the frame was blended: forgets what it found in those tiles that did not end before their horizon,
   // and moves the limits so that bin() deals out all of these tiles' rows and nothing to the others. Returns the number
   // of rows to sort for that, 0 if there is no such tile.
   std::size_t reopen(const Frame& frame);
 
-  // Writes the depths at which the frame's tiles became opaque, a little generously; infinity where they did not.
+  // Writes the depths at which the frame's tiles ended, a little generously; infinity where they did not.
   static void remember(const Frame& frame, float* depths);
 
  private:

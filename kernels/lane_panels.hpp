@@ -125,7 +125,7 @@ static inline const float* lane_terms(const float* x, int count, float* buffer) 
     return x;
   } else {
     for (int i = 0; i < count; i++)
-      store(buffer + i * LANES, Terms::in_any_order(load(x + i * GROUP), load(x + i * GROUP + LANES)));
+      store(buffer + i * LANES, Terms::of_neighbours(load(x + i * GROUP), load(x + i * GROUP + LANES)));
     return buffer;
   }
 }
@@ -141,7 +141,7 @@ static inline void to_rows(const float* x, int inputs, float* rows) {
         if constexpr (numbers_of<Terms> == 1)
           square[i] = first + i < inputs ? load(from) : Vec(0.f);
         else
-          square[i] = first + i < inputs ? Terms::in_any_order(load(from), load(from + LANES)).bits() : Vec(0.f);
+          square[i] = first + i < inputs ? Terms::of_neighbours(load(from), load(from + LANES)).bits() : Vec(0.f);
       }
       transpose(square);
       for (int i = 0; i < LANES; i++) store(rows + i * LANES, square[i]);

@@ -21,7 +21,7 @@ struct RowField {
   RowPanels core, modulation[2], render[3];
 };
 
-template <class Terms>
+template <class Pairs, class Terms>
 static inline RowField pack_row_field(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
   const auto packed = [&](const RingLayer<const float>& layer, int outputs, int inputs, auto place) {
     return pack_rows<Terms>(layer.weight, inputs, layer.bias, outputs, inputs, arena, place);
@@ -29,7 +29,7 @@ static inline RowField pack_row_field(const RingShape& shape, const RingParamete
   const auto in_order = [](int k) { return k; };
   const int features = shape.features, hidden = shape.render_hidden;
   RowField field;
-  field.tables = pack_pairs(shape, from, arena);
+  field.tables = pack_pairs<Pairs>(shape, from, arena);
   int element[PAIR_MATRIX];
   for (int i = 0; i < PAIR_RANK; i++)
     for (int j = 0; j < PAIR_RANK; j++) element[left_place(i, j)] = i * PAIR_RANK + j;
@@ -54,20 +54,17 @@ struct RowGroup {
   float *terms, *other_terms;  // of any layer's input
 };
 
-static inline int most_of(std::initializer_list<int> numbers) {
-  int most = 0;
-  for (const int number : numbers) most = number > most ? number : most;
-  return most;
-}
+static inline int larger(int a, int b) { return a > b ? a : b; }
 
 // Floats of a Gaussian's inputs to either network.
 static inline int input_width(const RingShape& shape) {
-  return row_steps(most_of({modulation_inputs(shape), render_inputs(shape)})) * STEP_INPUTS;
+  return row_steps(larger(modulation_inputs(shape), render_inputs(shape))) * STEP_INPUTS;
 }
 
 static inline RowGroup lay_out_rows(const RingShape& shape, Arena& arena) {
-  const int widest = row_steps(most_of({shape.features, shape.render_hidden, shape.modulation_hidden})) * STEP_INPUTS;
-  const int inputs = most_of({widest, input_width(shape), PAIR_MATRIX});
+  const int hidden = larger(shape.render_hidden, shape.modulation_hidden);
+  const int widest = row_steps(larger(shape.features, hidden)) * STEP_INPUTS;
+  const int inputs = larger(larger(widest, input_width(shape)), PAIR_MATRIX);
   RowGroup group;
   group.products = arena.take(static_cast<std::size_t>(GROUP) * PAIR_MATRIX);
   group.inputs = arena.take(static_cast<std::size_t>(GROUP) * input_width(shape));

@@ -141,9 +141,9 @@ struct TileLists {
   const std::uint32_t* horizon;  // [T and a margin] larger depth keys have no entry in the tile; or null (horizon.hpp)
   std::uint32_t* tile_starts;    // [T + 1]
   std::uint32_t* tile_order;     // [T] longest first
-  std::uint32_t* tile_used;      // [T] entries until every pixel was opaque
+  std::uint32_t* tile_used;      // [T] entries until every block had ended
   std::uint64_t* entries;        // row of the table, and the slot in the upper half
-  std::uint64_t* block_masks;    // blocks of the tile that the entry touches and that were not opaque yet
+  std::uint64_t* block_masks;    // blocks of the tile that the entry touches and that had not ended yet
 };
 
 struct Frame : TileLists {
@@ -158,14 +158,14 @@ struct Frame : TileLists {
   Placement* placements;  // [N]
   Piece* pieces;
 
-  std::uint8_t* tile_open;     // [T] 1 where a pixel never became opaque
+  std::uint8_t* tile_open;     // [T] 1 where a block never ended
   float* final_transmittance;  // [T BLOCKS LANES]
 
   // By slot.
   float* slots;             // [slots slot_stride]
   std::uint8_t* slot_used;  // 1 where the slot was written
 
-  // Better colours: null, or where they come from (late_colors.hpp).
+  // Late colours: null, or where they come from (late_colors.hpp).
   const LateColors* late;
   bool* late_broken;  // set where one is not finite
 

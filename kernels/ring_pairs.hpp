@@ -9,29 +9,22 @@ namespace ringlight::RINGLIGHT_ISA {
 
 constexpr int PAIR_RANK = 8, PAIR_MATRIX = PAIR_RANK * PAIR_RANK, PAIR_VECS = PAIR_MATRIX / LANES;
 
-// Where element (i, j) lies.
+// Where element (i, j) of a left factor lies.
 constexpr int left_place(int i, int j) { return i / 2 * LANES + j / 2 * 4 + i % 2 * 2 + j % 2; }
-constexpr int right_place(int i, int j) { return i / 2 * LANES + j * 2 + i % 2; }
 
 // The tables: H_x as left factors, the others as right ones.
 struct PairTables {
   const float *axes, *view;
 };
 
-template <class Place>
-static inline void place_matrices(const float* matrices, std::size_t count, float* to, Place place) {
-  for (std::size_t at = 0; at < count * PAIR_MATRIX; at += PAIR_MATRIX)
-    for (int i = 0; i < PAIR_RANK; i++)
-      for (int j = 0; j < PAIR_RANK; j++) to[at + place(i, j)] = matrices[at + i * PAIR_RANK + j];
-}
-
+template <class Pairs>
 static inline PairTables pack_pairs(const RingShape& shape, const RingParameters<const float>& from, Arena& arena) {
   float *axes = arena.take(3 * axis_size(shape)), *view = arena.take(view_size(shape));
   if (!axes) return {};
-  const auto nodes = static_cast<std::size_t>(shape.nodes), side = static_cast<std::size_t>(shape.view_nodes);
-  place_matrices(from.axes, nodes, axes, left_place);
-  place_matrices(from.axes + axis_size(shape), 2 * nodes, axes + axis_size(shape), right_place);
-  place_matrices(from.view, side * side, view, right_place);
+  const std::size_t axis = axis_size(shape), whole = view_size(shape);
+  for (std::size_t i = 0; i < axis; i += LANES) store(axes + i, Pairs::left(load(from.axes + i)));
+  for (std::size_t i = axis; i < 3 * axis; i += LANES) store(axes + i, Pairs::right(load(from.axes + i)));
+  for (std::size_t i = 0; i < whole; i += LANES) store(view + i, Pairs::right(load(from.view + i)));
   return {axes, view};
 }
 
@@ -84,7 +77,7 @@ static inline void multiply_pairs(const Batch& batch, const RingShape& shape, co
     read_pairs(MapTable{PAIR_MATRIX, shape.view_nodes, half.across, half.down}, tables.view, lane, matrix);
     times_pairs<Pairs>(product, matrix, result);
     for (int step = 0; 2 * step < PAIR_VECS; step++)
-      store(terms + (step * GROUP + i) * LANES, Terms::in_any_order(result[2 * step], result[2 * step + 1]));
+      store(terms + (step * GROUP + i) * LANES, Terms::of_neighbours(result[2 * step], result[2 * step + 1]));
   });
 }
 

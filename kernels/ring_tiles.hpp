@@ -198,7 +198,7 @@ static inline void multiply_by(const GroupTables<Terms>& from, int head, Factor<
     } else {
 #pragma GCC unroll 8
       for (int i = 0; i < Unit::PACKED; i++)
-        products[unit].pairs[i] = Terms::in_any_order(tiles[2 * i], tiles[2 * i + 1]);
+        products[unit].pairs[i] = Terms::of_neighbours(tiles[2 * i], tiles[2 * i + 1]);
     }
   }
 }

@@ -71,7 +71,7 @@ static inline void terms_of_rows(const float* values, int count, float* terms, F
   for (int step = 0; step < steps; step++)
     for (int i = 0; i < GROUP; i++) {
       const float* from = values + i * width + step * STEP_INPUTS;
-      store(terms + (step * GROUP + i) * LANES, Terms::in_any_order(finish(load(from)), finish(load(from + LANES))));
+      store(terms + (step * GROUP + i) * LANES, Terms::of_neighbours(finish(load(from)), finish(load(from + LANES))));
     }
 }
 

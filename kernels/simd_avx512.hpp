@@ -316,8 +316,8 @@ struct Bf16Pairs {
     const __m512i order = _mm512_add_epi32(_mm512_set1_epi32(0x00100000), detail::every(0, 0x00010001));
     return Vec((__m512)_mm512_permutexvar_epi16(order, (__m512i)_mm512_cvtne2ps_pbh(second.v, first.v)));
   }
-  // The same 32 numbers, paired in a way that depends on nothing but their lanes.
-  __attribute__((always_inline)) static Bf16Pairs in_any_order(Vec first, Vec second) {
+  // The same 32 numbers, neighbours in pairs: those of first, then those of second.
+  __attribute__((always_inline)) static Bf16Pairs of_neighbours(Vec first, Vec second) {
     return Vec((__m512)_mm512_cvtne2ps_pbh(second.v, first.v));
   }
   // Lane K of each quarter of four lanes, in all lanes of that quarter.
@@ -338,14 +338,14 @@ struct Bf16Pairs {
   // Two 4 x 4 matrices, rows first: lane 2 m + k of quarter i holds elements (i, 2 k) and (i, 2 k + 1) of matrix m.
   __attribute__((always_inline)) static Bf16Pairs two_by_rows(Vec first, Vec second) {
     const __m512i order = _mm512_setr_epi64(0, 4, 1, 5, 2, 6, 3, 7);
-    return Vec((__m512)_mm512_permutexvar_epi64(order, (__m512i)in_any_order(first, second).bits().v));
+    return Vec((__m512)_mm512_permutexvar_epi64(order, (__m512i)of_neighbours(first, second).bits().v));
   }
   // The same: lane j of quarter 2 m + k holds elements (2 k, j) and (2 k + 1, j) of matrix m.
   __attribute__((always_inline)) static Bf16Pairs two_by_columns(Vec first, Vec second) {
     const __m512i quarter = _mm512_setr_epi32(0x00040000, 0x00050001, 0x00060002, 0x00070003, 0x000c0008, 0x000d0009,
                                               0x000e000a, 0x000f000b, 0x00140010, 0x00150011, 0x00160012, 0x00170013,
                                               0x001c0018, 0x001d0019, 0x001e001a, 0x001f001b);
-    return Vec((__m512)_mm512_permutexvar_epi16(quarter, (__m512i)in_any_order(first, second).bits().v));
+    return Vec((__m512)_mm512_permutexvar_epi16(quarter, (__m512i)of_neighbours(first, second).bits().v));
   }
   // Number i of both, side by side: for the first (Half 0) or the last (1) sixteen of the 32 numbers of each.
   template <int Half>

@@ -82,8 +82,16 @@ struct TileSums {
   }
 };
 
-// Two rows of a matrix in a Vec, see ring_pairs.hpp.
+// Two rows of eight columns in a Vec, see ring_pairs.hpp.
 struct RowPairs {
+  // Both rows pair of columns by pair of columns, from one after the other.
+  static Vec left(Vec rows) {
+    return _mm512_permutexvar_ps(_mm512_setr_epi32(0, 1, 8, 9, 2, 3, 10, 11, 4, 5, 12, 13, 6, 7, 14, 15), rows.v);
+  }
+  // The same column by column.
+  static Vec right(Vec rows) {
+    return _mm512_permutexvar_ps(_mm512_setr_epi32(0, 8, 1, 9, 2, 10, 3, 11, 4, 12, 5, 13, 6, 14, 7, 15), rows.v);
+  }
   // Two neighbours in all places.
   static Vec broadcast(const float* pair) {
     double both;

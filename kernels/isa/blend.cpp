@@ -1,6 +1,7 @@
 // Stage 4: front-to-back compositing (Porter & Duff 1984; Kerbl et al. 2023, eq. 3), tile by tile, in chunks of CHUNK
 // entries. Within a chunk every block walks the list of the entries that touch it, its pixels in registers.
 #include "block_masks.hpp"
+#include "block_state.hpp"
 #include "late_colors.hpp"
 #include "tile_pixels.hpp"
 
@@ -9,10 +10,6 @@ namespace {
 
 constexpr int SHADED_CHANNELS = 3;      // what a shader leaves
 constexpr std::uint32_t PREFETCH = 24;  // entries ahead: about the latency of memory
-
-// State of a block between chunks: 16 transmittances that go on falling past the threshold (which is how a pixel
-// knows that it is finished), 16 final ones, then 16 values of each channel.
-enum State { RUNNING = BLOCK_RUNNING, FINAL = BLOCK_FINAL, COLOR = BLOCK_CHANNELS };
 
 template <int C>
 RINGLIGHT_INLINE int width_of(const Frame& frame) {
@@ -71,13 +68,6 @@ RINGLIGHT_INLINE Vec sample_alpha(const float* row, Vec x, Vec y, Vec strongest)
   return keep(ge(log2_alpha, Vec(LOG2_MIN_ALPHA)), min(exp2_fast(log2_alpha), strongest));
 }
 
-// Rows of the chunk that touch one block, in order; one more number follows the last.
-struct RowList {
-  const float* rows;
-  const std::uint8_t* numbers;
-  int count;
-};
-
 // Adds weighted channels to one block: `blended` listed rows, whose weights are known, for each group of channels.
 RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t stride, const float* weights,
                                    int width, float* color) {
@@ -94,22 +84,6 @@ RINGLIGHT_INLINE void add_channels(const RowList& list, int blended, std::size_t
 #pragma GCC unroll 8
     for (int i = 0; i < CHANNEL_GROUP; i++) store(color + (c + i) * LANES, sums[i]);
   }
-}
-
-// Ends the blocks through whose pixels less than DIM of what lies behind shows, as if that were what is in front;
-// returns the others.
-RINGLIGHT_INLINE std::uint64_t close_dim_blocks(std::uint64_t blocks, float* states, int floats) {
-  std::uint64_t open = blocks;
-  for (std::uint64_t left = blocks; left; left &= left - 1) {
-    const int block = __builtin_ctzll(left);
-    float* const state = states + block * floats;
-    if (any(ge(load(state + RUNNING), Vec(DIM)))) continue;
-    const Vec filling = Vec(1.f) / (Vec(1.f) - load(state + FINAL));
-    for (int i = COLOR; i < floats; i += LANES) store(state + i, load(state + i) * filling);
-    store(state + FINAL, Vec(0.f));
-    open &= ~(std::uint64_t{1} << block);
-  }
-  return open;
 }
 
 constexpr int OPEN = -1;
@@ -245,7 +219,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       closed_by = closed > closed_by ? closed : closed_by;
     }
     at += static_cast<std::uint32_t>(alive ? count : closed_by + 1);
-    if (ends_early) alive = close_dim_blocks(alive, states, floats);
+    if (ends_early && count == CHUNK) alive = close_dim_blocks(alive, states, floats);
   }
   frame.tile_used[tile.number] = at - tile.begin;
   frame.tile_open[tile.number] = alive != 0;

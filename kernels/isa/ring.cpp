@@ -1,7 +1,6 @@
 #include "ring.hpp"
 
 #include <cstring>
-#include <initializer_list>
 
 #include "light_rows.hpp"
 #include "parallel.hpp"
@@ -82,7 +81,7 @@ struct Field {
 
 template <class Terms>
 RowField packed_rows(const RingShape& shape, const RingParameters<const float>& parameters, Arena& arena) {
-  if constexpr (in_unit<Terms>) return pack_row_field<Terms>(shape, parameters, arena);
+  if constexpr (in_unit<Terms>) return pack_row_field<RowPairs, Terms>(shape, parameters, arena);
   return {};
 }
 
@@ -103,7 +102,7 @@ const PackedField& field_in(const float* packed) { return *reinterpret_cast<cons
 
 // Leaves the residual colours of groups by rows, where it can.
 template <class Terms, int Count>
-bool light_rows(LitGroup* groups, const Field& field) {
+bool done_by_rows(LitGroup* groups, const Field& field) {
   if (!lit_by_rows<Terms>(field.shape)) return false;
   if constexpr (in_unit<Terms>) light_rows<TileSums, RowPairs, Terms, Count>(groups, field.shape, field.packed.rows);
   return true;
@@ -116,7 +115,7 @@ void light_groups(LitGroup* groups, const Field& field, const RingScene& scene, 
     const int left = count - i * GROUP;
     start(groups[i].batch, field.shape, scene, rows + i * GROUP, left < GROUP ? left : GROUP);
   }
-  if (light_rows<LayerTerms, Count>(groups, field)) return;
+  if (done_by_rows<LayerTerms, Count>(groups, field)) return;
   for (int i = 0; i < Count; i++) {
     multiply<false>(groups[i].batch, field.shape, field.parameters, field.packed.panels.tables);
     shade<false>(groups[i].batch, field.shape, field.packed.panels);
@@ -125,8 +124,8 @@ void light_groups(LitGroup* groups, const Field& field, const RingScene& scene, 
 
 // Calls run(batch, first) for each group of rows[count], once it holds their base and residual colours.
 template <class Run>
-void light_rows(Groups& room, const Field& field, const RingScene& scene, const std::int32_t* rows, std::size_t count,
-                Run run) {
+void for_lit_groups(Groups& room, const Field& field, const RingScene& scene, const std::int32_t* rows,
+                    std::size_t count, Run run) {
   constexpr int MOST = TOGETHER * GROUP;
   for (std::size_t first = 0; first < count; first += MOST) {
     const int held = count - first < MOST ? static_cast<int>(count - first) : MOST;
@@ -156,8 +155,8 @@ void ring_forward(const RingShape& shape, const RingParameters<const float>& par
     const Scratch memory(ring_light_floats(shape) * sizeof(float));
     Groups room(shape, memory.floats());
     const MatrixUnit unit;
-    light_rows(room, field, scene, scene.visible + begin, end - begin,
-               [&](const Batch& batch, std::size_t) { write(batch, shape, outputs); });
+    for_lit_groups(room, field, scene, scene.visible + begin, end - begin,
+                   [&](const Batch& batch, std::size_t) { write(batch, shape, outputs); });
   });
 }
 
@@ -185,7 +184,7 @@ void ring_light(const void* packed_ring, const std::int32_t* rows, int count, fl
     for (int lane = 0; lane < batch.count; lane++)
       for (int c = 0; c < 3; c++) colors[3 * (first + lane) + c] = batch.base[c * GROUP + lane];
   };
-  light_rows(room, field, ring.scene, rows, static_cast<std::size_t>(count), hand_over);
+  for_lit_groups(room, field, ring.scene, rows, static_cast<std::size_t>(count), hand_over);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

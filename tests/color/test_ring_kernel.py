@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from torch import Tensor, nn
 
 from ringlight import _kernels
-from ringlight.color.ring_kernel import kernel_takes
+from ringlight.color.ring_kernel import kernel_takes, shading_layers
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.core.camera import Camera
@@ -126,7 +126,7 @@ def is_smooth(chosen: RingLightSettings, count: int, seed: int) -> bool:
 def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     model, gaussians = model_and_table(chosen, count, seed)
     twin, table = doubled(model, gaussians)
-    assert kernel_takes(model.tables(), model.shading, gaussians.means)
+    assert kernel_takes(model.tables(), shading_layers(model.shading), gaussians.means)
     upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(seed + 1))
     fast, slow = evaluate(model, gaussians, upstream), evaluate(twin, table, upstream)
     torch.testing.assert_close(fast.color.double(), slow.color, rtol=0, atol=VALUE_TOLERANCE)
@@ -191,11 +191,18 @@ def test_kernel_equals_twin_at_the_papers_sizes(rank, features, hidden, latents,
     compare(chosen, 48, next(seed for seed in range(20) if is_smooth(chosen, 48, seed)))
 
 
-@pytest.mark.parametrize("rank", [4, 6, 8, 16])
-def test_fields_differ_from_their_exact_twin_by_less_than_a_thousandth_of_the_range(rank, monkeypatch):
+ODD = {"render_hidden": 61, "modulation_hidden": 35}
+BARE = {"light_modulation": False, "latents": 0}
+
+
+@pytest.mark.parametrize(
+    ("rank", "features", "other"),
+    [(8, 24, {}), *((rank, 23, ODD) for rank in (4, 6, 8, 16)), (8, 33, BARE), (8, 5, ODD | {"latents": 16})],
+)
+def test_fields_differ_from_their_exact_twin_by_less_than_a_thousandth_of_the_range(rank, features, other, monkeypatch):
     monkeypatch.setattr(sys.modules[__name__], "BF16", False)  # units near their kinks, as models have them
-    chosen = replace(OURS, ring=replace(OURS.ring, rank=rank, features=23), render_hidden=61, modulation_hidden=35)
-    model, gaussians = model_and_table(OURS if rank == 8 else chosen, 2000, 0)
+    chosen = replace(OURS, ring=replace(OURS.ring, rank=rank, features=features), **other)
+    model, gaussians = model_and_table(chosen, 2000, 0)
     twin, table = doubled(model, gaussians)
     fast, slow = model.layers(gaussians, camera()), twin.layers(table, camera())
     assert slow["residual"].square().mean().sqrt() > 0.02
@@ -207,7 +214,21 @@ SMALL = RingLightSettings(
 )
 LATENT = replace(SMALL, latents=3)
 DIAGONAL = replace(LATENT, field="cp")
-both = pytest.mark.parametrize("chosen", [SMALL, LATENT, DIAGONAL], ids=["no latents", "latents", "diagonal"])
+ROWS = replace(LATENT, ring=replace(LATENT.ring, rank=8, features=21), render_hidden=40, modulation_hidden=35)
+"""By rows where there is a matrix unit."""
+both = pytest.mark.parametrize(
+    "chosen", [SMALL, LATENT, DIAGONAL, ROWS], ids=["no latents", "latents", "diagonal", "rows"]
+)
+
+
+@both
+@pytest.mark.parametrize("count", [1, 31, 33, 63, 65])
+def test_a_row_has_the_same_color_whoever_is_lit_with_it(chosen, count):
+    model, gaussians = model_and_table(chosen, 70, 3)
+    with torch.no_grad():
+        everyone = model.channels(gaussians, camera())["rgb"]
+        some = torch.arange(70).flip(0)[:count]
+        assert torch.equal(model.channels(gaussians.rows(some), camera())["rgb"], everyone[some])
 
 
 @both

@@ -62,7 +62,7 @@ def test_behind_what_is_nearly_opaque_more_of_the_same_will_do(turn: float):
     late, usual = pictures(lit_model("20k@96", 0.7), turn)
     error = (late - usual).abs()
     assert 0 < error.max() <= DIM + ROUNDING
-    assert error.square().mean().sqrt() < DIM / 4
+    assert error.square().mean().sqrt() < DIM / 16
 
 
 def test_what_fills_up_a_block_has_the_colors_in_front():

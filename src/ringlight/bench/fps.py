@@ -11,6 +11,7 @@ from ringlight.bench.record import Circumstances
 from ringlight.bench.step import subject_of_workload
 from ringlight.bench.timing import SHORTEST_MS, Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload_camera
+from ringlight.measure.speed import device_name
 from ringlight.rasterize.contract import Rasterizer
 
 VIEWS = 8
@@ -23,7 +24,7 @@ PASS = "pass"
 @dataclass(frozen=True)
 class FpsRow:
     """One method. Seconds per frame: the median over passes, the mean of the CPU, and the fastest pass; ``note`` says
-    what was timed."""
+    what was timed, and on what device."""
 
     method: str
     size: Size
@@ -46,7 +47,8 @@ class FpsBench:
 def bench_fps(
     recipes: Sequence[tuple[str, Any]], sizes: Sequence[Size], rasterize: Rasterizer, budget: Budget, seed: int = 0
 ) -> tuple[FpsRow, ...]:
-    """Every method at every size, those of a size in turns; ``budget`` bounds the passes of each method."""
+    """Every method at every size, those of a size in turns; ``budget`` is each method's, of which a half goes to the
+    pass before each that is timed."""
     return tuple(row for size in sizes for row in _rows(recipes, size, rasterize, budget, seed))
 
 
@@ -54,10 +56,10 @@ def _rows(
     recipes: Sequence[tuple[str, Any]], size: Size, rasterize: Rasterizer, budget: Budget, seed: int
 ) -> list[FpsRow]:
     contestants = {name: Contestant({PASS: _pass(name, recipe, size, rasterize, seed)}) for name, recipe in recipes}
-    passes = Budget(budget.rounds, budget.seconds * len(recipes))
+    passes = Budget(budget.rounds, budget.seconds * len(contestants))
     with torch.no_grad():
         timings = interleaved(contestants, passes)
-    return [_row(name, size, timings[name][PASS]) for name, _ in recipes]
+    return [_row(name, size, timings[name][PASS], rasterize.device) for name in contestants]
 
 
 def _pass(method: str, recipe: Any, size: Size, rasterize: Rasterizer, seed: int) -> Callable[[], None]:
@@ -76,7 +78,8 @@ def _pass(method: str, recipe: Any, size: Size, rasterize: Rasterizer, seed: int
     return show
 
 
-def _row(method: str, size: Size, timing: Timing) -> FpsRow:
+def _row(method: str, size: Size, timing: Timing, device: torch.device) -> FpsRow:
     wall, cpu, best = (ms / 1e3 / VIEWS for ms in (timing.wall_ms, timing.cpu_ms, timing.best_ms))
-    note = f"render call only, {VIEWS} views of {size.pixels}x{size.pixels}, one at a time, methods in turns"
+    views = f"{VIEWS} views of {size.pixels}x{size.pixels}, one at a time"
+    note = f"render call only, {views}, methods in turns, median over passes, on {device_name(device)}"
     return FpsRow(method, size, 1 / max(wall, SHORTEST_MS / 1e3), wall, cpu, best, note)

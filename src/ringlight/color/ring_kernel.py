@@ -38,10 +38,10 @@ class RingParameters:
     tensors: list[Tensor]
 
 
-def kernel_takes(tables: RingTables, shading: RenderModule, means: Tensor) -> bool:
+def kernel_takes(tables: RingTables, layers: list[Tensor], means: Tensor) -> bool:
     """Whether the kernel can do it: float32 on the CPU, and no size beyond its limits."""
-    widths = [layer.out_features for layer in shading.modules() if isinstance(layer, torch.nn.Linear)]
-    fits = tables.axes.shape[-1] <= MAX_RANK**2 and len(tables.core) <= MAX_FEATURES and max(widths) <= MAX_HIDDEN
+    widest = max(len(layer) for layer in layers)
+    fits = tables.axes.shape[-1] <= MAX_RANK**2 and len(tables.core) <= MAX_FEATURES and widest <= MAX_HIDDEN
     fits = fits and tables.axes.shape[1] <= MAX_NODES and len(tables.view) <= MAX_NODES**2
     kinds = {(tensor.dtype, tensor.device.type) for tensor in (tables.axes, tables.core, means)}
     return fits and kinds == {(torch.float32, "cpu")}
@@ -53,12 +53,8 @@ def shading_layers(shading: RenderModule) -> list[Tensor]:
     return [*modulation, *shading.render.parameters()]
 
 
-def ring_parameters(tables: RingTables, shading: RenderModule, layers: list[Tensor] | None = None) -> RingParameters:
-    """Gathers tables and weights; the order is that of ``parameters_from`` in kernels/bindings/bind_field.cpp.
-
-    ``layers`` are :func:`shading_layers`, where somebody keeps them.
-    """
-    layers = shading_layers(shading) if layers is None else layers
+def ring_parameters(tables: RingTables, shading: RenderModule, layers: list[Tensor]) -> RingParameters:
+    """Gathers tables and :func:`shading_layers`; the order is that of ``parameters_from`` in bind_field.cpp."""
     nodes, matrix = tables.axes.shape[1:]
     modulation_hidden = 0 if shading.modulation is None else len(layers[0])
     render_hidden = len(layers[0 if shading.modulation is None else MODULATION])

@@ -1,7 +1,5 @@
 """The RingLight colour model: a base colour per Gaussian, and a residual from one shared light field."""
 
-from collections.abc import Iterator
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
@@ -20,6 +18,7 @@ from ringlight.color.ring_kernel import (
     light,
     light_layers,
     ring_parameters,
+    shading_layers,
 )
 from ringlight.color.ringlight_direct import BASE, LATENTS, MASK, DirectRingLight
 from ringlight.color.ringlight_settings import RingLightSettings
@@ -68,6 +67,9 @@ class RingLight(nn.Module):
         self.register_buffer("box", box.clone().float())
         self.register_buffer("lit", torch.tensor(True))
         self._memory = TableMemory()
+        # Kept, since to find them takes torch as long as a hundredth of a picture; modules keep their parameters.
+        self._of_field = list(self.get_submodule(settings.field).parameters())
+        self._of_shading = shading_layers(self.shading)
         self.workspace = Workspace()
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
@@ -110,13 +112,13 @@ class RingLight(nn.Module):
         """The same without autograd, by the kernels; None where they do not apply."""
         with torch.no_grad():
             tables = None if self.settings.evaluation == "exact" else self.field.tables()
-        if tables is None or not self.settings.base_color or not kernel_takes(tables, self.shading, self.box):
+        if tables is None or not self.settings.base_color or not kernel_takes(tables, self._of_shading, self.box):
             return None
         return DirectRingLight(self)
 
-    def field_parameters(self) -> Iterator[nn.Parameter]:
+    def field_parameters(self) -> list[nn.Parameter]:
         """Those that the features are made of."""
-        return self.get_submodule(self.settings.field).parameters()
+        return self._of_field
 
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
@@ -189,9 +191,9 @@ class RingLight(nn.Module):
         if self.settings.evaluation == "exact":
             return None
         tables = self.tables()
-        if tables is None or not kernel_takes(tables, self.shading, gaussians.means):
+        if tables is None or not kernel_takes(tables, self._of_shading, gaussians.means):
             return None
-        return ring_parameters(tables, self.shading)
+        return ring_parameters(tables, self.shading, self._of_shading)
 
     def lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         """Which rows the light field reaches from there."""

@@ -93,7 +93,7 @@ class DirectRingLight:
             axes, view, core = by_tables
             found = self._field_gradients(RingTables(axes, view, core))
             return {f"color.{self._model.settings.field}.{name}": gradient for name, gradient in found.items()}
-        field: list[Tensor] = list(self._model.field_parameters())
+        field = self._model.field_parameters()
         by_field = torch.autograd.grad(self._parameters[:TABLES], field, by_tables, allow_unused=True)
         pairs = zip(field, by_field, strict=True)
         return {f"color.{self._names[id(p)]}": gradient for p, gradient in pairs if gradient is not None}

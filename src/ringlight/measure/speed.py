@@ -62,7 +62,7 @@ def frames_per_second(
     size = " to ".join(dict.fromkeys(f"{width}x{height}" for width, height in (sizes[0], sizes[-1])))
     note = (
         f"render call only, {len(cameras)} views of {size}, one at a time, median of {len(times)} passes "
-        f"after {warmup_passes} to warm up, on {_device_name(device)}"
+        f"after {warmup_passes} to warm up, on {device_name(device)}"
     )
     return FrameRate(1 / wall, wall, cpu, note)
 
@@ -119,7 +119,8 @@ def _wait_for(device: torch.device) -> None:
         torch.cuda.synchronize(device)
 
 
-def _device_name(device: torch.device) -> str:
+def device_name(device: torch.device) -> str:
+    """As a reader would call it, with the kernels' threads."""
     if device.type == "cuda":
         return torch.cuda.get_device_name(device)
     return f"the CPU ({_kernels.threads()} threads)"
