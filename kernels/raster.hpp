@@ -55,8 +55,8 @@ inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
 inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one
 inline constexpr float NOT_LIT = -1;   // in place of such a colour
 // Pictures that want no gradient end a block once less than this of what lies behind shows through each of its pixels,
-// and take what is in front for the rest. Pictures of trained scenes then differ by half a step of 8 bits or less, root
-// mean square: docs/method.md has what other values would save.
+// and take what is in front for the rest. Pictures of trained scenes then differ by a step of 8 bits or less, root mean
+// square over test views: docs/method.md, "Pictures that end early", has what other values cost and save.
 inline constexpr float DIM = 1 / 64.f;
 
 struct Footprints {
