@@ -4,11 +4,13 @@ import pytest
 import torch
 
 from ringlight.bench.staged_step import StagedStep
-from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
+from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
 from ringlight.bench.timing import TOTAL, Budget
 from ringlight.bench.workload import Size
 from ringlight.data.bundled import bundled_scene
 from ringlight.errors import RecipeError
+from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
@@ -48,29 +50,44 @@ def test_the_workload_has_every_schedule_at_its_end():
 
 def test_repeating_leaves_the_training_where_it_was(circumstances):
     before = subject("3dgs")
-    result = bench_step(before, Budget(rounds=2, seconds=60.0), circumstances)
-    assert result.gaussians == TINY.gaussians
+    (row,) = bench_step([before], Budget(rounds=2, seconds=60.0), circumstances).rows
+    assert row.gaussians == TINY.gaussians
+    assert set(row.stages) == set(StagedStep(before.training, before.step).stages())
+    assert set(row.kernels) == {"raster forward", "loss", "raster backward", "adam", TOTAL}
+    assert row.wall_floor_ratio > 0
+
+
+def test_methods_are_timed_on_one_scene_each_with_its_own_stages(circumstances):
+    result = bench_step([subject("3dgs"), subject("ringlight-mirror")], Budget(rounds=1, seconds=60.0), circumstances)
+    plain, deferred = result.rows
+    assert (plain.method, deferred.method) == ("3dgs", "ringlight-mirror")
     assert result.image == "32x32"
-    assert set(result.stages) == set(StagedStep(before.training, before.step).stages())
-    assert set(result.kernels) == {"raster forward", "loss", "raster backward", "adam", TOTAL}
-    assert result.wall_floor_ratio > 0
-
-
-def test_deferred_shading_has_stages_of_its_own(circumstances):
-    result = bench_step(subject("ringlight-mirror"), Budget(rounds=1, seconds=60.0), circumstances)
-    assert {"shade forward", "shade backward"} <= set(result.stages)
-    assert result.wall_floor_ratio > 0
+    assert set(deferred.stages) - set(plain.stages) == {"shade forward", "shade backward"}
+    assert deferred.wall_floor_ratio > 0
 
 
 def test_another_rasterizer_has_no_floor(circumstances):
     other = subject_of_workload("3dgs", METHODS["3dgs"], Size(20, 8), rasterizer_for("reference"))
-    result = bench_step(other, Budget(rounds=1, seconds=60.0), circumstances)
-    assert result.kernels == {}
-    assert result.wall_floor_ratio is None
+    (row,) = bench_step([other], Budget(rounds=1, seconds=60.0), circumstances).rows
+    assert row.kernels == {}
+    assert row.wall_floor_ratio is None
+
+
+def subject_of_photographs(method="3dgs", **asked):
+    photographs = Photographs(bundled_scene("toaster"), **asked)
+    return subject_of_scene(method, METHODS[method], photographs, rasterizer_for("cpu"), 0)
 
 
 def test_photographs_can_be_stepped_on_too():
-    found = subject_of_scene("3dgs", METHODS["3dgs"], bundled_scene("toaster"), 1, rasterizer_for("cpu"))
-    assert found.step == 2
-    with pytest.raises(RecipeError, match="--after"):
-        subject_of_scene("3dgs", METHODS["3dgs"], bundled_scene("toaster"), 10**9, rasterizer_for("cpu"))
+    assert subject_of_photographs(after=1).step == 2
+    assert subject_of_photographs(steps=7).training.steps == 7
+    with pytest.raises(RecipeError, match="--after is 7; the run has 7 steps"):
+        subject_of_photographs(after=7, steps=7)
+
+
+@pytest.mark.parametrize("method", ["3dgs", "ringlight-mirror"])
+def test_on_photographs_methods_can_be_bounded_alike_and_drop_nothing(method):
+    bounded = subject_of_photographs(method, steps=2000, gaussians=300)
+    control, drops = (each for each in bounded.training.strategies if isinstance(each, Densify | DropLeast))
+    assert control.settings.max_gaussians == 300
+    assert drops.rounds == frozenset()

@@ -13,7 +13,7 @@ SMALL = {
     "adam": ["--gaussians", "50"],
     "color": ["--gaussians", "50"],
     "shade": ["--hidden", "8", "--covered", "300"],
-    "step": ["ringlight", "--size", "300@24"],
+    "step": ["3dgs", "ringlight-mirror", "--size", "300@24"],
     "fps": ["--sizes", "300@24"],
 }
 
@@ -33,8 +33,7 @@ def test_json_is_valid_and_complete(what, capsys):
     assert {"version", "commit", "date", "machine", "fma_gflops", "matrix_gflops", "copy_gbs", "load"} == set(now)
     assert len(now["date"].split("-")) == 3
     assert now["machine"]["isa"]
-    measured = record["stages"] if what == "step" else record["rows"]
-    assert measured
+    assert record["rows"]
 
 
 @pytest.mark.parametrize("what", SMALL)
@@ -64,6 +63,9 @@ def test_save_writes_what_json_prints(tmp_path, monkeypatch, capsys):
         (["color", "--models", "shiny"], "no colour model is called"),
         (["step", "nerf"], "no method is called"),
         (["step", "--scene", "nowhere"], "nowhere"),
+        (["step", "3dgs", "3dgs"], "a method twice"),
+        (["step", "3dgs", "--after", "5"], "name them by --scene"),
+        (["step", "3dgs", "--scene", "nowhere", "--gaussians", "-1"], "--gaussians is -1"),
     ],
 )
 def test_mistakes_are_one_sentence(words, sentence, capsys):

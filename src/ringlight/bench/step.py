@@ -1,6 +1,7 @@
 """Speed of a whole training step, and of its stages: what Python and torch add to the kernels."""
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -31,26 +32,33 @@ WHOLE, STAGED, KERNELS = "whole", "staged", "kernels"
 
 
 @dataclass(frozen=True)
-class StepBench:
-    """What ``ringlight bench step`` measured.
+class StepRow:
+    """One method's step.
 
     ``whole`` is the step of the training loop; ``stages`` are the same work cut at its seams, each timed alone, whose
     sum is ``staged``. ``kernels`` are the floor: the compiled rasterizer, loss and Adam on the same inputs, called
     alone. The floor ratios are whole over their sum; without the CPU's rasterizer there is no such floor.
     """
 
-    circumstances: Circumstances
     method: str
-    scene: str
-    rasterizer: str
     gaussians: int
-    image: str
     whole: Timing
     staged: Timing
     stages: dict[str, Timing]
     kernels: dict[str, Timing]
     wall_floor_ratio: float | None
     cpu_floor_ratio: float | None
+
+
+@dataclass(frozen=True)
+class StepBench:
+    """What ``ringlight bench step`` measured: methods on one scene, in turns."""
+
+    circumstances: Circumstances
+    scene: str
+    rasterizer: str
+    image: str
+    rows: tuple[StepRow, ...]
 
 
 @dataclass(frozen=True)
@@ -81,45 +89,82 @@ def subject_of_workload(method: str, recipe: Any, size: Size, rasterize: Rasteri
     return Subject(method, f"workload {size.name}", training, training.step + 1)
 
 
-def subject_of_scene(method: str, recipe: Any, path: Path, after: int, rasterize: Rasterizer, seed: int = 0) -> Subject:
-    """The method on photographs, once ``after`` steps of training have been done. Raises SceneError, RecipeError."""
-    if not 0 <= after < recipe.steps:
-        raise RecipeError(f"--after is {after}; the run has {recipe.steps} steps: give less")
-    scene = load_scene(path, SceneOptions())
-    training = recipe.build(scene, rasterize, seed)
-    for _ in islice(train(training), after):
+@dataclass(frozen=True)
+class Photographs:
+    """A training on photographs, as far as it goes before its step is timed.
+
+    ``after`` steps are done of a run of ``steps`` (0: the method's own); with ``gaussians`` density control ends with
+    no more than so many and nothing is dropped, so that methods can be compared with equally many.
+    """
+
+    path: Path
+    after: int = 0
+    steps: int = 0
+    gaussians: int = 0
+
+
+def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasterize: Rasterizer, seed: int) -> Subject:
+    """The method on photographs. Raises SceneError, RecipeError."""
+    if photographs.steps:
+        recipe = dataclasses.replace(recipe, steps=photographs.steps)
+    if not 0 <= photographs.after < recipe.steps:
+        raise RecipeError(f"--after is {photographs.after}; the run has {recipe.steps} steps: give less")
+    scene = load_scene(photographs.path, SceneOptions())
+    settled, _ = recipe.settled(scene, rasterize, seed)
+    if photographs.gaussians:
+        bounded = dataclasses.replace(settled.densify, max_gaussians=photographs.gaussians, drop_share=0.0)
+        settled = dataclasses.replace(settled, densify=bounded)
+    training = settled.build(scene, rasterize, seed)
+    for _ in islice(train(training), photographs.after):
         pass
-    return Subject(method, f"{scene.name} after {after} steps", training, training.step + 1)
+    return Subject(
+        method, f"{scene.name} after {photographs.after} steps of {recipe.steps}", training, training.step + 1
+    )
 
 
-def bench_step(subject: Subject, budget: Budget, now: Circumstances) -> StepBench:
-    """Repeat one step, whole and cut into stages in turns; everything is put back before each round, off the clock."""
+def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) -> StepBench:
+    """Repeat one step of each, whole and cut into stages, all in turns; everything is put back before each round, off
+    the clock. ``budget`` is each method's."""
+    contestants = {
+        (subject.method, part): contestant
+        for subject in subjects
+        for part, contestant in _contestants_of(subject).items()
+    }
+    timings = interleaved(contestants, Budget(budget.rounds, budget.seconds * len(subjects)))
+    first = subjects[0]
+    camera = first.training.batches.at(first.step).camera
+    return StepBench(
+        circumstances=now,
+        scene=first.scene,
+        rasterizer=first.training.model.rasterize.name,
+        image=f"{camera.width}x{camera.height}",
+        rows=tuple(_row(subject, timings) for subject in subjects),
+    )
+
+
+def _contestants_of(subject: Subject) -> dict[str, Contestant]:
     training = subject.training
     put_back = _snapshot(training)
-    staged = StagedStep(training, subject.step)
     contestants = {
         WHOLE: Contestant({WHOLE: lambda: next(train(training))}, put_back),
-        STAGED: Contestant(staged.stages(), put_back),
+        STAGED: Contestant(StagedStep(training, subject.step).stages(), put_back),
     }
     if training.model.rasterize.name == NATIVE:
         # Put back as well, though nothing has changed: caches are then as cold for all three.
         contestants[KERNELS] = Contestant(_kernels_alone(subject), put_back)
-    timings = interleaved(contestants, budget)
-    whole, stages = timings[WHOLE][WHOLE], timings[STAGED]
-    total = stages.pop(TOTAL)
-    kernels = timings.get(KERNELS, {})
+    return contestants
+
+
+def _row(subject: Subject, timings: dict[tuple[str, str], dict[str, Timing]]) -> StepRow:
+    whole, stages = timings[subject.method, WHOLE][WHOLE], timings[subject.method, STAGED]
+    kernels = timings.get((subject.method, KERNELS), {})
     floor = kernels.get(TOTAL)
-    camera = training.batches.at(subject.step).camera
-    return StepBench(
-        circumstances=now,
+    return StepRow(
         method=subject.method,
-        scene=subject.scene,
-        rasterizer=training.model.rasterize.name,
-        gaussians=len(training.model),
-        image=f"{camera.width}x{camera.height}",
+        gaussians=len(subject.training.model),
         whole=whole,
-        staged=total,
-        stages=stages,
+        staged=stages[TOTAL],
+        stages={name: timing for name, timing in stages.items() if name != TOTAL},
         kernels=kernels,
         wall_floor_ratio=whole.wall_ms / max(floor.wall_ms, SHORTEST_MS) if floor else None,
         cpu_floor_ratio=whole.cpu_ms / max(floor.cpu_ms, SHORTEST_MS) if floor else None,

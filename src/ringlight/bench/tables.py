@@ -13,12 +13,15 @@ from ringlight.bench.loss import LossBench
 from ringlight.bench.raster import Passes, RasterBench, RasterRow
 from ringlight.bench.record import Circumstances
 from ringlight.bench.shade import ShadeBench
-from ringlight.bench.step import StepBench
+from ringlight.bench.step import StepBench, StepRow
 from ringlight.bench.timing import SHORTEST_MS, TOTAL
 
 Block = Table | Text
 
 COMMIT_DIGITS = 10
+
+NAMES = ("size", "model", "stage", "method")
+"""Titles of columns that hold words."""
 
 NARROW_RATIO = 1.0
 """Ratios up to here are shown as good."""
@@ -129,27 +132,36 @@ def adam_tables(record: AdamBench) -> Iterator[Block]:
 
 
 def step_tables(record: StepBench) -> Iterator[Block]:
-    """Where one training step spends its time."""
-    yield Text(f"one training step of {record.method} on {record.scene}, medians", style="bold")
-    yield Text(f"{record.gaussians:,} Gaussians, {record.image} pixels, {record.rasterizer} rasterizer", style="dim")
+    """Methods side by side, and where the step of each spends its time."""
+    yield Text(f"one training step on {record.scene}, medians", style="bold")
+    yield Text(f"{record.image} pixels, {record.rasterizer} rasterizer, methods in turns", style="dim")
     yield from _circumstances(record.circumstances)
+    table = _table("method", "Gaussians", "ms", "CPU ms", "best ms", "it/s", "times the first", "floor")
+    for row in record.rows:
+        times = (_ms(time) for time in (row.whole.wall_ms, row.whole.cpu_ms, row.whole.best_ms))
+        ratio = row.whole.wall_ms / max(record.rows[0].whole.wall_ms, SHORTEST_MS)
+        floor = "-" if row.wall_floor_ratio is None else f"{row.wall_floor_ratio:.2f}"
+        rate = f"{1e3 / max(row.whole.wall_ms, SHORTEST_MS):,.0f}"
+        table.add_row(row.method, f"{row.gaussians:,}", *times, rate, f"{ratio:.2f}", floor)
+    yield table
+    yield from (_stage_table(row) for row in record.rows)
+    yield Text("floor: times its rasterizer, loss and Adam kernels alone", style="dim")
+
+
+def _stage_table(row: StepRow) -> Table:
     table = _table("stage", "ms", "CPU ms", "share")
-    for name, timing in record.stages.items():
-        share = f"{100 * timing.wall_ms / max(record.staged.wall_ms, 1e-9):.0f} %"
+    table.title, table.title_justify = row.method, "left"
+    for name, timing in row.stages.items():
+        share = f"{100 * timing.wall_ms / max(row.staged.wall_ms, SHORTEST_MS):.0f} %"
         table.add_row(name, _ms(timing.wall_ms), _ms(timing.cpu_ms), share)
     table.add_section()
-    table.add_row("sum of stages", _ms(record.staged.wall_ms), _ms(record.staged.cpu_ms), "")
-    rate = f"{1e3 / record.whole.wall_ms:.0f} it/s"
-    table.add_row("the loop's step", _ms(record.whole.wall_ms), _ms(record.whole.cpu_ms), rate, style="bold")
-    if record.kernels:
+    table.add_row("sum of stages", _ms(row.staged.wall_ms), _ms(row.staged.cpu_ms), "")
+    if row.kernels:
         table.add_section()
-        for name, timing in record.kernels.items():
+        for name, timing in row.kernels.items():
             title = "kernels alone" if name == TOTAL else f"{name}, kernel"
             table.add_row(title, _ms(timing.wall_ms), _ms(timing.cpu_ms), "", style="bold" if name == TOTAL else "")
-    yield table
-    if record.wall_floor_ratio is not None and record.cpu_floor_ratio is not None:
-        ratios = f"{record.wall_floor_ratio:.2f} times (CPU {record.cpu_floor_ratio:.2f} times)"
-        yield Text(f"the step takes {ratios} its raster + loss + Adam kernels alone")
+    return table
 
 
 def fps_tables(record: FpsBench) -> Iterator[Block]:
@@ -178,7 +190,7 @@ def _circumstances(now: Circumstances) -> Iterator[Text]:
 def _table(*titles: str) -> Table:
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     for title in titles:
-        table.add_column(title, justify="left" if title in ("size", "model", "stage") else "right", no_wrap=True)
+        table.add_column(title, justify="left" if title in NAMES else "right", no_wrap=True)
     return table
 
 

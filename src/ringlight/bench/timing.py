@@ -3,10 +3,11 @@
 import gc
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import fmean, median
+from typing import TypeVar
 
 WARMUP_ROUNDS = 2
 """The first rounds allocate memory and fill caches."""
@@ -44,9 +45,12 @@ class Budget:
     seconds: float = 5.0
 
 
-def interleaved(contestants: Mapping[str, Contestant], budget: Budget) -> dict[str, dict[str, Timing]]:
+Name = TypeVar("Name", bound=Hashable)
+
+
+def interleaved(contestants: Mapping[Name, Contestant], budget: Budget) -> dict[Name, dict[str, Timing]]:
     """Time every stage of every contestant, in turns; each also gets :data:`TOTAL`, the sum of its stages."""
-    records: dict[str, list[list[tuple[float, float]]]] = {name: [] for name in contestants}
+    records: dict[Name, list[list[tuple[float, float]]]] = {name: [] for name in contestants}
     for _ in range(WARMUP_ROUNDS):
         for contestant in contestants.values():
             _round(contestant)

@@ -100,19 +100,37 @@ class ShadeArguments:
 
 @dataclass(frozen=True)
 class StepArguments:
-    """A whole training step and its stages, on the standard workload or on photographs."""
+    """Whole training steps of methods, in turns, and their stages, on the standard workload or on photographs."""
 
-    method: tyro.conf.Positional[str] = "3dgs"
-    """Method whose step is taken."""
+    methods: tyro.conf.Positional[tuple[str, ...]] = ("3dgs",)
+    """Methods whose step is taken; the first is what the others are compared with."""
     size: str = "100k@400"
     """Gaussians@pixels of the workload."""
     scene: Path | None = None
     """Folder of photographs, instead of the workload."""
     after: int = 0
     """Training steps on the photographs before the one that is timed."""
+    steps: int = 0
+    """Length of the run on the photographs, to which schedules scale; 0 takes each method's own."""
+    gaussians: int = 0
+    """On photographs: density control ends with no more than so many, and nothing is dropped, so that methods have
+    equally many; 0 leaves each to itself."""
     device: Device = "auto"
     """Rasterizer."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+    def __post_init__(self) -> None:
+        from ringlight.errors import RecipeError
+
+        if not self.methods:
+            raise RecipeError("bench step has no method; name one, such as 3dgs")
+        if len(set(self.methods)) < len(self.methods):
+            raise RecipeError(f"bench step names a method twice: {' '.join(self.methods)}; name each once")
+        for name in ("after", "steps", "gaussians"):
+            if getattr(self, name) < 0:
+                raise RecipeError(f"--{name} is {getattr(self, name)}; give 0 or more")
+            if getattr(self, name) and self.scene is None:
+                raise RecipeError(f"--{name} is for photographs; name them by --scene")
 
 
 @dataclass(frozen=True)
@@ -234,16 +252,19 @@ def _shade(asked: ShadeArguments, now: "Circumstances") -> "tuple[Any, Iterator[
 
 
 def _step(asked: StepArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
+    from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
     from ringlight.bench.tables import step_tables
     from ringlight.bench.workload import Size
 
-    recipe, rasterize, seed = method_named(asked.method), _rasterizer(asked.device), asked.common.seed
+    recipes = {name: method_named(name) for name in asked.methods}
+    rasterize, seed = _rasterizer(asked.device), asked.common.seed
     if asked.scene is None:
-        subject = subject_of_workload(asked.method, recipe, Size.parse(asked.size), rasterize, seed)
+        size = Size.parse(asked.size)
+        subjects = [subject_of_workload(name, recipes[name], size, rasterize, seed) for name in recipes]
     else:
-        subject = subject_of_scene(asked.method, recipe, asked.scene, asked.after, rasterize, seed)
-    record = bench_step(subject, _budget(asked.common), now)
+        photographs = Photographs(asked.scene, asked.after, asked.steps, asked.gaussians)
+        subjects = [subject_of_scene(name, recipes[name], photographs, rasterize, seed) for name in recipes]
+    record = bench_step(subjects, _budget(asked.common), now)
     return record, step_tables(record)
 
 
