@@ -25,26 +25,7 @@ struct CellTables {
   const float *axes, *view;
 };
 
-// Sixteen components, or the last few of a row.
-struct WholePart {
-  Vec from(const float* values) const { return load(values); }
-  template <class Values>
-  void put(float* to, Values value) const { store(to, value); }
-};
-struct LastPart {
-  int count;
-  Vec from(const float* values) const { return load_first(values, count); }
-  void put(float* to, Vec value) const { store_first(to, value, count); }
-};
-
 constexpr std::size_t CELL_GRAIN = 16384;  // floats a piece
-
-template <class Each>
-static inline __attribute__((always_inline)) void each_part(int width, Each each) {
-  int first = 0;
-  for (; first + LANES <= width; first += LANES) each(first, WholePart{});
-  if (first < width) each(first, LastPart{width - first});
-}
 
 // `read(node, first, part)` gives the components from `first` of a node, in the order in which they are packed.
 template <class Terms, class Read>

@@ -6,6 +6,25 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
+// Sixteen components, or the last few of a row.
+struct WholePart {
+  Vec from(const float* values) const { return load(values); }
+  template <class Values>
+  void put(float* to, Values value) const { store(to, value); }
+};
+struct LastPart {
+  int count;
+  Vec from(const float* values) const { return load_first(values, count); }
+  void put(float* to, Vec value) const { store_first(to, value, count); }
+};
+
+template <class Each>
+static inline __attribute__((always_inline)) void each_part(int width, Each each) {
+  int first = 0;
+  for (; first + LANES <= width; first += LANES) each(first, WholePart{});
+  if (first < width) each(first, LastPart{width - first});
+}
+
 // Where sixteen coordinates of [-1, 1] fall among `nodes` nodes, the first and last on the ends.
 struct Cells {
   alignas(64) std::int32_t cell[LANES];  // the node below, at most nodes - 2

@@ -1,6 +1,7 @@
 // Deferred shading: color = rgb + alpha mlp(cosine, latents, base, features, direction), once per pixel that is opaque
 // enough. The surface is what was blended over alpha; the features are octahedral maps' in the direction, seen from the
-// centre of a sphere, of the point where the reflected ray leaves it (src/ringlight/shade/reflection.py is the twin).
+// centre of a sphere, of the point where the reflected ray leaves it, times factors of the reflecting point, if there are
+// axes for these (src/ringlight/shade/reflection.py is the twin).
 //
 // Nothing is kept between forward and backward: the backward pass recomputes, for a share of the pixels, above 0, that
 // is drawn by lot (lot.hpp). All pixels hand on the gradient of rgb that does not go by the network.
@@ -25,6 +26,7 @@ struct ReflectionShape {
   int levels, sides[REFLECTION_MAX_LEVELS];
   bool parallax, direction;  // whether there are spheres; whether the network sees the viewing direction
   bool depth_gradient;       // whether the reflecting point's gradient reaches depth and alpha
+  int axis_nodes;            // of each axis of factors; 0: features are those of the direction alone
 };
 
 // static: every instruction set has its own copy, see simd.hpp.
@@ -36,6 +38,10 @@ constexpr int LATENTS_INPUT = 1;
 static inline int base_input(const ReflectionShape& shape) { return LATENTS_INPUT + shape.latents; }
 static inline int features_input(const ReflectionShape& shape) { return base_input(shape) + 3; }
 static inline int feature_count(const ReflectionShape& shape) { return shape.shells * shape.levels * shape.features; }
+// Factors at the nodes of the three axes, one for each feature.
+static inline std::size_t axes_size(const ReflectionShape& shape) {
+  return static_cast<std::size_t>(3) * shape.axis_nodes * feature_count(shape);
+}
 static inline int direction_input(const ReflectionShape& shape) { return features_input(shape) + feature_count(shape); }
 static inline int network_inputs(const ReflectionShape& shape) { return direction_input(shape) + 3 * shape.direction; }
 
@@ -44,6 +50,7 @@ template <class Float>
 struct ReflectionParameters {
   Float* maps[REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];  // [side side features], row j, column i for node (i, j)
   Float* sphere;                                              // [shells 4]: centre, log of the inverse radius; or null
+  Float* axes;                                                // [3 nodes feature_count]; or null
   struct {
     Float *weight, *bias;  // [outputs inputs], [outputs]
   } mlp[REFLECTION_MAX_LAYERS];

@@ -2,7 +2,7 @@
 // backward pass needs left in place. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "arena.hpp"
-#include "reflection_pixels.hpp"
+#include "lane_places.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
@@ -59,8 +59,10 @@ struct ReflectionBatch {
   Surface surfaces[HALVES];
   Exit exits[HALVES][REFLECTION_MAX_SHELLS];
   LevelPoints points[HALVES][REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
+  PlacePoints places[HALVES];
   float *inputs, *hidden[REFLECTION_MAX_LAYERS - 1], *added;   // [n][GROUP]
   float *slopes_across, *slopes_down;           // [features][GROUP], or null in a pass without gradient
+  float *factors, *plain;                       // of features, and these without; plain null as the slopes are
   float* terms;                                 // a layer's input as its multiply-adds take it
 };
 
@@ -72,6 +74,9 @@ static inline void lay_out(ReflectionBatch& batch, const ReflectionShape& shape,
   const std::size_t features = static_cast<std::size_t>(GROUP) * feature_count(shape) * slopes;
   batch.slopes_across = slopes ? arena.take(features) : nullptr;
   batch.slopes_down = slopes ? arena.take(features) : nullptr;
+  const std::size_t factors = static_cast<std::size_t>(GROUP) * feature_count(shape) * (shape.axis_nodes > 0);
+  batch.factors = arena.take(factors);
+  batch.plain = slopes ? arena.take(factors) : nullptr;
   batch.terms = arena.take(static_cast<std::size_t>(GROUP) * result_rows(widest_layer(shape)));
 }
 
@@ -124,11 +129,27 @@ static inline void run_network_once(const ReflectionShape& shape, const Reflecti
   dense<LayerTerms>(tables.layers[shape.layers - 1], terms, batch.added);
 }
 
+// Multiplies the features of half a group by the factors of where they are seen.
+template <bool Slopes>
+static inline void multiply_features(const ReflectionScene& scene, ReflectionBatch& batch, int half) {
+  const ReflectionShape& shape = scene.shape;
+  float *const factors = batch.factors + half * LANES, *const plain = batch.plain + half * LANES;
+  float* const features = batch.inputs + features_input(shape) * GROUP + half * LANES;
+  locate(shape, batch.surfaces[half], batch.places[half]);
+  read_places(shape, scene.parameters.axes, batch.places[half], factors);
+  for (int i = 0; i < feature_count(shape) * GROUP; i += GROUP) {
+    const Vec feature = load(features + i);
+    if constexpr (Slopes) store(plain + i, feature);
+    store(features + i, feature * load(factors + i));
+  }
+}
+
 // The network's inputs for half a group.
 template <bool Slopes>
 static inline void look(const ReflectionScene& scene, ReflectionBatch& batch, int half) {
   see(scene.shape, scene.view, scene.buffers, batch.pixels[half], batch.surfaces[half], batch.inputs + half * LANES);
   read_maps<Slopes>(scene, batch, half);
+  if (scene.shape.axis_nodes) multiply_features<Slopes>(scene, batch, half);
 }
 
 // Up to GROUP covered pixels, from their surface to what is added per alpha.

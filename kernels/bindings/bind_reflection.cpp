@@ -19,10 +19,10 @@ namespace {
 bool within(int value, int least, int most) { return least <= value && value <= most; }
 
 ReflectionShape shape_from(const std::vector<int>& sizes) {
-  constexpr std::size_t FIXED = 8;
+  constexpr std::size_t FIXED = 9;
   require(sizes.size() > FIXED && sizes.size() <= FIXED + REFLECTION_MAX_LEVELS,
           "reflection: a shape is hidden, layers, latents, shells, features, parallax, direction, depth_gradient, "
-          "sides");
+          "axis_nodes, sides");
   ReflectionShape shape{};
   shape.hidden = sizes[0], shape.layers = sizes[1];
   shape.latents = sizes[2], shape.shells = sizes[3], shape.features = sizes[4];
@@ -34,6 +34,10 @@ ReflectionShape shape_from(const std::vector<int>& sizes) {
   require(within(shape.features, REFLECTION_QUAD, REFLECTION_MAX_FEATURES) && shape.features % REFLECTION_QUAD == 0,
           "reflection: features must come in fours");
   require(shape.parallax || !shape.depth_gradient, "reflection: without spheres depth has no gradient");
+  shape.axis_nodes = sizes[8];
+  require(shape.axis_nodes == 0 || within(shape.axis_nodes, 2, REFLECTION_MAX_SIDE),
+          "reflection: nodes of the axes out of range");
+  require(shape.parallax || !shape.axis_nodes, "reflection: without spheres nobody reads depth, nor knows a point");
   for (std::size_t i = FIXED; i < sizes.size(); i++) {
     require(within(sizes[i], 2, REFLECTION_MAX_SIDE), "reflection: a side is out of range");
     shape.sides[shape.levels++] = sizes[i];
@@ -41,10 +45,11 @@ ReflectionShape shape_from(const std::vector<int>& sizes) {
   return shape;
 }
 
-// The levels of each shell, the spheres if there are any, then weight and bias of each layer.
+// The levels of each shell, the spheres and the axes if there are any, then weight and bias of each layer.
 template <class Float, class Arrays>
 ReflectionParameters<Float> parameters_from(const ReflectionShape& shape, const Arrays& arrays) {
-  const std::size_t count = static_cast<std::size_t>(shape.shells) * shape.levels + shape.parallax + 2 * shape.layers;
+  const std::size_t count = static_cast<std::size_t>(shape.shells) * shape.levels + shape.parallax +
+                            (shape.axis_nodes > 0) + 2 * shape.layers;
   require(arrays.size() == count, "reflection: wrong number of parameters");
   std::size_t next = 0;
   const auto take = [&](std::size_t size) -> Float* {
@@ -55,6 +60,7 @@ ReflectionParameters<Float> parameters_from(const ReflectionShape& shape, const 
   for (int shell = 0; shell < shape.shells; shell++)
     for (int level = 0; level < shape.levels; level++) parameters.maps[shell][level] = take(level_size(shape, level));
   if (shape.parallax) parameters.sphere = take(4 * static_cast<std::size_t>(shape.shells));
+  if (shape.axis_nodes) parameters.axes = take(axes_size(shape));
   std::size_t inputs = network_inputs(shape);
   for (int layer = 0; layer < shape.layers; layer++) {
     const std::size_t outputs = layer + 1 < shape.layers ? shape.hidden : 3;

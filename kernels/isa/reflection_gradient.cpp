@@ -19,6 +19,7 @@ int shard_count(std::size_t covered) { return covered <= 1024 ? 1 : covered <= 4
 struct ParameterSums {
   float* maps;              // all levels of all shells, one after another
   float* sphere;            // [shells 4] by lanes
+  float* axes;              // as the parameters
   LayerSums layers[REFLECTION_MAX_LAYERS];
 };
 
@@ -32,6 +33,7 @@ ParameterSums lay_out_sums(const ReflectionShape& shape, Arena& arena) {
   ParameterSums sums;
   sums.maps = arena.take(maps_size(shape));
   sums.sphere = arena.take(static_cast<std::size_t>(4 * LANES) * shape.shells);
+  sums.axes = arena.take(axes_size(shape));
   for (int layer = 0; layer < shape.layers; layer++) {
     const int inputs = layer_inputs(shape, layer), outputs = layer_outputs(shape, layer);
     float* weight = arena.take(weight_sums(outputs, inputs));
@@ -60,7 +62,7 @@ Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParame
 
 // Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
 struct BatchGradient {
-  float *added, *hidden[REFLECTION_MAX_LAYERS - 1], *inputs, *rows;
+  float *added, *hidden[REFLECTION_MAX_LAYERS - 1], *inputs, *factors, *rows;
   float* terms;  // a gradient as multiply-adds take it
 };
 
@@ -69,6 +71,7 @@ void lay_out_gradient(BatchGradient& gradient, const ReflectionShape& shape, Are
   for (int layer = 0; layer + 1 < shape.layers; layer++)
     gradient.hidden[layer] = arena.take(static_cast<std::size_t>(shape.hidden) * GROUP);
   gradient.inputs = arena.take(static_cast<std::size_t>(network_inputs(shape)) * GROUP);
+  gradient.factors = arena.take(static_cast<std::size_t>(GROUP) * feature_count(shape) * (shape.axis_nodes > 0));
   gradient.rows = arena.take(static_cast<std::size_t>(padded(widest_layer(shape))) * GROUP);
   gradient.terms = arena.take(static_cast<std::size_t>(result_rows(widest_layer(shape))) * GROUP);
 }
@@ -124,11 +127,10 @@ void network_gradient(const Backward& pass, const ReflectionBatch& batch, const 
   layer_gradient(sums.layers[0], pass.transposed.layers[0], of_output, batch.inputs, gradient, gradient.inputs);
 }
 
-// Through the maps of half a group, which add their own; leaves the gradient of the reflected ray.
-SurfaceGradient map_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const float* of_inputs,
-                             const ParameterSums& sums) {
+// Through the maps of half a group, which add their own; adds to the gradient of the reflected ray.
+void map_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const float* of_inputs,
+                  const ParameterSums& sums, SurfaceGradient& gradient) {
   const ReflectionShape& shape = pass.scene.shape;
-  SurfaceGradient gradient{{0.f, 0.f, 0.f}, {0.f, 0.f, 0.f}};
   float* map = sums.maps;
   for (int shell = 0; shell < shape.shells; shell++) {
     const Exit& exit = batch.exits[half][shell];
@@ -152,7 +154,21 @@ SurfaceGradient map_gradient(const Backward& pass, const ReflectionBatch& batch,
     leave_gradient(batch.surfaces[half], exit, pass.scene.tables.scale[shell], shape.parallax, of_direction, gradient,
                    sums.sphere + 4 * LANES * shell);
   }
-  return gradient;
+}
+
+// Turns the features' gradients into those of the maps' features, and adds that of their factors.
+void factor_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const BatchGradient& gradient,
+                     const ParameterSums& sums, SurfaceGradient& of_surface) {
+  const ReflectionShape& shape = pass.scene.shape;
+  float* const of_features = gradient.inputs + features_input(shape) * GROUP + half * LANES;
+  float* const of_factors = gradient.factors + half * LANES;
+  for (int i = 0; i < feature_count(shape) * GROUP; i += GROUP) {
+    const Vec of_feature = load(of_features + i);
+    store(of_factors + i, of_feature * load(batch.plain + half * LANES + i));
+    store(of_features + i, of_feature * load(batch.factors + half * LANES + i));
+  }
+  const auto go = shape.depth_gradient ? place_gradient<true> : place_gradient<false>;
+  go(shape, pass.scene.parameters.axes, batch.surfaces[half], batch.places[half], of_factors, sums.axes, of_surface);
 }
 
 void backpropagate(const Backward& pass, const ReflectionBatch& batch, const float* weights,
@@ -163,7 +179,9 @@ void backpropagate(const Backward& pass, const ReflectionBatch& batch, const flo
   network_gradient(pass, batch, gradient, sums);
   for (int half = 0; half < HALVES; half++) {
     const float* of_inputs = gradient.inputs + half * LANES;
-    const SurfaceGradient of_surface = map_gradient(pass, batch, half, of_inputs, sums);
+    SurfaceGradient of_surface{{0.f, 0.f, 0.f}, {0.f, 0.f, 0.f}};
+    if (pass.scene.shape.axis_nodes) factor_gradient(pass, batch, half, gradient, sums, of_surface);
+    map_gradient(pass, batch, half, of_inputs, sums, of_surface);
     see_gradient(pass.scene.shape, pass.scene.view, batch.pixels[half], batch.surfaces[half], of_surface,
                  upstream[half], batch.inputs + half * LANES, of_inputs, pass.to);
   }
@@ -222,6 +240,8 @@ void add_up_shards(const ReflectionShape& shape, const Shards& shards, const Ref
       to.sphere[i] = sum(lanes);
     }
   }
+  if (const std::size_t row = feature_count(shape); shape.axis_nodes)
+    add_up_rows(shards, sums.axes, row, static_cast<std::size_t>(3) * shape.axis_nodes, row, to.axes);
   for (int layer = 0; layer < shape.layers; layer++)
     add_up_layer(shards, sums.layers[layer], to.mlp[layer].weight, to.mlp[layer].bias);
 }

@@ -27,6 +27,8 @@ KINDS = {
     "no direction, no latents": replace(SMALL, raw_direction=False, latents=0),
     "one hidden layer": replace(SMALL, hidden_layers=1),
     "depth": replace(SMALL, depth_gradient=True),
+    "axes": replace(SMALL, axis_nodes=6, shells=2),
+    "axes, depth": replace(SMALL, axis_nodes=6, depth_gradient=True),
     "ring": replace(SMALL, ring="full", near_field=TINY_RING),
     "diagonal ring": replace(SMALL, ring="diagonal", near_field=TINY_RING),
 }
@@ -121,6 +123,9 @@ def test_the_seed_decides_where_it_starts():
         ({"latents": -1}, "latents"),
         ({"shells": 3}, "shells"),
         ({"shells": 2, "parallax": False}, "without parallax"),
+        ({"axis_nodes": 1}, "axis_nodes is 1"),
+        ({"axis_nodes": 5000}, "axis_nodes is 5000"),
+        ({"axis_nodes": 16, "parallax": False}, "need shader.parallax"),
     ],
 )
 def test_settings_that_cannot_work_are_refused(settings: dict, word: str):

@@ -17,12 +17,13 @@ from torch import Tensor, nn
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_kernel import kernel_takes
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
-VALUE_TOLERANCE = 0.02 if BF16 else 2e-5
+VALUE_TOLERANCE = 0.03 if BF16 else 2e-5
 """Of the largest value; single precision through base colours divided by a small alpha gives some 2e-6."""
 GRADIENT_TOLERANCE = 0.15 if BF16 else 2e-4
 """Of the largest entry of each gradient."""
@@ -96,7 +97,7 @@ def assert_equal(shader: ReflectionShader, blended: Channels, view: Camera) -> N
     shader.float()
     assert found.color.dtype == torch.float32
     scale = expected.color.abs().max()
-    assert (found.color - expected.color).abs().max() < VALUE_TOLERANCE * scale
+    assert (found.color - expected.color).abs().max() <= VALUE_TOLERANCE * scale
     if not shader.settings.depth_gradient and "depth" in found.gradients:
         assert not found.gradients.pop("depth").any()
     assert found.gradients.keys() == expected.gradients.keys()
@@ -112,7 +113,10 @@ KINDS = {
     "no direction, no latents": replace(SMALL, raw_direction=False, latents=0),
     "depth": replace(SMALL, depth_gradient=True, shells=2),
     "one hidden layer": replace(SMALL, hidden_layers=1),
+    "axes": replace(SMALL, axis_nodes=5),
+    "axes, depth": replace(SMALL, axis_nodes=5, depth_gradient=True, features=12, shells=2),
     "default": ReflectionSettings(),
+    "mirror": replace(RingLightMirrorRecipe().shader, gradient_share=1.0),
     "narrow": ReflectionSettings(hidden=32, levels=(16, 64), features=8),
     "widest": ReflectionSettings(hidden=128, levels=(2, 3, 4, 5, 6, 7, 8, 9), features=16, latents=16, shells=2),
 }
@@ -165,17 +169,20 @@ def test_pixels_drawn_by_lot_are_the_twins(share: float):
     levels=st.lists(st.integers(2, 12), min_size=1, max_size=3),
     quads=st.integers(1, 3),
     shells=st.integers(0, 2),
+    axis_nodes=st.sampled_from([0, 2, 3, 9]),
     flags=st.tuples(st.booleans(), st.booleans()),
     size=st.tuples(st.integers(FEWEST, 40), st.integers(FEWEST, 20)),
     seed=st.integers(0, 1000),
 )
 @settings(max_examples=40, deadline=None, derandomize=True)
 def test_equals_the_twin_for_any_shape(
-    hidden: int, layers: int, latents: int, levels: list[int], quads: int, shells: int, flags: tuple[bool, bool],
+    hidden: int, layers: int, latents: int, levels: list[int], quads: int, shells: int, axis_nodes: int,
+    flags: tuple[bool, bool],
     size: tuple[int, int], seed: int,
 ):  # fmt: skip
     chosen = ReflectionSettings(
         hidden=hidden, hidden_layers=layers, latents=latents, levels=tuple(levels), features=4 * quads,
+        axis_nodes=axis_nodes * (shells > 0),
         shells=max(shells, 1), parallax=shells > 0, raw_direction=flags[0], depth_gradient=flags[1] and shells > 0,
     )  # fmt: skip
     view = camera(*size)

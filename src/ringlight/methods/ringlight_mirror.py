@@ -67,6 +67,8 @@ class RingLightMirrorRecipe:
     """Learning rate of the octahedral maps at the start."""
     network_rate: float = 2e-3
     """Learning rate of the shader's network, and of its ring if there is one, at the start."""
+    axes_rate: float = 1e-2
+    """Learning rate of the factors that the maps' features have at the reflecting point, at the start."""
     sphere_rate: float = 5e-3
     """Learning rate of the parallax spheres at the start."""
     antialiased: bool = True
@@ -162,6 +164,7 @@ class RingLightMirrorRecipe:
             "shader.maps.*": lit(self.maps_rate),
             "shader.mlp.*": lit(self.network_rate),
             "shader.ring.*": lit(self.network_rate),
+            "shader.places.*": lit(self.axes_rate),
             "shader.sphere": lit(self.sphere_rate),
         }
 

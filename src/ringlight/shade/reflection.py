@@ -15,6 +15,7 @@ from ringlight.core.directions import octahedral_from_directions, reflect, view_
 from ringlight.core.lot import by_lot
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels
+from ringlight.fields.axis_factors import AxisFactors
 from ringlight.fields.diagonal_ring import DiagonalRing
 from ringlight.fields.networks import perceptron
 from ringlight.fields.octahedral import OctahedralMaps
@@ -44,7 +45,8 @@ class ReflectionShader(nn.Module):
 
     ``shade`` takes "rgb" 3, "normal" 3 (world, outwards, blended unit vectors), "latents" L and "depth" 1 (camera z).
     Parameters: ``mlp``; ``maps.s``, the octahedral maps of shell s; ``sphere`` [shells 4] if there is parallax, see
-    ``fields/parallax.py``, in a frame where the longest side of the scene's box is [-1, 1]; ``ring``, if there is one.
+    ``fields/parallax.py``, in a frame where the longest side of the scene's box is [-1, 1]; ``places``, factors of the
+    features in the same frame, and ``ring``, if there are such.
     Buffers: ``box`` [low, high], world units; ``lit``, False during the warm-up, when "rgb" is the colour.
     """
 
@@ -59,8 +61,10 @@ class ReflectionShader(nn.Module):
         self.maps = nn.ModuleList(OctahedralMaps(settings.levels, settings.features, drawn) for _ in shells)
         if settings.parallax:
             self.sphere = nn.Parameter(torch.tensor([[0.0, 0.0, 0.0, FIRST_LOG_INVERSE_RADII[s]] for s in shells]))
-        inputs = 1 + settings.latents + 3 + settings.shells * len(settings.levels) * settings.features
-        inputs += 3 * settings.raw_direction
+        features = settings.shells * len(settings.levels) * settings.features
+        if settings.axis_nodes:
+            self.places = AxisFactors(settings.axis_nodes, features, drawn)
+        inputs = 1 + settings.latents + 3 + features + 3 * settings.raw_direction
         if settings.ring != "none":
             self.ring = RINGS[settings.ring](settings.near_field, drawn)
             inputs += settings.near_field.features
@@ -120,7 +124,8 @@ class ReflectionShader(nn.Module):
     def kernel_parameters(self) -> list[Tensor]:
         """In the kernel's order."""
         spheres = [self.sphere] if self.settings.parallax else []
-        return [*self.maps.parameters(), *spheres, *self.mlp.parameters()]
+        places = [self.places.axes] if self.settings.axis_nodes else []
+        return [*self.maps.parameters(), *spheres, *places, *self.mlp.parameters()]
 
     def _inputs(self, pixels: CoveredPixels) -> Float[Tensor, "P I"]:
         """What the network sees of each pixel."""
@@ -129,9 +134,12 @@ class ReflectionShader(nn.Module):
         inputs = [cosine, pixels.latents, pixels.base]
         reflected = reflect(directions, normals)
         points = self._unit_points(pixels.points)
+        features = []
         for shell, maps in enumerate(self.maps):
             seen = sphere_exits(points, reflected, self.sphere[shell]) if self.settings.parallax else reflected
-            inputs.append(maps(octahedral_from_directions(seen)))
+            features.append(maps(octahedral_from_directions(seen)))
+        seen_from = self.places(points) if self.settings.axis_nodes else 1
+        inputs.append(torch.cat(features, -1) * seen_from)
         if self.settings.raw_direction:
             inputs.append(directions)
         if self.settings.ring != "none":

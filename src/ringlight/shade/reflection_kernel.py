@@ -29,6 +29,7 @@ def sizes_fit(settings: ReflectionSettings) -> bool:
     """Whether the kernel takes them: no ring, features in fours, and none beyond its limits."""
     fits = (
         settings.ring == "none"
+        and settings.axis_nodes <= MAX_SIDE
         and settings.hidden <= MAX_HIDDEN
         and settings.latents <= MAX_LATENTS
         and max(settings.levels) <= MAX_SIDE
@@ -61,6 +62,7 @@ def reflection_job(
         settings.shells,
         settings.features,
         *map(int, kind),
+        settings.axis_nodes,
     ]
     corners = [*zip(*box.tolist(), strict=True)]  # by axis; Python's numbers take a tenth of the time of torch's
     scale = 2 / max(high - low for low, high in corners)
@@ -77,7 +79,7 @@ def reflection_job(
 
 
 def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Tensor]) -> Float[Tensor, "H W 3"]:
-    """``parameters``: the maps by shell and level, the spheres if there are any, the layers' weights and biases."""
+    """``parameters``: the maps by shell and level, spheres and axes if there are any, each layer's weights and bias."""
     if not torch.is_grad_enabled():
         return shaded(job, planes_of(job, buffers), parameters)
     rgb, alpha = buffers["rgb"], buffers["alpha"]

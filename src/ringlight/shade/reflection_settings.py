@@ -6,7 +6,7 @@ from typing import Literal
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
 
-LARGEST = {"hidden": 1024, "features": 64, "latents": 64, "side": 1024}
+LARGEST = {"hidden": 1024, "features": 64, "latents": 64, "side": 1024, "axis_nodes": 1024}
 """Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
 
 FIRST_LOG_INVERSE_RADII = (-1.5, 0.0)
@@ -36,6 +36,9 @@ class ReflectionSettings:
     """Spheres, each with maps of its own, on which reflections lie."""
     parallax: bool = True
     """Whether reflections lie on spheres of learned centre and size, or infinitely far away."""
+    axis_nodes: int = 0
+    """Nodes on each of three axes, of factors by which the maps' features are multiplied: together a diagonal tensor
+    ring over the reflecting point and the direction. 0: features of the direction alone."""
     ring: Literal["none", "full", "diagonal"] = "none"
     """Whether the network also sees features of a tensor ring at the reflecting point, in the reflected direction: what
     is reflected from near by depends on both. In torch alone, so that a step takes several times as long."""
@@ -61,9 +64,17 @@ class ReflectionSettings:
         for side in self.levels:
             if not 2 <= side <= LARGEST["side"]:
                 raise RecipeError(f"shader.levels has a side of {side} nodes; give 2 to {LARGEST['side']}")
+        self._check_axes()
         if not 0 < self.gradient_share <= 1:
             raise RecipeError(f"shader.gradient_share is {self.gradient_share}; give a share above 0, at most 1")
         most = len(FIRST_LOG_INVERSE_RADII) if self.parallax else 1
         if not 1 <= self.shells <= most:
             without = "" if self.parallax else " without parallax, where all shells would be one"
             raise RecipeError(f"shader.shells is {self.shells}; give 1 to {most}{without}")
+
+    def _check_axes(self) -> None:
+        if self.axis_nodes and not 2 <= self.axis_nodes <= LARGEST["axis_nodes"]:
+            most = LARGEST["axis_nodes"]
+            raise RecipeError(f"shader.axis_nodes is {self.axis_nodes}; give 0 (no axes), or 2 to {most}")
+        if self.axis_nodes and not self.parallax:
+            raise RecipeError("shader.axis_nodes need shader.parallax, without which no point is known; give 0")
