@@ -30,6 +30,7 @@ struct ReflectionShape {
 };
 
 // static: every instruction set has its own copy, see simd.hpp.
+static inline bool reads_depth(const ReflectionShape& shape) { return shape.parallax || shape.axis_nodes; }
 static inline std::size_t level_size(const ReflectionShape& shape, int level) {
   return static_cast<std::size_t>(shape.sides[level]) * shape.sides[level] * shape.features;
 }
@@ -56,8 +57,8 @@ struct ReflectionParameters {
   } mlp[REFLECTION_MAX_LAYERS];
 };
 
-// Planes one after another. Values, or where gradients go; depth may be null without spheres, and its gradient where it
-// is not wanted.
+// Planes one after another. Values, or where gradients go; depth may be null without spheres and axes, and its gradient
+// where it is not wanted.
 template <class Float>
 struct ReflectionBuffers {
   Float *rgb, *normal, *latents, *depth, *alpha;

@@ -72,7 +72,7 @@ static inline void prefetch_planes(const ReflectionShape& shape, const Reflectio
   ask(buffers.rgb, 3);
   ask(buffers.normal, 3);
   ask(buffers.latents, shape.latents);
-  if (shape.parallax) ask(buffers.depth, 1);
+  if (reads_depth(shape)) ask(buffers.depth, 1);
 }
 
 RINGLIGHT_INLINE Vec dot(const Vec a[3], const Vec b[3]) { return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2])); }
@@ -103,7 +103,7 @@ static inline void see(const ReflectionShape& shape, const ReflectionView& view,
   set_ray(view, at, surface);
   const Vec alpha = take(buffers.alpha, at), inverse = Vec(1.f) / alpha;
   surface.inverse_alpha = inverse;
-  surface.depth = shape.parallax ? take(buffers.depth, at) * inverse : Vec(0.f);
+  surface.depth = reads_depth(shape) ? take(buffers.depth, at) * inverse : Vec(0.f);
   Vec blended[3];
   for (int c = 0; c < 3; c++) {
     blended[c] = take(buffers.normal + c * buffers.plane, at);

@@ -33,11 +33,10 @@ ReflectionShape shape_from(const std::vector<int>& sizes) {
   require(within(shape.shells, 1, REFLECTION_MAX_SHELLS), "reflection: shells out of range");
   require(within(shape.features, REFLECTION_QUAD, REFLECTION_MAX_FEATURES) && shape.features % REFLECTION_QUAD == 0,
           "reflection: features must come in fours");
-  require(shape.parallax || !shape.depth_gradient, "reflection: without spheres depth has no gradient");
   shape.axis_nodes = sizes[8];
   require(shape.axis_nodes == 0 || within(shape.axis_nodes, 2, REFLECTION_MAX_SIDE),
           "reflection: nodes of the axes out of range");
-  require(shape.parallax || !shape.axis_nodes, "reflection: without spheres nobody reads depth, nor knows a point");
+  require(reads_depth(shape) || !shape.depth_gradient, "reflection: without spheres and axes depth has no gradient");
   for (std::size_t i = FIXED; i < sizes.size(); i++) {
     require(within(sizes[i], 2, REFLECTION_MAX_SIDE), "reflection: a side is out of range");
     shape.sides[shape.levels++] = sizes[i];
@@ -110,7 +109,7 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
   const ReflectionShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
   const ReflectionView view = view_from(numbers, color.shape(1), color.shape(2));
-  const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
+  const auto buffers = buffers_from<const float>(shape, view, planes, reads_depth(shape));
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(reflection_forward)(shape, weights, view, buffers, color.data());
 }
@@ -123,7 +122,7 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
   const ReflectionView view = view_from(numbers, color_gradient.shape(1), color_gradient.shape(2));
-  const auto buffers = buffers_from<const float>(shape, view, planes, shape.parallax);
+  const auto buffers = buffers_from<const float>(shape, view, planes, reads_depth(shape));
   const auto to = buffers_from<float>(shape, view, plane_gradients, shape.depth_gradient);
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)

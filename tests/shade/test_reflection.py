@@ -89,6 +89,9 @@ def test_a_mirror_shows_what_stands_in_the_reflected_direction():
 def test_gradients(kind: str):
     settings, view = KINDS[kind], camera(4, 3)
     shader = ReflectionShader(settings, BOX).double()
+    with torch.no_grad():
+        if settings.axis_nodes:
+            shader.places.axes.normal_(1, 0.3, generator=torch.Generator().manual_seed(0))
     blended = buffers(view, settings.latents, dtype=torch.float64)
     blended["mean depth"] = blended["depth"] / blended["alpha"].clamp_min(FAINTEST_SHADED)
     leaves = {name: blended[name].clone() for name in blended if name != "depth"}
@@ -125,7 +128,6 @@ def test_the_seed_decides_where_it_starts():
         ({"shells": 2, "parallax": False}, "without parallax"),
         ({"axis_nodes": 1}, "axis_nodes is 1"),
         ({"axis_nodes": 5000}, "axis_nodes is 5000"),
-        ({"axis_nodes": 16, "parallax": False}, "need shader.parallax"),
     ],
 )
 def test_settings_that_cannot_work_are_refused(settings: dict, word: str):

@@ -14,16 +14,16 @@ from torch import Tensor, nn
 from ringlight.fields.heads import AXES
 from ringlight.fields.tables import between_nodes
 
-SPREAD = 0.1
-"""Standard deviation of the factors at the start, around one: features begin as those of the direction, nearly."""
-
 
 class AxisFactors(nn.Module):
-    """``axes`` [3 K F]: factors at K nodes on [-1, 1] of x, y and z, linear in between."""
+    """``axes`` [3 K F]: factors at K nodes on [-1, 1] of x, y and z, linear in between.
 
-    def __init__(self, nodes: int, features: int, generator: torch.Generator):
+    All are one at the start, so that features begin as the direction's alone.
+    """
+
+    def __init__(self, nodes: int, features: int):
         super().__init__()
-        self.axes = nn.Parameter(torch.empty(AXES, nodes, features).normal_(1, SPREAD, generator=generator))
+        self.axes = nn.Parameter(torch.ones(AXES, nodes, features))
 
     def forward(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
         """The products; beyond [-1, 1] an axis is as at its end."""

@@ -67,7 +67,7 @@ class RingLightMirrorRecipe:
     """Learning rate of the octahedral maps at the start."""
     network_rate: float = 2e-3
     """Learning rate of the shader's network, and of its ring if there is one, at the start."""
-    axes_rate: float = 1e-2
+    axes_rate: float = 3e-3
     """Learning rate of the factors that the maps' features have at the reflecting point, at the start."""
     sphere_rate: float = 5e-3
     """Learning rate of the parallax spheres at the start."""
@@ -76,11 +76,11 @@ class RingLightMirrorRecipe:
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     shader: ReflectionSettings = field(
-        default_factory=lambda: ReflectionSettings(raw_direction=False, gradient_share=0.5)
+        default_factory=lambda: ReflectionSettings(raw_direction=False, gradient_share=0.5, axis_nodes=16)
     )
     """What each pixel is shaded with. Without the viewing direction itself: from it the network learns views by heart,
     0.2 dB on held-out ones. Half of the pixels differentiated is within chance of all; a quarter is not on small
-    photographs, 0.2 dB."""
+    photographs, 0.2 dB. Sixteen nodes an axis are worth 0.3 dB on a clear coat; 64 learn chrome by heart."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0, drop_share=0.3))

@@ -63,7 +63,7 @@ class ReflectionShader(nn.Module):
             self.sphere = nn.Parameter(torch.tensor([[0.0, 0.0, 0.0, FIRST_LOG_INVERSE_RADII[s]] for s in shells]))
         features = settings.shells * len(settings.levels) * settings.features
         if settings.axis_nodes:
-            self.places = AxisFactors(settings.axis_nodes, features, drawn)
+            self.places = AxisFactors(settings.axis_nodes, features)
         inputs = 1 + settings.latents + 3 + features + 3 * settings.raw_direction
         if settings.ring != "none":
             self.ring = RINGS[settings.ring](settings.near_field, drawn)

@@ -39,6 +39,6 @@ class DirectReflection:
             return by_color, None, {}
         gradients = [torch.empty_like(parameter) for parameter in self._parameters]
         block, by_alpha = plane_gradients(self._job, self._planes, self._parameters, by_color, gradients)
-        if not self._job.parallax:  # a depth is blended all the same, last of all, and nobody has looked at it
+        if not self._job.depth:  # a depth is blended all the same, last of all, and nobody has looked at it
             block = torch.cat([block, torch.zeros_like(by_alpha)])
         return block.permute(1, 2, 0), by_alpha.permute(1, 2, 0), dict(zip(self._names, gradients, strict=True))

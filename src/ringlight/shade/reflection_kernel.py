@@ -40,11 +40,12 @@ def sizes_fit(settings: ReflectionSettings) -> bool:
 
 @dataclass(frozen=True)
 class ReflectionJob:
-    """One view to shade, without what has a gradient: ``shape`` and ``view`` as the bindings take them."""
+    """One view to shade, without what has a gradient: ``shape`` and ``view`` as the bindings take them; whether blended
+    depth is read."""
 
     shape: list[int]
     view: list[float]
-    parallax: bool
+    depth: bool
     depth_gradient: bool
     gradient_share: float
 
@@ -53,7 +54,8 @@ def reflection_job(
     settings: ReflectionSettings, camera: Camera, background: Float[Tensor, "3"], box: Float[Tensor, "2 3"]
 ) -> ReflectionJob:
     """What the kernel is told; the frame is that of ``ReflectionShader``, the box's longest side is [-1, 1]."""
-    depth_gradient = settings.depth_gradient and settings.parallax
+    depth = settings.parallax or settings.axis_nodes > 0
+    depth_gradient = settings.depth_gradient and depth
     kind = [settings.parallax, settings.raw_direction, depth_gradient]
     sizes = [
         settings.hidden,
@@ -75,7 +77,7 @@ def reflection_job(
         *origin, scale, *background.tolist(),
         FAINTEST_SHADED, SHORTEST_NORMAL, SMALLEST_HALF_CHORD_SQUARED,
     ]  # fmt: skip
-    return ReflectionJob([*sizes, *settings.levels], view, settings.parallax, depth_gradient, settings.gradient_share)
+    return ReflectionJob([*sizes, *settings.levels], view, depth, depth_gradient, settings.gradient_share)
 
 
 def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Tensor]) -> Float[Tensor, "H W 3"]:
@@ -84,7 +86,7 @@ def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Te
         return shaded(job, planes_of(job, buffers), parameters)
     rgb, alpha = buffers["rgb"], buffers["alpha"]
     nothing = rgb.new_empty(*rgb.shape[:2], 0)
-    depth = buffers["depth"] if job.parallax else None
+    depth = buffers["depth"] if job.depth else None
     color: Tensor = _Reflect.apply(
         job, rgb, buffers["normal"], buffers.get("latents", nothing), alpha, depth, *parameters
     )
@@ -92,10 +94,10 @@ def reflect_by_kernel(job: ReflectionJob, buffers: Channels, parameters: list[Te
 
 
 def planes_of(job: ReflectionJob, buffers: Channels) -> list[Float[Tensor, "_ H W"]]:
-    """The blended planes in the kernel's order: rgb, normal, latents, alpha and, where there are spheres, depth."""
+    """The blended planes in the kernel's order: rgb, normal, latents, alpha and, where it is read, depth."""
     rgb = buffers["rgb"]
     latents = buffers.get("latents", rgb.new_empty(*rgb.shape[:2], 0))
-    planes = [rgb, buffers["normal"], latents, buffers["alpha"], *([buffers["depth"]] if job.parallax else [])]
+    planes = [rgb, buffers["normal"], latents, buffers["alpha"], *([buffers["depth"]] if job.depth else [])]
     return [_planar(values) for values in planes]
 
 

@@ -76,5 +76,3 @@ class ReflectionSettings:
         if self.axis_nodes and not 2 <= self.axis_nodes <= LARGEST["axis_nodes"]:
             most = LARGEST["axis_nodes"]
             raise RecipeError(f"shader.axis_nodes is {self.axis_nodes}; give 0 (no axes), or 2 to {most}")
-        if self.axis_nodes and not self.parallax:
-            raise RecipeError("shader.axis_nodes need shader.parallax, without which no point is known; give 0")
