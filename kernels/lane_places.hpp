@@ -1,6 +1,6 @@
 // What the features of sixteen pixels are multiplied by, one pixel per lane: products of what three axes hold for the
-// reflecting point (src/ringlight/fields/axis_factors.py is the twin). A node's factors are consecutive, so that sixteen
-// of a lane are one load. Include from kernels/isa/*.cpp alone, see simd.hpp.
+// reflecting point (src/ringlight/fields/axis_factors.py is the twin). A node's factors are consecutive: sixteen of a
+// lane are one load. Include from kernels/isa/*.cpp alone, see simd.hpp.
 #pragma once
 #include "reflection_pixels.hpp"
 

@@ -133,13 +133,13 @@ static inline void run_network_once(const ReflectionShape& shape, const Reflecti
 template <bool Slopes>
 static inline void multiply_features(const ReflectionScene& scene, ReflectionBatch& batch, int half) {
   const ReflectionShape& shape = scene.shape;
-  float *const factors = batch.factors + half * LANES, *const plain = batch.plain + half * LANES;
+  float* const factors = batch.factors + half * LANES;
   float* const features = batch.inputs + features_input(shape) * GROUP + half * LANES;
   locate(shape, batch.surfaces[half], batch.places[half]);
   read_places(shape, scene.parameters.axes, batch.places[half], factors);
   for (int i = 0; i < feature_count(shape) * GROUP; i += GROUP) {
     const Vec feature = load(features + i);
-    if constexpr (Slopes) store(plain + i, feature);
+    if constexpr (Slopes) store(batch.plain + half * LANES + i, feature);
     store(features + i, feature * load(factors + i));
   }
 }
