@@ -87,7 +87,19 @@ def test_photographs_can_be_stepped_on_too():
 
 @pytest.mark.parametrize("method", ["3dgs", "ringlight-mirror"])
 def test_on_photographs_methods_can_be_bounded_alike_and_drop_nothing(method):
-    bounded = subject_of_photographs(method, steps=2000, gaussians=300)
+    bounded = subject_of_photographs(method, steps=2000, gaussians=30_000)
     control, drops = (each for each in bounded.training.strategies if isinstance(each, Densify | DropLeast))
-    assert control.settings.max_gaussians == 300
+    assert control.settings.max_gaussians == 30_000
     assert drops.rounds == frozenset()
+
+
+def test_more_gaussians_than_the_bound_are_refused():
+    with pytest.raises(RecipeError, match=r"3dgs has .* Gaussians after 0 steps, more than --gaussians 7"):
+        subject_of_photographs("3dgs", steps=2000, gaussians=7)
+
+
+def test_photographs_of_different_sizes_are_refused(circumstances):
+    coarse = subject_of_photographs("3dgs", after=1, steps=2000)
+    whole = subject_of_photographs("ringlight-mirror", after=1, steps=2000)
+    with pytest.raises(RecipeError, match=r"different sizes at that step \(3dgs .*, ringlight-mirror 200x200\)"):
+        bench_step([coarse, whole], Budget(rounds=1, seconds=60.0), circumstances)

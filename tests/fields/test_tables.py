@@ -23,6 +23,11 @@ def test_nodes_and_outside():
     torch.testing.assert_close(between_nodes(table, torch.tensor([-4.0, 7.0])), table[[0, -1]])
 
 
+def test_nan_is_the_first_node():
+    table = torch.randn(9, 3)
+    assert torch.equal(between_nodes(table, torch.tensor([torch.nan])), table[:1])
+
+
 def test_octahedral_nodes_are_where_they_are_looked_up():
     table = torch.randn(25, 2)
     inside = [row * 5 + column for row in range(5) for column in range(5) if 0 < row < 4 and 0 < column < 4]

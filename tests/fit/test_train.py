@@ -140,7 +140,7 @@ def test_without_autograd_the_same_bits(method: str, visible_only: bool):
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
 
 
-@pytest.mark.parametrize("change", [{"parallax": False}, {"latents": 0}])
+@pytest.mark.parametrize("change", [{"parallax": False}, {"parallax": False, "axis_nodes": 0}, {"latents": 0}])
 def test_without_autograd_the_same_bits_whatever_the_shader_looks_at(change: dict[str, object]):
     preset = METHODS["ringlight-mirror"]
     shader = dataclasses.replace(preset.shader, levels=(9, 5), hidden=8, **change)

@@ -36,6 +36,15 @@ def test_what_is_asked_for_is_not_decided():
         assert recipe.settled(tiny_scene(), rasterizer_for("auto"), 0) == (recipe, None)
 
 
+def test_older_files_that_say_deferred_have_no_factors_of_the_place():
+    recipe = dataclasses.replace(METHODS["ringlight"], shading="deferred")
+    scene = tiny_scene()
+    table = recipe.build(scene, rasterizer_for("auto"), 3).model.gaussians
+    model = recipe.model(table, scene.box, rasterizer_for("auto"))
+    newer = recipe.mirror.model(table, scene.box, rasterizer_for("auto"))
+    assert set(newer.state_dict()) - set(model.state_dict()) == {"shader.places.axes"}
+
+
 def test_deferred_ringlight_is_the_mirror_with_the_settings_that_both_have():
     densify = dataclasses.replace(METHODS["ringlight"].densify, max_gaussians=900)
     recipe = dataclasses.replace(METHODS["ringlight"], steps=70, densify=densify, shading="deferred")

@@ -94,7 +94,7 @@ class Photographs:
     """A training on photographs, as far as it goes before its step is timed.
 
     ``after`` steps are done of a run of ``steps`` (0: the method's own); with ``gaussians`` density control ends with
-    no more than so many and nothing is dropped, so that methods can be compared with equally many.
+    no more than so many and nothing is dropped, so that methods that grow to the bound have equally many.
     """
 
     path: Path
@@ -104,7 +104,7 @@ class Photographs:
 
 
 def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasterize: Rasterizer, seed: int) -> Subject:
-    """The method on photographs. Raises SceneError, RecipeError."""
+    """The method on photographs. Raises SceneError, and RecipeError, also for more Gaussians than the bound."""
     if photographs.steps:
         recipe = dataclasses.replace(recipe, steps=photographs.steps)
     if not 0 <= photographs.after < recipe.steps:
@@ -117,14 +117,24 @@ def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasteri
     training = settled.build(scene, rasterize, seed)
     for _ in islice(train(training), photographs.after):
         pass
-    return Subject(
-        method, f"{scene.name} after {photographs.after} steps of {recipe.steps}", training, training.step + 1
-    )
+    if photographs.gaussians and len(training.model) > photographs.gaussians:
+        raise RecipeError(
+            f"{method} has {len(training.model):,} Gaussians after {photographs.after} steps, more than --gaussians "
+            f"{photographs.gaussians}; give a later --after, or more"
+        )
+    where = f"{scene.name} after {photographs.after} steps of {recipe.steps}"
+    return Subject(method, where, training, training.step + 1)
 
 
 def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) -> StepBench:
     """Repeat one step of each, whole and cut into stages, all in turns; everything is put back before each round, off
-    the clock. ``budget`` is each method's."""
+    the clock. ``budget`` is each method's. Raises RecipeError where methods are given photographs of different sizes,
+    as at the beginning of a run of 3dgs."""
+    cameras = [subject.training.batches.at(subject.step).camera for subject in subjects]
+    images = [f"{camera.width}x{camera.height}" for camera in cameras]
+    if len(set(images)) > 1:
+        sizes = ", ".join(f"{subject.method} {image}" for subject, image in zip(subjects, images, strict=True))
+        raise RecipeError(f"photographs are of different sizes at that step ({sizes}); give a later --after")
     contestants = {
         (subject.method, part): contestant
         for subject in subjects
@@ -132,12 +142,11 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
     }
     timings = interleaved(contestants, Budget(budget.rounds, budget.seconds * len(subjects)))
     first = subjects[0]
-    camera = first.training.batches.at(first.step).camera
     return StepBench(
         circumstances=now,
         scene=first.scene,
         rasterizer=first.training.model.rasterize.name,
-        image=f"{camera.width}x{camera.height}",
+        image=images[0],
         rows=tuple(_row(subject, timings) for subject in subjects),
     )
 

@@ -30,7 +30,7 @@ class Common:
     rounds: int = 20
     """Rounds timed; medians are shown."""
     seconds: float = 5.0
-    """No further round of one size begins after this."""
+    """No further round of one size begins after this; where methods take turns, each has so many."""
     seed: int = 0
     """Of the workload."""
     json: bool = False
@@ -113,8 +113,8 @@ class StepArguments:
     steps: int = 0
     """Length of the run on the photographs, to which schedules scale; 0 takes each method's own."""
     gaussians: int = 0
-    """On photographs: density control ends with no more than so many, and nothing is dropped, so that methods have
-    equally many; 0 leaves each to itself."""
+    """On photographs: density control ends with no more than so many, and nothing is dropped. Methods that grow to it
+    have equally many once it has ended, after half of the steps; 0 leaves each to itself."""
     device: Device = "auto"
     """Rasterizer."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)

@@ -24,8 +24,8 @@ def octahedral_nodes(side: int) -> Float[Tensor, "K 3"]:
 
 
 def _cells(coordinates: Float[Tensor, "N"], count: int) -> tuple[Int[Tensor, "N"], Float[Tensor, "N 1"]]:
-    """The node at or below each coordinate, and how far to the next one, in [0, 1]."""
-    position = (coordinates.clamp(-1, 1) + 1) * (0.5 * (count - 1))
+    """The node at or below each coordinate, and how far to the next one, in [0, 1]. NaN is -1, as in the kernels."""
+    position = (coordinates.nan_to_num(nan=-1.0).clamp(-1, 1) + 1) * (0.5 * (count - 1))
     cell = position.detach().long().clamp(max=count - 2)
     return cell, (position - cell)[:, None]
 

@@ -152,8 +152,9 @@ class RingLightRecipe:
     def model(
         self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
     ) -> "SplatModel":
-        if self.shading == "deferred":  # as older files say
-            return self.mirror.model(gaussians, box, rasterize, seed)
+        if self.shading == "deferred":  # as older files say, from before features had factors of the place
+            plain = dataclasses.replace(self.mirror.shader, axis_nodes=0)
+            return dataclasses.replace(self.mirror, shader=plain).model(gaussians, box, rasterize, seed)
         from ringlight.color.ringlight import RingLight
         from ringlight.models.splats import SplatModel
         from ringlight.rasterize.contract import RasterOptions

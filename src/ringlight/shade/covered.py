@@ -36,7 +36,7 @@ def covered_pixels(
 ) -> CoveredPixels:
     """The pixels opaque enough to be shaded; ``index`` counts row by row. ``points`` are in world units.
 
-    Without "depth" they mean nothing, which is well where reflections have no parallax.
+    Without "depth" they mean nothing, which is well where reflections have neither parallax nor factors of the place.
     """
     flat = {name: values.flatten(0, 1) for name, values in buffers.items()}
     index = (flat["alpha"].detach()[:, 0] > FAINTEST_SHADED).nonzero()[:, 0]
