@@ -40,8 +40,7 @@ struct Splats {
   const float* background;      // [C]
 };
 
-// Colours in place of the channels, worked out row by row when the blend first needs them: for pictures that want no
-// gradient.
+// Colours in place of the channels, worked out row by row when the blend first needs them.
 struct LateColors {
   // Writes the colours of at most LATE_ROWS rows, [count LATE_CHANNELS]. Threads call it at the same time, each with
   // floats of its own to write to; a row gets the same bits whoever asks, and together with whichever others.
@@ -50,6 +49,7 @@ struct LateColors {
   const void* source;
   std::size_t scratch;  // floats
   std::size_t count;    // rows of the table
+  float* kept;          // [count LATE_CHANNELS] where a pass that gets gradients leaves them; or null: a picture
 };
 inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
 inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one

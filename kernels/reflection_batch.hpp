@@ -159,8 +159,9 @@ static inline void evaluate(const ReflectionScene& scene, const std::int32_t* co
   for (int half = 0; half < HALVES; half++) {
     const int left = count - half * LANES;
     // A half without pixels repeats the last one: its lanes must hold numbers, and count for nothing.
-    batch.pixels[half] = left > 0 ? pixel_lanes(covered + half * LANES, left < LANES ? left : LANES, scene.view.width)
-                                  : pixel_lanes(covered + count - 1, 1, scene.view.width);
+    const std::int32_t* const first = covered + (left > 0 ? half * LANES : count - 1);
+    const int pixels = left > LANES ? LANES : left > 0 ? left : 1;
+    batch.pixels[half] = pixel_lanes(first, pixels, scene.view.width, scene.view.height);
     if (left <= 0) batch.pixels[half].count = 0;
     look<Slopes>(scene, batch, half);
   }

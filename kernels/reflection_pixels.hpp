@@ -20,10 +20,11 @@ static inline std::size_t list_covered(const float* alpha, std::size_t begin, st
 }
 
 // Which numbers of a plane, and where these pixels have their centres; the last is repeated in lanes from `count` on.
+// What is near is within NEAR_FLOATS of the first, all of which are the plane's.
 struct PixelLanes {
-  alignas(64) std::int32_t index[LANES];
+  alignas(64) std::int32_t index[LANES], beyond_first[LANES];
   int count;
-  bool consecutive;
+  bool consecutive, near;
   Vec x, y;
 };
 
@@ -42,17 +43,21 @@ static inline void place_pixels(int width, PixelLanes& at) {
   at.x = load(x), at.y = load(y);
 }
 
-static inline PixelLanes pixel_lanes(const std::int32_t* from, int count, int width) {
+static inline PixelLanes pixel_lanes(const std::int32_t* from, int count, int width, int height) {
   PixelLanes at;
   at.count = count;
   for (int lane = 0; lane < LANES; lane++) at.index[lane] = from[lane < count ? lane : count - 1];
-  at.consecutive = count == LANES && at.index[LANES - 1] - at.index[0] == LANES - 1;
+  for (int lane = 0; lane < LANES; lane++) at.beyond_first[lane] = at.index[lane] - at.index[0];
+  const int span = at.beyond_first[LANES - 1];
+  at.consecutive = count == LANES && span == LANES - 1;
+  at.near = span < NEAR_FLOATS && at.index[0] <= width * height - NEAR_FLOATS;
   place_pixels(width, at);
   return at;
 }
 
 RINGLIGHT_INLINE Vec take(const float* plane, const PixelLanes& at) {
-  return at.consecutive ? load(plane + at.index[0]) : gather(plane, load_ints(at.index));
+  if (at.consecutive) return load(plane + at.index[0]);
+  return at.near ? gather_near(plane + at.index[0], load_ints(at.beyond_first)) : gather(plane, load_ints(at.index));
 }
 
 RINGLIGHT_INLINE void put(float* plane, const PixelLanes& at, Vec values) {
@@ -62,12 +67,15 @@ RINGLIGHT_INLINE void put(float* plane, const PixelLanes& at, Vec values) {
   for (int lane = 0; lane < at.count; lane++) plane[at.index[lane]] = lanes[lane];
 }
 
+// Pixels of a list from one request to the next: half a cache line of them, since every second pixel may be left out.
+constexpr int PREFETCH_PIXELS = LANES / 2;
+
 // Asks for the planes at the pixels of a group that comes next: a dozen streams are more than the processor foresees.
 static inline void prefetch_planes(const ReflectionShape& shape, const ReflectionBuffers<const float>& buffers,
                                    const std::int32_t* pixels, int count) {
   const auto ask = [&](const float* planes, int planes_count) {
     for (int c = 0; c < planes_count; c++, planes += buffers.plane)
-      for (int first = 0; first < count; first += LANES) __builtin_prefetch(planes + pixels[first]);
+      for (int i = 0; i < count; i += PREFETCH_PIXELS) __builtin_prefetch(planes + pixels[i]);
   };
   ask(buffers.rgb, 3);
   ask(buffers.normal, 3);

@@ -86,6 +86,14 @@ RINGLIGHT_INLINE IVec keep(Mask on, IVec a) { return {_mm512_maskz_mov_epi32(on,
 RINGLIGHT_INLINE void store(void* to, IVec a) { _mm512_storeu_si512(to, a.v); }
 RINGLIGHT_INLINE IVec load_ints(const void* from) { return {_mm512_loadu_si512(from)}; }
 RINGLIGHT_INLINE Vec gather(const float* table, IVec index) { return _mm512_i32gather_ps(index.v, table, 4); }
+// The same, from 0 to NEAR_FLOATS - 1, for a table of that many at least: on Zen a gather takes seventy cycles.
+constexpr int NEAR_FLOATS = 64;
+RINGLIGHT_INLINE Vec gather_near(const float* table, IVec index) {
+  const auto of_two = [=](int first) __attribute__((always_inline)) {
+    return _mm512_permutex2var_ps(load(table + first).v, index.v, load(table + first + 16).v);
+  };
+  return _mm512_mask_blend_ps(_mm512_test_epi32_mask(index.v, _mm512_set1_epi32(32)), of_two(0), of_two(32));
+}
 
 // a 2^n for whole n, and the other way: a = mantissa 2^exponent with mantissa in [1, 2), for positive normal a.
 RINGLIGHT_INLINE Vec scale_by_power(Vec a, Vec n) { return _mm512_scalef_ps(a.v, n.v); }

@@ -137,17 +137,18 @@ std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) 
   return RINGLIGHT_CHOSEN_WITH_BF16(ring_workspace)(shape, visible_count);
 }
 
-// The light field of one picture, for rows that are asked for one after the other. Keeps its arrays alive.
+// The light field of one view, for rows that are asked for one after the other. Keeps its arrays alive.
 class LateRing : public LateColors {
  public:
   LateRing(const std::vector<int>& sizes, std::vector<Input> parameters, Input means, Input base, Input latents,
-           Input frame)
-      : LateColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0, 0}, parameters_(std::move(parameters)),
-        columns_{means, base, latents} {
+           Input frame, std::optional<Array> colors)
+      : LateColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0, 0, colors ? colors->data() : nullptr},
+        parameters_(std::move(parameters)), columns_{means, base, latents}, colors_(colors) {
     ring_.shape = shape_from(sizes);
     ring_.parameters = parameters_from<const float>(ring_.shape, parameters_);
     ring_.scene = scene_from(ring_.shape, columns_, nullptr, frame);
     count = ring_.scene.count;
+    require(!colors || colors->size() == LATE_CHANNELS * count, "ring: colors must be [N 3]");
     scratch = RINGLIGHT_CHOSEN_WITH_BF16(ring_light_floats)(ring_.shape);
     float* const packed = packed_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(ring_packed_floats)(ring_.shape));
     RINGLIGHT_CHOSEN_WITH_BF16(ring_pack)(ring_.shape, ring_.parameters, packed);
@@ -159,6 +160,7 @@ class LateRing : public LateColors {
  private:
   std::vector<Input> parameters_;
   Columns columns_;
+  std::optional<Array> colors_;
   Buffer<float> packed_;
   PackedRing ring_{};
 };
@@ -179,9 +181,11 @@ void bind_field(nb::module_& module) {
              "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, "
              "drawn by lot.");
   nb::class_<LateRing, LateColors>(module, "LateRing",
-                                   "The light field's colours, row by row when the blend needs them.")
-      .def(nb::init<const std::vector<int>&, std::vector<Input>, Input, Input, Input, Input>(), nb::arg("shape"),
-           nb::arg("parameters"), nb::arg("means"), nb::arg("base"), nb::arg("latents"), nb::arg("frame"));
+                                   "The light field's colours, row by row when the blend needs them. With `colors`, "
+                                   "where they are kept, a backward pass may follow.")
+      .def(nb::init<const std::vector<int>&, std::vector<Input>, Input, Input, Input, Input, std::optional<Array>>(),
+           nb::arg("shape"), nb::arg("parameters"), nb::arg("means"), nb::arg("base"), nb::arg("latents"),
+           nb::arg("frame"), nb::arg("colors") = nb::none());
   module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
              "Floats of workspace that ring_backward needs.");
 }

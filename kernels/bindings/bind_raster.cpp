@@ -223,8 +223,9 @@ void bind_raster(nb::module_& module) {
            "means2d"_a, "radii"_a, "horizon"_a = nb::none(), "late"_a = nb::none(), "shader"_a = nb::none(),
            "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] "
            "holds depths that an earlier picture of this view left, infinity for none; it changes time alone, and is "
-           "renewed. Late colours take the place of the table's channels where these can be seen. A shader makes "
-           "colours of what was blended, and the image is [3 H W]. With either there is no backward pass.")
+           "renewed. Late colours take the place of the table's channels where these can be seen; there is no "
+           "backward pass unless they are kept. A shader makes colours of what was blended, the image is [3 H W], and "
+           "there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
       .def_prop_ro("beyond_horizon", &beyond_horizon,

@@ -178,7 +178,7 @@ RINGLIGHT_INLINE void write_tile(const Frame& frame, const Tile& tile, const flo
 template <int C>
 RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* scratch, const Images& images) {
   const int width = width_of<C>(frame), floats = (2 + width) * LANES;
-  const bool ends_early = images.shader || frame.late;
+  const bool ends_early = images.shader || (frame.late && !frame.late->kept);
   const int written = images.shader ? SHADED_CHANNELS : frame.splats.channel_count;
   prefetch_pixels(frame, tile, images.alpha, 1);
   prefetch_pixels(frame, tile, images.image, written);

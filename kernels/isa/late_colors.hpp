@@ -19,12 +19,21 @@ RINGLIGHT_INLINE bool is_known(const float* record) {
 }
 
 // Another thread may work out the same row at the same time: both write the same bits, the first colour last, and none
-// reads the others before. Whoever copies whole records meanwhile does not use these fields of the copy.
+// reads the others before. Whoever copies whole records meanwhile does not use these fields of the copy. The backward
+// pass finds colours where channels are.
 RINGLIGHT_INLINE void publish(const Frame& frame, const std::int32_t* rows, int count, const float* colors) {
+  float* const kept = frame.late->kept;
   for (int i = 0; i < count; i++) {
-    float* const record = record_of(frame, static_cast<std::uint32_t>(rows[i]));
-    for (int c = LATE_CHANNELS - 1; c >= 0; c--)
-      __atomic_store(record + LATE_FIELDS[c], colors + LATE_CHANNELS * i + c, __ATOMIC_RELEASE);
+    const auto row = static_cast<std::uint32_t>(rows[i]);
+    float* const record = record_of(frame, row);
+    for (int c = LATE_CHANNELS - 1; c >= 0; c--) {
+      const float* const color = colors + LATE_CHANNELS * i + c;
+      if (kept) {
+        __atomic_store(record + FIRST_CHANNELS + c, color, __ATOMIC_RELAXED);
+        __atomic_store(kept + LATE_CHANNELS * std::size_t{row} + c, color, __ATOMIC_RELAXED);
+      }
+      __atomic_store(record + LATE_FIELDS[c], color, __ATOMIC_RELEASE);
+    }
   }
 }
 

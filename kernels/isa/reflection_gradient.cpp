@@ -202,6 +202,19 @@ void write_unshaded_gradients(const Backward& pass, std::size_t begin, std::size
   if (pass.to.depth) std::memset(pass.to.depth + begin, 0, bytes);
 }
 
+// All that a group which comes next reads and writes.
+void prefetch_pixels(const Backward& pass, std::size_t begin, std::size_t end) {
+  const ReflectionShape& shape = pass.scene.shape;
+  const ReflectionBuffers<const float>& from = pass.scene.buffers;
+  const std::int32_t* const pixels = pass.drawn + begin;
+  const int count = end - begin < GROUP ? static_cast<int>(end - begin) : GROUP;
+  prefetch_planes(shape, from, pixels, count);
+  for (int i = 0; i < count; i += PREFETCH_PIXELS) {
+    __builtin_prefetch(from.alpha + pixels[i]);
+    for (int c = 0; c < 3; c++) __builtin_prefetch(pass.color_gradient + c * from.plane + pixels[i]);
+  }
+}
+
 void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* zeroed) {
   const ReflectionShape& shape = pass.scene.shape;
   Arena of_sums{zeroed};
@@ -218,6 +231,7 @@ void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* 
   lay_out_gradient(gradient, shape, scratch);
   const MatrixUnit unit;
   for (std::size_t first = begin; first < end; first += GROUP) {
+    prefetch_pixels(pass, first + GROUP < end ? first + GROUP : end, end);
     evaluate<true>(pass.scene, pass.drawn + first, end - first < GROUP ? static_cast<int>(end - first) : GROUP, batch);
     backpropagate(pass, batch, pass.weights + first, gradient, sums);
   }

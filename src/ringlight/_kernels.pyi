@@ -100,6 +100,7 @@ class LateRing(LateColors):
         base: Tensor,
         latents: Tensor,
         frame: Tensor,
+        colors: Tensor | None = None,
     ) -> None: ...
 
 def ring_workspace(shape: Sequence[int], visible_count: int) -> int: ...

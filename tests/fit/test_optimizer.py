@@ -102,7 +102,7 @@ def test_a_part_of_the_model_that_was_exchanged_is_what_moves():
     assert torch.equal(old.weight, weights[0])
     assert not torch.equal(model.shared.weight, weights[1])
     del model.shared
-    with pytest.raises(AttributeError, match="shared"):
+    with pytest.raises(KeyError, match="shared"):
         stepped(model, optimizer, 2)
 
 

@@ -34,7 +34,7 @@ class DirectSeams:
 
     def colour_forward(self, batch: ImageBatch) -> None:
         self._batch = batch
-        self._channels = self._direct.color.draw(self._training.model.gaussians, batch.camera)
+        self._channels = self._direct.color.draw(self._training.model.gaussians, batch.camera, may_be_late=True)
 
     @torch.no_grad()
     def raster_forward(self) -> None:

@@ -43,7 +43,7 @@ class ColorModel(Protocol):
 
 @dataclass(frozen=True)
 class LateColors:
-    """The channel "rgb", worked out row by row when a rasterizer first needs it; no gradient.
+    """The channel "rgb", worked out row by row when a rasterizer first needs it.
 
     ``kernel`` is what the compiled rasterizer asks, for the bits of ``channels``; ``checked`` must be finite, for the
     kernel makes colours of it; ``opacity_factor`` is that of ``Channels``. A colour model that can may have a method
@@ -68,8 +68,11 @@ class DirectColor(Protocol):
     opacity_factor: Float[Tensor, "N"] | None
     """Of the last view drawn, see ``Channels``; not among ``widths``."""
 
-    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N C"]:
-        """All channels side by side."""
+    late: "_kernels.LateColors | None"
+    """Of the last view drawn: what the rasterizer is to ask for "rgb", or None where ``draw`` returned it."""
+
+    def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N C"]:
+        """All channels side by side; with ``late`` colours what these are made of, which must be finite."""
         ...
 
     def differentiate(self, by_channels: Float[Tensor, "N C"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:

@@ -143,12 +143,13 @@ class DirectHarmonics:
 
     widths: Mapping[str, int] = {"rgb": 3}
     opacity_factor: Float[Tensor, "N"] | None = None
+    late: None = None
 
     def __init__(self, active_degree: Tensor):
         self._active_degree = active_degree
         self._colors = self._by_dc = self._slopes = torch.empty(0, 3, dtype=torch.float32, device="cpu")
 
-    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
+    def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N 3"]:
         """What :meth:`SphericalHarmonics.channels` calls "rgb"."""
         means, dc, rest = gaussians.means, gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
         self._seen = means, camera.position, int(self._active_degree)

@@ -101,6 +101,7 @@ class DirectMirror:
 
     widths: Mapping[str, int]
     opacity_factor: Float[Tensor, "N"] | None = None
+    late: None = None
 
     def __init__(self, lit: Tensor, latents: int):
         self._lit, self._lit_widths = lit, lit_widths(latents)
@@ -108,7 +109,7 @@ class DirectMirror:
         self._channels = torch.empty(0, 0, dtype=torch.float32, device="cpu")
         self._gradients: list[Tensor] = []
 
-    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N C"]:
+    def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N C"]:
         """What :meth:`Mirror.channels` gives, side by side."""
         base, normals, latents = (gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS))
         self.widths = self._lit_widths if self._lit else {"rgb": 3}

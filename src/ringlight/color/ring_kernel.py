@@ -65,9 +65,14 @@ def ring_parameters(tables: RingTables, shading: RenderModule, layers: list[Tens
 
 
 class Workspace:
-    """Memory for the backward pass that outlives a step: tens of megabytes that the system would clear every time."""
+    """Memory for the backward pass that outlives a step: tens of megabytes that the system would clear every time.
+
+    ``many_hidden`` says whether the last step's view hid so many rows that colours had better be late; a matter of time
+    alone.
+    """
 
     def __init__(self) -> None:
+        self.many_hidden = False
         self._floats = torch.empty(0, dtype=torch.float32, device="cpu")
 
     def floats(self, count: int) -> Float[Tensor, "K"]:
@@ -168,8 +173,12 @@ def late_light(
     base: Float[Tensor, "N 3"],
     latents: Float[Tensor, "N L"],
     parameters: RingParameters,
+    colors: Float[Tensor, "N 3"] | None = None,
 ) -> "_kernels.LateRing":
-    """The colours of :func:`light` for a rasterizer that asks for them row by row; ``frame`` as in :class:`LitRows`."""
+    """The colours of :func:`light` for a rasterizer that asks for them row by row; ``frame`` as in :class:`LitRows`.
+
+    With ``colors``, where those that were asked for are left, a backward pass may follow.
+    """
     tensors = [tensor.detach().contiguous() for tensor in parameters.tensors]
     means, base, latents = (column.detach().contiguous() for column in (means, base, latents))
-    return _kernels.LateRing(parameters.shape, tensors, means, base, latents, frame)
+    return _kernels.LateRing(parameters.shape, tensors, means, base, latents, frame, colors)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.color.ring_kernel import Lit, light_gradients, ring_parameters, shading_layers
+from ringlight.color.ring_kernel import Lit, late_light, light_gradients, ring_parameters, shading_layers
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradient
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 BASE, MASK, LATENTS = "base", "mask_logits", "latents"
 """Columns, see :class:`ringlight.color.ringlight.RingLight`."""
+
+LATE_PAYS = 0.6
+"""Share of the visible rows: one that is lit when the blend asks for it takes half again as long as among all of them,
+so that this pays where fewer show."""
 
 TABLES = len(("axes", "view", "core"))
 """The first of the kernel's parameters, see :func:`ringlight.color.ring_kernel.ring_parameters`."""
@@ -37,6 +41,7 @@ class DirectRingLight:
 
     widths: Mapping[str, int] = {"rgb": 3}
     opacity_factor: Float[Tensor, "N"] | None = None
+    late: "_kernels.LateColors | None" = None
 
     def __init__(self, model: "RingLight"):
         self._model = model
@@ -45,11 +50,14 @@ class DirectRingLight:
         self._layer_names = [f"color.{self._names[id(layer)]}" for layer in self._layers]
         self._field_gradients: FieldGradients | None = getattr(model.field, "gradients", None)
 
-    def draw(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
-        """What :meth:`ringlight.color.ringlight.RingLight.channels` calls "rgb"; sets ``opacity_factor``."""
+    def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N 3"]:
+        """What :meth:`ringlight.color.ringlight.RingLight.channels` calls "rgb", and sets ``opacity_factor``.
+
+        Where it may be late, and the last view hid many rows, sets ``late`` and returns the base colours' logits.
+        """
         model, columns = self._model, gaussians.appearance
         self._columns = columns
-        self._lit = bool(model.lit)
+        self._lit, self.late = bool(model.lit), None
         if MASK in columns:
             self.opacity_factor = torch.empty_like(columns[MASK])
             _kernels.straight_through(columns[MASK], model.settings.mask_threshold, self.opacity_factor[:, None])
@@ -63,8 +71,13 @@ class DirectRingLight:
         self._parameters = parameters.tensors
         rows, values = model.lit_rows(gaussians, camera), [tensor.contiguous() for tensor in self._parameters]
         base, latents = columns[BASE], columns.get(LATENTS, gaussians.means.new_empty(len(gaussians), 0))
-        self._color = torch.empty_like(base)
+        late = may_be_late and model.workspace.many_hidden
+        # Rows that nobody asks for get no gradient: any number will do.
+        self._color = torch.zeros_like(base) if late else torch.empty_like(base)
         self._drawn = Lit(rows, parameters.shape, base, latents, values, self._color)
+        if late:
+            self.late = late_light(rows.means, rows.frame, base, latents, parameters, self._color)
+            return base
         _kernels.ring_forward(
             parameters.shape, values, rows.means, base, latents, rows.visible, rows.frame, self._color
         )
@@ -79,6 +92,8 @@ class DirectRingLight:
         if not self._lit:
             return gradients | {BASE: torch.ops.aten.sigmoid_backward(by_channels, self._color)}
         share, workspace = self._model.settings.gradient_share, self._model.workspace
+        shown = int(torch.count_nonzero(by_channels[:, 0]))
+        workspace.many_hidden = shown < LATE_PAYS * len(self._drawn.rows.visible)
         by_base, by_latents, *by_parameters = light_gradients(self._drawn, by_channels, share, workspace)
         gradients |= {BASE: by_base} | ({LATENTS: by_latents} if LATENTS in self._columns else {})
         return gradients | self._shared(by_parameters)

@@ -6,6 +6,7 @@ parameter without its moments is the classic bug of this field.
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -35,10 +36,10 @@ class Optimizer:
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
         # Names are cut once; what they name is looked up each time, for the verbs below and the model replace it.
-        self._attributes: dict[str, list[tuple[str, str]]] = {}
+        self._attributes: dict[tuple[str, ...], list[tuple[str, str]]] = {}
         for name in self.groups:
-            owner, _, attribute = name.rpartition(".")
-            self._attributes.setdefault(owner, []).append((name, attribute))
+            *owner, attribute = name.split(".")
+            self._attributes.setdefault(tuple(owner), []).append((name, attribute))
 
     @torch.no_grad()
     def step(
@@ -122,11 +123,13 @@ class Optimizer:
         self._updates = dict(zip(self._updates, state["updates"].tolist(), strict=True))
 
     def _parameters(self) -> Iterator[tuple[str, Tensor]]:
-        """What the model holds under each name now. Raises AttributeError for a name that it has lost."""
+        """What the model holds under each name now. Raises KeyError for a name that it has lost."""
         for owner, attributes in self._attributes.items():
-            module = self.model.get_submodule(owner)
+            held: Any = self.model
+            for part in owner:  # torch's own way there takes as long as the update of a light field
+                held = held._modules[part]
             for name, attribute in attributes:
-                yield name, getattr(module, attribute)
+                yield name, held._parameters[attribute]
 
 
 def _group_of(name: str, groups: Mapping[str, Adam]) -> Adam:

@@ -45,7 +45,7 @@ class DirectModel:
     @torch.no_grad()
     def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
         """What the model's own ``render`` gives."""
-        channels = self.color.draw(self._model.gaussians, camera)
+        channels = self.color.draw(self._model.gaussians, camera, may_be_late=horizon is None)
         return self.shade(self.blend(channels, camera, background, horizon), camera, background)
 
     def blend(
@@ -55,11 +55,19 @@ class DirectModel:
         background: Float[Tensor, "3"],
         horizon: Horizon | None = None,
     ) -> Rendering:
-        """The channels blended, "rgb" over the background and the others over nothing; ``color`` is still "rgb"."""
+        """The channels last drawn, blended, "rgb" over the background and the others over nothing; ``color`` is still
+        "rgb"."""
         widths = self.color.widths
         behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
         gaussians, options = self._model.gaussians, self._model.options_with(horizon)
-        raster = self.rasterize.draw(gaussians, channels, camera, behind, options, self.color.opacity_factor)
+        factor, late = self.color.opacity_factor, self.color.late
+        try:
+            raster = self.rasterize.draw(gaussians, channels, camera, behind, options, factor, late)
+        except ValueError:
+            if late is None:
+                raise
+            # A late colour is not finite: with all of them at hand it can be said which.
+            raster = self.rasterize.draw(gaussians, self.color.draw(gaussians, camera), camera, behind, options, factor)
         buffers = dict(zip(widths, raster.image.split(tuple(widths.values()), -1), strict=True))
         return Rendering(buffers["rgb"], raster.alpha, buffers | {"alpha": raster.alpha}, raster)
 

@@ -113,8 +113,9 @@ class DirectRasterizer(Protocol):
         background: Float[Tensor, "C"],
         options: RasterOptions,
         opacity_factor: Float[Tensor, "N"] | None = None,
+        late: "_kernels.LateColors | None" = None,
     ) -> Raster:
-        """As :class:`Rasterizer`."""
+        """As :class:`Rasterizer`. ``late`` colours, which are kept, go before the channels, and without a horizon."""
         ...
 
     def differentiate(

@@ -34,8 +34,9 @@ class DirectRaster:
         background: Float[Tensor, "C"],
         options: RasterOptions,
         opacity_factor: Float[Tensor, "N"] | None = None,
+        late: "_kernels.LateColors | None" = None,
     ) -> Raster:
-        """See :class:`ringlight.rasterize.contract.Rasterizer`; every column is contiguous."""
+        """See :class:`ringlight.rasterize.contract.DirectRasterizer`; every column is contiguous."""
         self._columns = [gaussians.means, gaussians.log_scales, gaussians.quats, gaussians.opacity_logits]
         self._columns += [channels]
         self._factor = opacity_factor
@@ -44,7 +45,7 @@ class DirectRaster:
         with refusals_named(table, camera, background):
             self._job = Job(camera, background, options, len(gaussians))
             self._table = self._job.table(table)
-            self._image, alpha = self._job.draw(self._workspace, self._table)
+            self._image, alpha = self._job.draw(self._workspace, self._table, late)
         return Raster(*as_raster(self._image, alpha), self._job.footprint)
 
     def differentiate(
