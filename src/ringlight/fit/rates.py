@@ -59,7 +59,9 @@ class GaussianRates:
     opacities: float = 0.025
     """Of the opacity logits. 3DGS took 0.05 until its release of late 2024; half of it gives 0.1 dB with fewer rows."""
     scales: float = 5e-3
-    """Of the log scales."""
+    """Of the log scales at the start."""
+    scales_end: float = 5e-3
+    """Of the log scales at the end."""
     rotations: float = 1e-3
     """Of the quaternions."""
 
@@ -71,6 +73,6 @@ class GaussianRates:
         return {
             "columns.means": Adam(Rate(self.means * extent, self.means_end * extent)),
             "columns.opacity_logits": Adam(Rate.constant(self.opacities)),
-            "columns.log_scales": Adam(Rate.constant(self.scales)),
+            "columns.log_scales": Adam(Rate(self.scales, self.scales_end)),
             "columns.quats": Adam(Rate.constant(self.rotations)),
         }
