@@ -14,10 +14,10 @@ enum Stage { PROJECT, SORT, BIN, BLEND, BLEND_GRADIENT, PROJECT_GRADIENT, STAGES
 class Workspace {
  public:
   // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
-  // view would not fit into the memory of the machine, std::domain_error when the table holds a value that is not
-  // finite. `horizon` [T] is null, or the depths that the last pass of this view left, which become those of this one:
-  // they change nothing but the time that it takes (horizon.hpp). With a shader or with `late`, which goes without a
-  // horizon, there is no backward pass.
+  // view would not fit into the memory of the machine, std::domain_error when the table, or a late colour that was
+  // asked for, holds a value that is not finite. `horizon` [T] is null, or the depths that the last pass of this view
+  // left, which become those of this one: they change nothing but the time that it takes (horizon.hpp). With a shader
+  // there is no backward pass, nor with `late`, which goes without a horizon, unless it keeps its colours.
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
                const Footprints& footprints, float* horizon, const LateColors* late = nullptr);
 

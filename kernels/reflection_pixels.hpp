@@ -24,7 +24,7 @@ static inline std::size_t list_covered(const float* alpha, std::size_t begin, st
 struct PixelLanes {
   alignas(64) std::int32_t index[LANES], beyond_first[LANES];
   int count;
-  bool consecutive, near;
+  bool consecutive, near = false;
   Vec x, y;
 };
 

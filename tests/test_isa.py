@@ -24,6 +24,7 @@ KERNEL_TESTS = (
     "rasterize/test_horizon.py",
     "color/test_harmonics.py",
     "color/test_ring_kernel.py",
+    "color/test_ringlight_direct.py",
     "color/test_drawable.py",
     "color/test_visibility_mask.py",
     "models/test_late.py",

@@ -19,8 +19,8 @@ RINGLIGHT_INLINE bool is_known(const float* record) {
 }
 
 // Another thread may work out the same row at the same time: both write the same bits, the first colour last, and none
-// reads the others before. Whoever copies whole records meanwhile does not use these fields of the copy. The backward
-// pass finds colours where channels are.
+// reads the others before. Whoever copies whole records meanwhile uses these fields of the copy, and the channels, for
+// nothing that counts. The backward pass finds colours where channels are.
 RINGLIGHT_INLINE void publish(const Frame& frame, const std::int32_t* rows, int count, const float* colors) {
   float* const kept = frame.late->kept;
   for (int i = 0; i < count; i++) {
@@ -75,7 +75,7 @@ static void add_late_colors(const Frame& frame, const LateChunk& chunk, float* s
       float color;
       __atomic_load(from + LATE_FIELDS[c], &color, __ATOMIC_RELAXED);
       to[c] = lit ? color : to[c];
-      zero += to[c] * 0.f;
+      zero += (lit ? color : 0.f) * 0.f;
     }
   }
   // Of rows that ask alone: which others were lit is a matter of time.

@@ -202,7 +202,7 @@ void write_unshaded_gradients(const Backward& pass, std::size_t begin, std::size
   if (pass.to.depth) std::memset(pass.to.depth + begin, 0, bytes);
 }
 
-// All that a group which comes next reads and writes.
+// What a group that comes next reads.
 void prefetch_pixels(const Backward& pass, std::size_t begin, std::size_t end) {
   const ReflectionShape& shape = pass.scene.shape;
   const ReflectionBuffers<const float>& from = pass.scene.buffers;

@@ -36,8 +36,9 @@ class StepRow:
     """One method's step.
 
     ``whole`` is the step of the training loop; ``stages`` are the same work cut at its seams, each timed alone, whose
-    sum is ``staged``. ``kernels`` are the floor: the compiled rasterizer, loss and Adam on the same inputs, called
-    alone. The floor ratios are whole over their sum; without the CPU's rasterizer there is no such floor.
+    sum is ``staged``; colours that come late are part of "raster forward". ``kernels`` are the floor: the compiled
+    rasterizer, loss and Adam on the same inputs, called alone. The floor ratios are whole over their sum; without the
+    CPU's rasterizer there is no such floor.
     """
 
     method: str

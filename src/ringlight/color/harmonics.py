@@ -143,7 +143,7 @@ class DirectHarmonics:
 
     widths: Mapping[str, int] = {"rgb": 3}
     opacity_factor: Float[Tensor, "N"] | None = None
-    late: None = None
+    late: "_kernels.LateColors | None" = None
 
     def __init__(self, active_degree: Tensor):
         self._active_degree = active_degree

@@ -26,7 +26,7 @@ BASE, MASK, LATENTS = "base", "mask_logits", "latents"
 
 LATE_PAYS = 0.6
 """Share of the visible rows: one that is lit when the blend asks for it takes half again as long as among all of them,
-so that this pays where fewer show."""
+so that this pays where fewer show. Rows that the blend asks for are among the visible ones, see color/drawable.py."""
 
 TABLES = len(("axes", "view", "core"))
 """The first of the kernel's parameters, see :func:`ringlight.color.ring_kernel.ring_parameters`."""
@@ -72,6 +72,8 @@ class DirectRingLight:
         rows, values = model.lit_rows(gaussians, camera), [tensor.contiguous() for tensor in self._parameters]
         base, latents = columns[BASE], columns.get(LATENTS, gaussians.means.new_empty(len(gaussians), 0))
         late = may_be_late and model.workspace.many_hidden
+        # What is not finite ends a run at once, whether or not it shows; a sum passes it on.
+        late = late and bool((base.sum() + latents.sum()).isfinite())
         # Rows that nobody asks for get no gradient: any number will do.
         self._color = torch.zeros_like(base) if late else torch.empty_like(base)
         self._drawn = Lit(rows, parameters.shape, base, latents, values, self._color)

@@ -13,7 +13,7 @@ bfloat16 numbers in networks, which are faster and round their factors to three 
 
 
 def runs_triton(*tensors: Tensor) -> bool:
-    """Whether all are float32 on one CUDA device, and Triton is installed."""
+    """Whether all, at least one, are float32 on one CUDA device, and Triton is installed."""
     if not tensors[0].is_cuda or os.environ.get(SWITCH) == "0" or not is_installed():
         return False
     fits = all(tensor.dtype == torch.float32 for tensor in tensors)

@@ -61,12 +61,13 @@ class DirectModel:
         behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
         gaussians, options = self._model.gaussians, self._model.options_with(horizon)
         factor, late = self.color.opacity_factor, self.color.late
+        assert late is None or horizon is None  # a horizon knows the rows that were lit first alone
         try:
             raster = self.rasterize.draw(gaussians, channels, camera, behind, options, factor, late)
         except ValueError:
             if late is None:
                 raise
-            # A late colour is not finite: with all of them at hand it can be said which.
+            # A late colour is not finite, most likely: with all of them at hand it can be said which.
             raster = self.rasterize.draw(gaussians, self.color.draw(gaussians, camera), camera, behind, options, factor)
         buffers = dict(zip(widths, raster.image.split(tuple(widths.values()), -1), strict=True))
         return Rendering(buffers["rgb"], raster.alpha, buffers | {"alpha": raster.alpha}, raster)

@@ -115,7 +115,8 @@ class DirectRasterizer(Protocol):
         opacity_factor: Float[Tensor, "N"] | None = None,
         late: "_kernels.LateColors | None" = None,
     ) -> Raster:
-        """As :class:`Rasterizer`. ``late`` colours, which are kept, go before the channels, and without a horizon."""
+        """As :class:`Rasterizer`. ``late`` colours, which are kept, go before the channels, and without a horizon; one
+        that is asked for and is not finite is a ValueError."""
         ...
 
     def differentiate(
