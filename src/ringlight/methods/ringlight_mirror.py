@@ -85,11 +85,11 @@ class RingLightMirrorRecipe:
     )
     """What each pixel is shaded with. Without the viewing direction itself: from it the network learns views by heart,
     0.2 dB on held-out ones. Half of the pixels differentiated is within chance of all; a quarter is not on small
-    photographs, 0.2 dB. Sixteen nodes an axis are worth 0.1 dB on test views of chrome
-    and a clear coat, 0.5 dB on family_24; 64 learn chrome by heart."""
+    photographs, 0.2 dB. Sixteen nodes an axis are worth 0.1 dB on test views of chrome and a clear coat, 0.5 dB on
+    family_24; 64 learn chrome by heart."""
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(means=3e-4, scales=FAST_SCALES))
     """Learning rates of the geometry. Together with fewer Gaussians at the start they are worth half a decibel after
-    3,000 steps, on chrome and on a clear coat: with 3DGS's a hull's centres do not get where they must go."""
+    3,000 steps, on chrome and on a clear coat, and nothing after 15,000."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0, drop_share=0.3))
     """Adaptive density control, without opacity resets, which would tear the surface open."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
