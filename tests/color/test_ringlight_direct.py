@@ -137,3 +137,16 @@ def test_a_row_that_fills_up_a_group_may_be_anything_unless_it_is_asked_for():
         late = late_light(gaussians.means, frame, base, latents, parameters, colors)
         assert model.rasterize.draw_late(gaussians, base, late, camera, WHITE) is not None
     assert colors[260].isnan().all()  # lit, and not shown
+
+
+def test_no_backward_pass_follows_a_late_color_that_is_not_finite():
+    model, direct, color = ball(0.9)
+    step(model, direct, many_hidden=True)  # leaves a picture that could be taken for this one's
+    with torch.no_grad():
+        model.get_parameter("color.shading.render.4.bias")[-1] = torch.nan
+    base = color.draw(model.gaussians, CAMERA, may_be_late=True)
+    assert color.late is not None
+    with pytest.raises(ValueError, match="colours are not finite"):
+        direct.rasterize.draw(model.gaussians, base, CAMERA, WHITE, model.options, None, color.late)
+    with pytest.raises(ValueError, match="backward needs"):
+        direct.rasterize.differentiate(torch.ones(96, 96, 3))
