@@ -49,28 +49,20 @@ static inline std::uint64_t random_start(float seed) {
   return mixed ^ mixed >> 16;
 }
 
-// Keeps the drawn ones of `items`, in order, and what each counts; returns how many. At most `share` of those that have
-// a gradient are expected; those that have none are never kept, and all others are if share is 1, or a gradient is no
-// number.
-static inline std::size_t draw_lots(const ColorGradient& gradient, double share, std::size_t count, std::int32_t* items,
-                                    float* weights) {
-  std::size_t sloped = 0;
+// Keeps the drawn ones of `items`, in order, and in `weights`, which holds the sizes of their gradients, what each
+// counts; returns how many. None of the sizes is 0. At most `share` of the items are expected; all are kept if share is
+// 1, or a gradient is no number.
+static inline std::size_t draw_sized(double share, std::size_t count, std::int32_t* items, float* weights) {
   double total = 0;
-  for (std::size_t i = 0; i < count; i++) {
-    const float size = gradient.size(items[i]);
-    items[sloped] = items[i];
-    weights[sloped] = size;  // for the second pass
-    sloped += size != 0.f;
-    total += static_cast<double>(size);
-  }
-  const float certain = static_cast<float>(total / (share * static_cast<double>(sloped)));
+  for (std::size_t i = 0; i < count; i++) total += static_cast<double>(weights[i]);
+  const float certain = static_cast<float>(total / (share * static_cast<double>(count)));
   if (share >= 1 || !(certain <= __FLT_MAX__)) {
-    for (std::size_t i = 0; i < sloped; i++) weights[i] = 1.f;
-    return sloped;
+    for (std::size_t i = 0; i < count; i++) weights[i] = 1.f;
+    return count;
   }
   std::size_t drawn = 0;
   std::uint64_t sum = random_start(certain);
-  for (std::size_t i = 0; i < sloped; i++) {
+  for (std::size_t i = 0; i < count; i++) {
     const float size = weights[i];
     const std::uint64_t before = sum;
     sum += size < certain ? static_cast<std::uint64_t>(size / certain * static_cast<float>(CERTAINTY)) : CERTAINTY;
@@ -79,6 +71,19 @@ static inline std::size_t draw_lots(const ColorGradient& gradient, double share,
     drawn += sum / CERTAINTY != before / CERTAINTY;
   }
   return drawn;
+}
+
+// The same for items whose gradients are not measured yet; those that have none are never kept.
+static inline std::size_t draw_lots(const ColorGradient& gradient, double share, std::size_t count, std::int32_t* items,
+                                    float* weights) {
+  std::size_t sloped = 0;
+  for (std::size_t i = 0; i < count; i++) {
+    const float size = gradient.size(items[i]);
+    items[sloped] = items[i];
+    weights[sloped] = size;
+    sloped += size != 0.f;
+  }
+  return draw_sized(share, sloped, items, weights);
 }
 
 }  // namespace ringlight

@@ -68,6 +68,9 @@ struct Images {
   float* image;              // [C H W], or with a shader its colours, [3 H W]
   float* alpha;              // [H W]
   const TileShader* shader;  // or null
+  float* blended;            // with a shader: [C H W] where a pass that gets gradients keeps what was blended; or null
+
+  bool is_final() const { return shader && !blended; }  // nobody asks for gradients
 };
 
 struct ImageGradients {

@@ -17,7 +17,8 @@ class Workspace {
   // view would not fit into the memory of the machine, std::domain_error when the table, or a late colour that was
   // asked for, holds a value that is not finite. `horizon` [T] is null, or the depths that the last pass of this view
   // left, which become those of this one: they change nothing but the time that it takes (horizon.hpp). With a shader
-  // there is no backward pass, nor with `late`, which goes without a horizon, unless it keeps its colours.
+  // there is no backward pass unless what was blended is kept, nor with `late`, which goes without a horizon, unless it
+  // keeps its colours.
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
                const Footprints& footprints, float* horizon, const LateColors* late = nullptr);
 

@@ -81,6 +81,7 @@ struct ReflectionShading : TileShader {
   ReflectionShape shape;
   ReflectionParameters<const float> parameters;
   ReflectionView view;
+  bool exact;  // the bits of reflection_forward: no layer in bytes
   const void* tables;
 };
 static inline int shaded_channels(const ReflectionShape& shape) { return 3 + 3 + shape.latents + 1; }

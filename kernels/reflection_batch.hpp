@@ -3,6 +3,7 @@
 #pragma once
 #include "arena.hpp"
 #include "lane_places.hpp"
+#include "reflection_rows.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
@@ -85,7 +86,6 @@ struct ReflectionScene {
   const ReflectionShape& shape;
   const ReflectionParameters<const float>& parameters;
   const ReflectionView& view;
-  const ReflectionBuffers<const float>& buffers;
   const ReflectionTables& tables;
 
   const float* sphere(int shell) const { return shape.parallax ? parameters.sphere + 4 * shell : nullptr; }
@@ -147,22 +147,17 @@ static inline void multiply_features(const ReflectionScene& scene, ReflectionBat
 // The network's inputs for half a group.
 template <bool Slopes>
 static inline void look(const ReflectionScene& scene, ReflectionBatch& batch, int half) {
-  see(scene.shape, scene.view, scene.buffers, batch.pixels[half], batch.surfaces[half], batch.inputs + half * LANES);
+  see(scene.shape, scene.view, batch.pixels[half], batch.surfaces[half], batch.inputs + half * LANES);
   read_maps<Slopes>(scene, batch, half);
   if (scene.shape.axis_nodes) multiply_features<Slopes>(scene, batch, half);
 }
 
-// Up to GROUP covered pixels, from their surface to what is added per alpha.
+// The group of packed pixels at `place`, from their surface to what is added per alpha.
 template <bool Slopes>
-static inline void evaluate(const ReflectionScene& scene, const std::int32_t* covered, int count,
+static inline void evaluate(const ReflectionScene& scene, const PackedSurfaces& surfaces, int place,
                             ReflectionBatch& batch) {
   for (int half = 0; half < HALVES; half++) {
-    const int left = count - half * LANES;
-    // A half without pixels repeats the last one: its lanes must hold numbers, and count for nothing.
-    const std::int32_t* const first = covered + (left > 0 ? half * LANES : count - 1);
-    const int pixels = left > LANES ? LANES : left > 0 ? left : 1;
-    batch.pixels[half] = pixel_lanes(first, pixels, scene.view.width, scene.view.height);
-    if (left <= 0) batch.pixels[half].count = 0;
+    batch.pixels[half] = lanes_at(surfaces, place + half * LANES);
     look<Slopes>(scene, batch, half);
   }
   Slopes ? run_network(scene, batch) : run_network_once(scene.shape, scene.tables, batch);

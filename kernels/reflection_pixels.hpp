@@ -6,82 +6,18 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-// Appends the numbers of the pixels from `begin` to `end` that are opaque enough; returns how many these are.
-static inline std::size_t list_covered(const float* alpha, std::size_t begin, std::size_t end, float faintest,
-                                       std::int32_t* to) {
-  std::size_t count = 0;
-  for (std::size_t i = begin; i < end; i += LANES) {
-    const int left = end - i < LANES ? static_cast<int>(end - i) : LANES;
-    unsigned on = bits(gt(load_first(alpha + i, left), Vec(faintest)));
-    if (left < LANES) on &= (1u << left) - 1;
-    for (; on; on &= on - 1) to[count++] = static_cast<std::int32_t>(i + __builtin_ctz(on));
-  }
-  return count;
+// Which of sixteen pixels from `begin`, as far as there are as many before `end`, are opaque enough: bits.
+RINGLIGHT_INLINE unsigned covered_lanes(const float* alpha, std::size_t begin, std::size_t end, float faintest) {
+  const int left = end - begin < LANES ? static_cast<int>(end - begin) : LANES;
+  const unsigned on = bits(gt(load_first(alpha + begin, left), Vec(faintest)));
+  return on & ((1u << left) - 1);
 }
 
-// Which numbers of a plane, and where these pixels have their centres; the last is repeated in lanes from `count` on.
-// What is near is within NEAR_FLOATS of the first, all of which are the plane's.
+// Sixteen pixels side by side: where they have their centres, and the first one's place in every row of values.
 struct PixelLanes {
-  alignas(64) std::int32_t index[LANES], beyond_first[LANES];
-  int count;
-  bool consecutive, near = false;
   Vec x, y;
+  ReflectionBuffers<const float> values;
 };
-
-// The centres of an image's pixels. Sixteen of a list lie in one row or two as a rule, and a division takes long.
-static inline void place_pixels(int width, PixelLanes& at) {
-  alignas(64) float x[LANES], y[LANES];
-  const int first_row = at.index[0] / width, start = first_row * width;
-  const auto place = [&](int lane, int row) {
-    x[lane] = static_cast<float>(at.index[lane] - row * width) + 0.5f;
-    y[lane] = static_cast<float>(row) + 0.5f;
-  };
-  if (at.index[LANES - 1] - start < 2 * width)
-    for (int lane = 0; lane < LANES; lane++) place(lane, first_row + (at.index[lane] - start >= width));
-  else
-    for (int lane = 0; lane < LANES; lane++) place(lane, at.index[lane] / width);
-  at.x = load(x), at.y = load(y);
-}
-
-static inline PixelLanes pixel_lanes(const std::int32_t* from, int count, int width, int height) {
-  PixelLanes at;
-  at.count = count;
-  for (int lane = 0; lane < LANES; lane++) at.index[lane] = from[lane < count ? lane : count - 1];
-  for (int lane = 0; lane < LANES; lane++) at.beyond_first[lane] = at.index[lane] - at.index[0];
-  const int span = at.beyond_first[LANES - 1];
-  at.consecutive = count == LANES && span == LANES - 1;
-  at.near = span < NEAR_FLOATS && at.index[0] <= width * height - NEAR_FLOATS;
-  place_pixels(width, at);
-  return at;
-}
-
-RINGLIGHT_INLINE Vec take(const float* plane, const PixelLanes& at) {
-  if (at.consecutive) return load(plane + at.index[0]);
-  return at.near ? gather_near(plane + at.index[0], load_ints(at.beyond_first)) : gather(plane, load_ints(at.index));
-}
-
-RINGLIGHT_INLINE void put(float* plane, const PixelLanes& at, Vec values) {
-  if (at.consecutive) return store(plane + at.index[0], values);
-  alignas(64) float lanes[LANES];
-  store(lanes, values);
-  for (int lane = 0; lane < at.count; lane++) plane[at.index[lane]] = lanes[lane];
-}
-
-// Pixels of a list from one request to the next: half a cache line of them, since every second pixel may be left out.
-constexpr int PREFETCH_PIXELS = LANES / 2;
-
-// Asks for the planes at the pixels of a group that comes next: a dozen streams are more than the processor foresees.
-static inline void prefetch_planes(const ReflectionShape& shape, const ReflectionBuffers<const float>& buffers,
-                                   const std::int32_t* pixels, int count) {
-  const auto ask = [&](const float* planes, int planes_count) {
-    for (int c = 0; c < planes_count; c++, planes += buffers.plane)
-      for (int i = 0; i < count; i += PREFETCH_PIXELS) __builtin_prefetch(planes + pixels[i]);
-  };
-  ask(buffers.rgb, 3);
-  ask(buffers.normal, 3);
-  ask(buffers.latents, shape.latents);
-  if (reads_depth(shape)) ask(buffers.depth, 1);
-}
 
 RINGLIGHT_INLINE Vec dot(const Vec a[3], const Vec b[3]) { return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2])); }
 
@@ -105,24 +41,24 @@ static inline void set_ray(const ReflectionView& view, const PixelLanes& at, Sur
 }
 
 // The surface of sixteen pixels; its cosine, latents and base colour go to the network's inputs, [n][GROUP].
-static inline void see(const ReflectionShape& shape, const ReflectionView& view,
-                       const ReflectionBuffers<const float>& buffers, const PixelLanes& at, Surface& surface,
-                       float* inputs) {
+static inline void see(const ReflectionShape& shape, const ReflectionView& view, const PixelLanes& at,
+                       Surface& surface, float* inputs) {
   set_ray(view, at, surface);
-  const Vec alpha = take(buffers.alpha, at), inverse = Vec(1.f) / alpha;
+  const ReflectionBuffers<const float>& values = at.values;
+  const Vec inverse = Vec(1.f) / load(values.alpha);
   surface.inverse_alpha = inverse;
-  surface.depth = reads_depth(shape) ? take(buffers.depth, at) * inverse : Vec(0.f);
+  surface.depth = reads_depth(shape) ? load(values.depth) * inverse : Vec(0.f);
   Vec blended[3];
   for (int c = 0; c < 3; c++) {
-    blended[c] = take(buffers.normal + c * buffers.plane, at);
+    blended[c] = load(values.normal + c * values.plane);
     surface.point[c] = fma(surface.depth * Vec(view.scale), surface.ray[c], Vec(view.origin[c]));
     const Vec behind(view.background[c]);
-    const Vec shown = take(buffers.rgb + c * buffers.plane, at);
+    const Vec shown = load(values.rgb + c * values.plane);
     store(inputs + (base_input(shape) + c) * GROUP, fma(shown - behind, inverse, behind));
     if (shape.direction) store(inputs + (direction_input(shape) + c) * GROUP, surface.direction[c]);
   }
   for (int i = 0; i < shape.latents; i++)
-    store(inputs + (LATENTS_INPUT + i) * GROUP, take(buffers.latents + i * buffers.plane, at) * inverse);
+    store(inputs + (LATENTS_INPUT + i) * GROUP, load(values.latents + i * values.plane) * inverse);
   const Vec length = sqrt(dot(blended, blended)), shortest(view.shortest_normal);
   surface.stretched = gt(length, shortest);
   surface.stretch = Vec(1.f) / max(length, shortest);
@@ -190,27 +126,27 @@ struct Upstream {
 };
 
 // From the gradients of the network's inputs, [n][GROUP], and of the reflection, to those of the planes.
-static inline void see_gradient(const ReflectionShape& shape, const ReflectionView& view, const PixelLanes& at,
-                                const Surface& surface, const SurfaceGradient& gradient, const Upstream& upstream,
+static inline void see_gradient(const ReflectionShape& shape, const ReflectionView& view, const Surface& surface,
+                                const SurfaceGradient& gradient, const Upstream& upstream,
                                 const float* inputs, const float* of_inputs, const ReflectionBuffers<float>& to) {
   const Vec inverse = surface.inverse_alpha;
   Vec of_alpha = upstream.alpha, of_mean(0.f);
   for (int c = 0; c < 3; c++) {
     const int i = (base_input(shape) + c) * GROUP;
-    put(to.rgb + c * to.plane, at, fma(load(of_inputs + i), inverse, upstream.color[c]));
+    store(to.rgb + c * to.plane, fma(load(of_inputs + i), inverse, upstream.color[c]));
     of_mean = fma(load(of_inputs + i), load(inputs + i) - Vec(view.background[c]), of_mean);
   }
   for (int k = 0; k < shape.latents; k++) {
     const int i = (LATENTS_INPUT + k) * GROUP;
-    put(to.latents + k * to.plane, at, load(of_inputs + i) * inverse);
+    store(to.latents + k * to.plane, load(of_inputs + i) * inverse);
     of_mean = fma(load(of_inputs + i), load(inputs + i), of_mean);
   }
   if (shape.depth_gradient) {
     const Vec of_depth = dot(gradient.point, surface.ray) * Vec(view.scale);
-    put(to.depth, at, of_depth * inverse);
+    store(to.depth, of_depth * inverse);
     of_mean = fma(of_depth, surface.depth, of_mean);
   }
-  put(to.alpha, at, fnma(of_mean, inverse, of_alpha));
+  store(to.alpha, fnma(of_mean, inverse, of_alpha));
   const Vec of_normal_part = dot(gradient.reflected, surface.normal);
   const Vec of_facing = -(of_normal_part + of_normal_part) - load(of_inputs);
   const Vec twice = surface.facing + surface.facing;
@@ -219,7 +155,7 @@ static inline void see_gradient(const ReflectionShape& shape, const ReflectionVi
     of_normal[c] = fnma(twice, gradient.reflected[c], of_facing * surface.direction[c]);
   const Vec radial = keep(surface.stretched, dot(of_normal, surface.normal));
   for (int c = 0; c < 3; c++)
-    put(to.normal + c * to.plane, at, surface.stretch * fnma(radial, surface.normal[c], of_normal[c]));
+    store(to.normal + c * to.plane, surface.stretch * fnma(radial, surface.normal[c], of_normal[c]));
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

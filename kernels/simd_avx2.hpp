@@ -141,12 +141,6 @@ RINGLIGHT_INLINE IVec load_ints(const void* from) {
   const auto* halves = static_cast<const __m256i*>(from);
   return {_mm256_loadu_si256(halves), _mm256_loadu_si256(halves + 1)};
 }
-RINGLIGHT_INLINE Vec gather(const float* table, IVec index) {
-  return {_mm256_i32gather_ps(table, index.low, 4), _mm256_i32gather_ps(table, index.high, 4)};
-}
-// The same, from 0 to NEAR_FLOATS - 1.
-constexpr int NEAR_FLOATS = 64;
-RINGLIGHT_INLINE Vec gather_near(const float* table, IVec index) { return gather(table, index); }
 
 // a 2^n for whole n, and the other way: a = mantissa 2^exponent with mantissa in [1, 2), for positive normal a.
 // Here n is not checked: the result must be a normal number too.

@@ -85,14 +85,15 @@ RINGLIGHT_INLINE IVec select(Mask on, IVec a, IVec b) { return {_mm512_mask_blen
 RINGLIGHT_INLINE IVec keep(Mask on, IVec a) { return {_mm512_maskz_mov_epi32(on, a.v)}; }
 RINGLIGHT_INLINE void store(void* to, IVec a) { _mm512_storeu_si512(to, a.v); }
 RINGLIGHT_INLINE IVec load_ints(const void* from) { return {_mm512_loadu_si512(from)}; }
-RINGLIGHT_INLINE Vec gather(const float* table, IVec index) { return _mm512_i32gather_ps(index.v, table, 4); }
-// The same, from 0 to NEAR_FLOATS - 1, for a table of that many at least: on Zen a gather takes seventy cycles.
-constexpr int NEAR_FLOATS = 64;
-RINGLIGHT_INLINE Vec gather_near(const float* table, IVec index) {
-  const auto of_two = [=](int first) __attribute__((always_inline)) {
-    return _mm512_permutex2var_ps(load(table + first).v, index.v, load(table + first + 16).v);
-  };
-  return _mm512_mask_blend_ps(_mm512_test_epi32_mask(index.v, _mm512_set1_epi32(32)), of_two(0), of_two(32));
+// The lanes whose bits are on, side by side, and the way back; other lanes are 0.
+RINGLIGHT_INLINE Vec pack_lanes(Vec a, unsigned on) { return _mm512_maskz_compress_ps(static_cast<Mask>(on), a.v); }
+RINGLIGHT_INLINE IVec pack_lanes(IVec a, unsigned on) {
+  return {_mm512_maskz_compress_epi32(static_cast<Mask>(on), a.v)};
+}
+RINGLIGHT_INLINE Vec spread_lanes(Vec a, unsigned on) { return _mm512_maskz_expand_ps(static_cast<Mask>(on), a.v); }
+// The lanes whose bits are on; the memory of others is not touched.
+RINGLIGHT_INLINE void store_lanes(float* to, Vec a, unsigned on) {
+  _mm512_mask_storeu_ps(to, static_cast<Mask>(on), a.v);
 }
 
 // a 2^n for whole n, and the other way: a = mantissa 2^exponent with mantissa in [1, 2), for positive normal a.

@@ -41,6 +41,32 @@ RINGLIGHT_INLINE Vec spread_quarter(Vec a) {
   return load(spread);
 }
 
+// The lanes whose bits are on, side by side, and the way back; other lanes are 0.
+RINGLIGHT_INLINE Vec pack_lanes(Vec a, unsigned on) {
+  alignas(32) float lanes[16], packed[16] = {};
+  store(lanes, a);
+  for (int count = 0; on; on &= on - 1) packed[count++] = lanes[__builtin_ctz(on)];
+  return load(packed);
+}
+RINGLIGHT_INLINE IVec pack_lanes(IVec a, unsigned on) {
+  alignas(32) std::int32_t lanes[16], packed[16] = {};
+  store(lanes, a);
+  for (int count = 0; on; on &= on - 1) packed[count++] = lanes[__builtin_ctz(on)];
+  return load_ints(packed);
+}
+RINGLIGHT_INLINE Vec spread_lanes(Vec a, unsigned on) {
+  alignas(32) float lanes[16] = {}, packed[16];
+  store(packed, a);
+  for (int count = 0; on; on &= on - 1) lanes[__builtin_ctz(on)] = packed[count++];
+  return load(lanes);
+}
+// The lanes whose bits are on; the memory of others is not touched.
+RINGLIGHT_INLINE void store_lanes(float* to, Vec a, unsigned on) {
+  alignas(32) float lanes[16];
+  store(lanes, a);
+  for (; on; on &= on - 1) to[__builtin_ctz(on)] = lanes[__builtin_ctz(on)];
+}
+
 // Sixteen rows of 3 (4) floats, row after row in memory, as 3 (4) columns.
 RINGLIGHT_INLINE void load_columns(const float* from, Vec& a, Vec& b, Vec& c) {
   Vec columns[3];

@@ -205,16 +205,6 @@ RINGLIGHT_INLINE IVec load_ints(const void* from) {
   for (int i = 0; i < detail::PARTS; i++) result.part[i] = static_cast<const detail::IntsInMemory*>(from)[i];
   return result;
 }
-RINGLIGHT_INLINE Vec gather(const float* table, IVec index) {
-  int at[LANES];
-  float lanes[LANES];
-  store(at, index);
-  for (int i = 0; i < LANES; i++) lanes[i] = table[at[i]];
-  return load(lanes);
-}
-// The same, from 0 to NEAR_FLOATS - 1.
-constexpr int NEAR_FLOATS = 64;
-RINGLIGHT_INLINE Vec gather_near(const float* table, IVec index) { return gather(table, index); }
 
 // a 2^n for whole n, and the other way: a = mantissa 2^exponent with mantissa in [1, 2), for positive normal a.
 // Here n is not checked: the result must be a normal number too.

@@ -28,6 +28,7 @@ KERNEL_TESTS = (
     "color/test_drawable.py",
     "color/test_visibility_mask.py",
     "models/test_late.py",
+    "models/test_direct.py",
     "models/test_picture.py",
     "fields/test_perceptron_kernel.py",
     "color/test_mirror_kernel.py",

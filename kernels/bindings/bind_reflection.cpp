@@ -133,11 +133,12 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
 class ReflectionPicture : public PictureShader {
  public:
   ReflectionPicture(const std::vector<int>& sizes, const std::vector<Input>& parameters,
-                    const std::vector<float>& numbers)
+                    const std::vector<float>& numbers, bool exact)
       : parameters_(parameters) {
     shading_.shape = shape_from(sizes);
     shading_.parameters = parameters_from<const float>(shading_.shape, parameters_);
     shading_.view = view_from(numbers, 0, 0);
+    shading_.exact = exact;
     char* const room = room_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(reflection_room)(shading_.shape));
     RINGLIGHT_CHOSEN_WITH_BF16(reflection_prepare)(shading_, room);
   }
@@ -162,9 +163,10 @@ void bind_reflection(nb::module_& module) {
              nb::arg("plane_gradients"),
              "Gradients of all parameters and of the planes; by a share of the pixels, drawn by lot.");
   nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",
-                                               "Shades tiles of a picture as reflection_forward shades its planes.")
-      .def(nb::init<const std::vector<int>&, const std::vector<Input>&, const std::vector<float>&>(), nb::arg("shape"),
-           nb::arg("parameters"), nb::arg("view"));
+                                               "Shades tiles of a picture as reflection_forward shades its planes; "
+                                               "where exact with the same bits, else with a layer in bytes.")
+      .def(nb::init<const std::vector<int>&, const std::vector<Input>&, const std::vector<float>&, bool>(),
+           nb::arg("shape"), nb::arg("parameters"), nb::arg("view"), nb::arg("exact") = false);
 }
 
 }  // namespace ringlight

@@ -16,6 +16,8 @@ namespace {
 // depend on the machine.
 int shard_count(std::size_t covered) { return covered <= 1024 ? 1 : covered <= 4096 ? 2 : covered <= 16384 ? 4 : 8; }
 
+alignas(64) const std::int32_t LANE_NUMBERS[LANES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
 struct ParameterSums {
   float* maps;              // all levels of all shells, one after another
   float* sphere;            // [shells 4] by lanes
@@ -79,27 +81,44 @@ void lay_out_gradient(BatchGradient& gradient, const ReflectionShape& shape, Are
 struct Backward {
   const ReflectionScene& scene;
   const Transposed& transposed;
+  const ReflectionBuffers<const float>& from;
   const float* color_gradient;
   const std::int32_t* drawn;  // pixels
   const float* weights;       // what each counts
   const ReflectionBuffers<float>& to;
 };
 
-// dL/dcolor to the gradient of what the network returned, by what the pixels count; zero in lanes that do not.
-Upstream start_gradient(const Backward& pass, const ReflectionBatch& batch, int half, const float* weights,
-                        const BatchGradient& gradient) {
-  const std::size_t plane = pass.scene.buffers.plane;
-  const PixelLanes& at = batch.pixels[half];
-  const Mask counts = mask_from_bits((1u << at.count) - 1);
-  const Vec alpha = take(pass.scene.buffers.alpha, at), weight = load_first(weights, at.count);
+// What a shard has to itself: packed pixels, and a group of them.
+struct Workplace {
+  ReflectionBatch batch;
+  BatchGradient gradient;
+  PackedPixels pixels;
+  PackedSurfaces surfaces;
+  float *weights, *of_colors;     // [1] row, [3] rows
+  ReflectionBuffers<float> of_values;
+};
+
+void lay_out_workplace(Workplace& place, const ReflectionShape& shape, Arena& arena) {
+  lay_out(place.batch, shape, true, arena);
+  lay_out_gradient(place.gradient, shape, arena);
+  place.surfaces = lay_out_surfaces(shape, arena);
+  place.weights = arena.take(PACKED_ROW);
+  place.of_colors = arena.take(3 * PACKED_ROW);
+  place.of_values = lay_out_rows(shape, shape.depth_gradient, arena);
+}
+
+// dL/dcolor to the gradient of what the network returned, by what the pixels count: nothing in lanes beyond the last.
+Upstream start_gradient(const Workplace& place, int first, int half) {
+  const int at = first + half * LANES;
+  const Vec alpha = load(place.surfaces.values.alpha + at), weight = load(place.weights + at);
   Upstream upstream;
   upstream.alpha = Vec(0.f);
   for (int c = 0; c < 3; c++) {
     const int i = c * GROUP + half * LANES;
-    upstream.color[c] = keep(counts, take(pass.color_gradient + c * plane, at));
+    upstream.color[c] = load(place.of_colors + c * PACKED_ROW + at);
     const Vec weighted = upstream.color[c] * weight;
-    upstream.alpha = fma(weighted, load(batch.added + i), upstream.alpha);
-    store(gradient.added + i, weighted * alpha);
+    upstream.alpha = fma(weighted, load(place.batch.added + i), upstream.alpha);
+    store(place.gradient.added + i, weighted * alpha);
   }
   return upstream;
 }
@@ -171,70 +190,116 @@ void factor_gradient(const Backward& pass, const ReflectionBatch& batch, int hal
   go(shape, pass.scene.parameters.axes, batch.surfaces[half], batch.places[half], of_factors, sums.axes, of_surface);
 }
 
-void backpropagate(const Backward& pass, const ReflectionBatch& batch, const float* weights,
-                   const BatchGradient& gradient, const ParameterSums& sums) {
+// Of the group of packed pixels at `first`.
+void backpropagate(const Backward& pass, const Workplace& place, int first, const ParameterSums& sums) {
+  const ReflectionScene& scene = pass.scene;
+  const ReflectionBatch& batch = place.batch;
+  const BatchGradient& gradient = place.gradient;
   Upstream upstream[HALVES];
-  for (int half = 0; half < HALVES; half++)
-    upstream[half] = start_gradient(pass, batch, half, weights + half * LANES, gradient);
+  for (int half = 0; half < HALVES; half++) upstream[half] = start_gradient(place, first, half);
   network_gradient(pass, batch, gradient, sums);
   for (int half = 0; half < HALVES; half++) {
     const float* of_inputs = gradient.inputs + half * LANES;
     SurfaceGradient of_surface{{0.f, 0.f, 0.f}, {0.f, 0.f, 0.f}};
-    if (pass.scene.shape.axis_nodes) factor_gradient(pass, batch, half, gradient, sums, of_surface);
+    if (scene.shape.axis_nodes) factor_gradient(pass, batch, half, gradient, sums, of_surface);
     map_gradient(pass, batch, half, of_inputs, sums, of_surface);
-    see_gradient(pass.scene.shape, pass.scene.view, batch.pixels[half], batch.surfaces[half], of_surface,
-                 upstream[half], batch.inputs + half * LANES, of_inputs, pass.to);
+    see_gradient(scene.shape, scene.view, batch.surfaces[half], of_surface, upstream[half],
+                 batch.inputs + half * LANES, of_inputs, from_place<float>(place.of_values, first + half * LANES));
   }
 }
 
-// As if what is added were a constant: right for every pixel that is not shaded, and for those that were not drawn the
-// part that does not go by the network.
-void write_unshaded_gradients(const Backward& pass, std::size_t begin, std::size_t end) {
-  const ReflectionShape& shape = pass.scene.shape;
-  const std::size_t plane = pass.to.plane;
-  const std::size_t bytes = (end - begin) * sizeof(float);
+// The rows of the packed pixels to their planes, from pixel `begin` to `end`. Where none is, as if what is added were a
+// constant: right for every pixel that is not shaded, and for those that were not drawn the part that does not go by
+// the network.
+void write_gradients(const Backward& pass, const Workplace& place, std::size_t begin, std::size_t end) {
   for (int c = 0; c < 3; c++) {
-    std::memcpy(pass.to.rgb + c * plane + begin, pass.color_gradient + c * plane + begin, bytes);
-    std::memset(pass.to.normal + c * plane + begin, 0, bytes);
+    const std::size_t plane = c * pass.to.plane;
+    std::memcpy(pass.to.rgb + plane + begin, pass.color_gradient + plane + begin, (end - begin) * sizeof(float));
   }
-  for (int i = 0; i < shape.latents; i++) std::memset(pass.to.latents + i * plane + begin, 0, bytes);
-  std::memset(pass.to.alpha + begin, 0, bytes);
-  if (pass.to.depth) std::memset(pass.to.depth + begin, 0, bytes);
+  for_each_row(pass.scene.shape, pass.to, place.of_values, [&](float* plane, const float* row) {
+    if (row < place.of_values.normal) unpack(row, place.pixels, plane);
+    else unpack_over_zeros(row, place.pixels, begin, end, plane);
+  });
 }
 
-// What a group that comes next reads.
-void prefetch_pixels(const Backward& pass, std::size_t begin, std::size_t end) {
-  const ReflectionShape& shape = pass.scene.shape;
-  const ReflectionBuffers<const float>& from = pass.scene.buffers;
-  const std::int32_t* const pixels = pass.drawn + begin;
-  const int count = end - begin < GROUP ? static_cast<int>(end - begin) : GROUP;
-  prefetch_planes(shape, from, pixels, count);
-  for (int i = 0; i < count; i += PREFETCH_PIXELS) {
-    __builtin_prefetch(from.alpha + pixels[i]);
-    for (int c = 0; c < 3; c++) __builtin_prefetch(pass.color_gradient + c * from.plane + pixels[i]);
+// The packed pixels, of which the first is number `begin` of those drawn.
+void differentiate(const Backward& pass, std::size_t begin, Workplace& place, const ParameterSums& sums) {
+  const ReflectionScene& scene = pass.scene;
+  const PackedPixels& pixels = place.pixels;
+  const std::size_t size = static_cast<std::size_t>(scene.view.width) * scene.view.height;
+  pack(scene.shape, scene.view, pass.from, pixels, place.surfaces);
+  for (int c = 0; c < 3; c++)
+    pack(pass.color_gradient + c * pass.from.plane, size, pixels, place.of_colors + c * PACKED_ROW);
+  std::memcpy(place.weights, pass.weights + begin, pixels.count() * sizeof(float));
+  std::memset(place.weights + pixels.count(), 0, GROUP * sizeof(float));
+  for (int first = 0; first < pixels.count(); first += GROUP) {
+    evaluate<true>(scene, place.surfaces, first, place.batch);
+    backpropagate(pass, place, first, sums);
   }
 }
 
-void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* zeroed) {
+// What a shard does: the drawn pixels from `begin` to `end`, and the planes from `pixel` to `last_pixel`.
+struct Share {
+  std::size_t begin, end, pixel, last_pixel;
+};
+
+// Shares begin with a step: no two of them write to the same one.
+Share share_of(const std::int32_t* drawn, std::size_t count, std::size_t pixels, std::size_t shard,
+               std::size_t shards) {
+  const std::size_t each = (count + shards - 1) / shards;
+  const auto start = [&](std::size_t at) {
+    while (at && at < count && step_of(drawn[at]) == step_of(drawn[at - 1])) at++;
+    return at < count ? at : count;
+  };
+  const std::size_t begin = start(shard * each), end = start((shard + 1) * each);
+  const auto pixel = [&](std::size_t at) { return at < count ? static_cast<std::size_t>(step_of(drawn[at])) : pixels; };
+  return {begin, end, shard ? pixel(begin) : 0, pixel(end)};
+}
+
+void run_shard(const Backward& pass, const Share& share, float* zeroed) {
   const ReflectionShape& shape = pass.scene.shape;
   Arena of_sums{zeroed};
   const ParameterSums sums = lay_out_sums(shape, of_sums);
   std::memset(zeroed, 0, of_sums.used * sizeof(float));
-  ReflectionBatch batch;
-  BatchGradient gradient;
+  Workplace place;
   Arena needed{nullptr};
-  lay_out(batch, shape, true, needed);
-  lay_out_gradient(gradient, shape, needed);
+  lay_out_workplace(place, shape, needed);
   const Scratch memory(needed.used * sizeof(float));
   Arena scratch{memory.floats()};
-  lay_out(batch, shape, true, scratch);
-  lay_out_gradient(gradient, shape, scratch);
+  lay_out_workplace(place, shape, scratch);
   const MatrixUnit unit;
-  for (std::size_t first = begin; first < end; first += GROUP) {
-    prefetch_pixels(pass, first + GROUP < end ? first + GROUP : end, end);
-    evaluate<true>(pass.scene, pass.drawn + first, end - first < GROUP ? static_cast<int>(end - first) : GROUP, batch);
-    backpropagate(pass, batch, pass.weights + first, gradient, sums);
+  std::size_t at = share.begin, pixel = share.pixel;
+  while (pixel < share.last_pixel) {
+    place.pixels.clear();
+    const std::size_t next = add_listed(pass.drawn, at, share.end, place.pixels);
+    if (next > at) differentiate(pass, at, place, sums);
+    const std::size_t next_pixel = next < share.end ? step_of(pass.drawn[next]) : share.last_pixel;
+    write_gradients(pass, place, pixel, next_pixel);
+    at = next, pixel = next_pixel;
   }
+}
+
+// Lists the pixels that are opaque enough and have a gradient, [3] planes, and its sizes as ColorGradient has them.
+// Returns how many these are; both lists have room for LANES more.
+std::size_t list_sloped(const float* alpha, float faintest, const float* color_gradient, std::size_t pixels,
+                        std::int32_t* list, float* sizes) {
+  std::size_t count = 0;
+  IVec numbers = load_ints(LANE_NUMBERS);
+  for (std::size_t i = 0; i < pixels; i += LANES, numbers = numbers + ivec(LANES)) {
+    unsigned on = covered_lanes(alpha, i, pixels, faintest);
+    if (!on) continue;
+    const std::size_t left = pixels - i;
+    Vec size(0.f);
+    for (int c = 0; c < 3; c++) {
+      const float* const from = color_gradient + c * pixels + i;
+      size = size + abs(left >= LANES ? load(from) : load_first(from, static_cast<int>(left)));
+    }
+    on &= ~bits(both(ge(size, Vec(0.f)), ge(Vec(0.f), size)));  // what is no number is not 0
+    store(sizes + count, pack_lanes(size, on));
+    store(list + count, pack_lanes(numbers, on));
+    count += __builtin_popcount(on);
+  }
+  return count;
 }
 
 void add_up_shards(const ReflectionShape& shape, const Shards& shards, const ReflectionParameters<float>& to) {
@@ -267,12 +332,11 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
                          const float* color_gradient, double share, const ReflectionParameters<float>& gradients,
                          const ReflectionBuffers<float>& buffer_gradients) {
   const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
-  const Scratch list(pixels * sizeof(std::int32_t));
+  const Scratch list((pixels + LANES) * sizeof(std::int32_t)), counts((pixels + LANES) * sizeof(float));
   auto* const drawn = static_cast<std::int32_t*>(list.data());
-  const std::size_t covered = list_covered(buffers.alpha, 0, pixels, view.faintest, drawn);
-  const Scratch counts(covered * sizeof(float));
   float* const weights = counts.floats();
-  const std::size_t count = draw_lots({color_gradient, 1, pixels, nullptr}, share, covered, drawn, weights);
+  const std::size_t sloped = list_sloped(buffers.alpha, view.faintest, color_gradient, pixels, drawn, weights);
+  const std::size_t count = draw_sized(share, sloped, drawn, weights);
   Arena counter{nullptr}, of_shard{nullptr};
   prepare(shape, parameters, counter);
   transpose_layers(shape, parameters, counter);
@@ -283,16 +347,10 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
   const ReflectionTables tables = prepare(shape, parameters, arena);
   const Transposed transposed = transpose_layers(shape, parameters, arena);
   float* const sums = arena.take(of_shard.used * shards);
-  const ReflectionScene scene{shape, parameters, view, buffers, tables};
-  const Backward pass{scene, transposed, color_gradient, drawn, weights, buffer_gradients};
-  const std::size_t each = (count + shards - 1) / shards;
+  const ReflectionScene scene{shape, parameters, view, tables};
+  const Backward pass{scene, transposed, buffers, color_gradient, drawn, weights, buffer_gradients};
   parallel_for(shards, [&](std::size_t shard) {
-    const std::size_t begin = shard * each < count ? shard * each : count;
-    const std::size_t end = begin + each < count ? begin + each : count;
-    // Between the first pixel of this shard and that of the next, all are this shard's to write.
-    write_unshaded_gradients(pass, shard ? (begin < count ? drawn[begin] : pixels) : 0,
-                             end < count ? drawn[end] : pixels);
-    run_shard(pass, begin, end, sums + shard * of_shard.used);
+    run_shard(pass, share_of(drawn, count, pixels, shard, shards), sums + shard * of_shard.used);
   });
   add_up_shards(shape, {sums, of_shard.used, shards}, gradients);
 }

@@ -1,6 +1,6 @@
-// Deferred shading of a tile as soon as it is blended, block by block, for pictures whose planes nobody else wants: the
-// same as reflection_forward, without two ways through memory for each plane, and with the widest layer in bytes where
-// the instruction set multiplies them.
+// Deferred shading of a tile as soon as it is blended, block by block: the same as reflection_forward, while the planes
+// are in the cache; in pictures that get no gradients with the widest layer in bytes, where the instruction set
+// multiplies them.
 #include "lane_bytes.hpp"
 #include "reflection_batch.hpp"
 #include "tiles.hpp"
@@ -42,14 +42,11 @@ ReflectionBuffers<const float> planes_of(const ReflectionShape& shape, const flo
   return {rgb, normal, latents, latents + shape.latents * LANES, state + BLOCK_ALPHA, LANES};
 }
 
-PixelLanes pixels_of(const BlendedTile& tile, int block) {
-  PixelLanes at;
-  for (int lane = 0; lane < LANES; lane++) at.index[lane] = lane;
-  at.count = LANES;
-  at.consecutive = true;
-  at.x = load(CENTERS_X) + Vec(static_cast<float>(tile.left + convention::BLOCK * (block % BLOCKS_PER_SIDE)));
-  at.y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + convention::BLOCK * (block / BLOCKS_PER_SIDE)));
-  return at;
+PixelLanes pixels_of(const ReflectionShape& shape, const BlendedTile& tile, int block) {
+  const int column = block % BLOCKS_PER_SIDE, row = block / BLOCKS_PER_SIDE;
+  return {load(CENTERS_X) + Vec(static_cast<float>(tile.left + convention::BLOCK * column)),
+          load(CENTERS_Y) + Vec(static_cast<float>(tile.top + convention::BLOCK * row)),
+          planes_of(shape, tile.states + block * tile.stride)};
 }
 
 // The colour of the pixels that are opaque enough, in place of their rgb.
@@ -72,12 +69,11 @@ void shade_tile(const TileShader& self, const BlendedTile& tile, float* scratch)
   const MatrixUnit unit;
   const auto shade_group = [&] {
     for (int half = 0; half < HALVES; half++) {
-      const int block = blocks[half < count ? half : 0];
-      const auto planes = planes_of(shading.shape, tile.states + block * tile.stride);
-      batch.pixels[half] = pixels_of(tile, block);
-      look<false>({shading.shape, shading.parameters, shading.view, planes, tables}, batch, half);
+      batch.pixels[half] = pixels_of(shading.shape, tile, blocks[half < count ? half : 0]);
+      look<false>({shading.shape, shading.parameters, shading.view, tables}, batch, half);
     }
-    run_network<FastBytes>(shading.shape, tables, batch);
+    if (shading.exact) run_network_once(shading.shape, tables, batch);
+    else run_network<FastBytes>(shading.shape, tables, batch);
     for (int half = 0; half < count; half++)
       shade_block(shading.view.faintest, batch.added + half * LANES, tile.states + blocks[half] * tile.stride);
     count = 0;

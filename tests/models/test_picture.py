@@ -4,17 +4,13 @@ import dataclasses
 
 import pytest
 import torch
+from mirrors import WHITE, mirror, view
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.bench.step import subject_of_workload
-from ringlight.bench.workload import Size, workload_camera
 from ringlight.core.camera import Camera
 from ringlight.errors import BackendError
-from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
-from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
-from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.horizon import Horizon
 
 IN_BYTES = _kernels.isa() in ("avx512", "avx512_bf16")
@@ -23,7 +19,6 @@ ROUNDING_OF_BYTES = 0.02
 """Of the largest residual; a trained one is a third of the range of colours at most."""
 DIM = 1 / 64
 """What may still show through the pixels of a block that ends; DIM in kernels/raster.hpp."""
-WHITE = torch.ones(3)
 
 
 @pytest.fixture(autouse=True)
@@ -32,34 +27,11 @@ def _all_cores_afterwards():
     _kernels.set_threads(0)
 
 
-def mirror(size: str = "600@96", **shader: object) -> SplatModel:
-    """The workload's ball as a mirror, with residuals as large as those of a trained one."""
-    recipe = METHODS["ringlight-mirror"]
-    assert isinstance(recipe, RingLightMirrorRecipe)
-    recipe = dataclasses.replace(recipe, shader=dataclasses.replace(recipe.shader, **shader))
-    model = subject_of_workload("ringlight-mirror", recipe, Size.parse(size), rasterizer_for("cpu")).training.model
-    drawn = torch.Generator().manual_seed(3)
-    with torch.no_grad():
-        for name, parameter in model.shader.named_parameters():
-            if name.startswith("maps"):
-                parameter.copy_(torch.randn(parameter.shape, generator=drawn))
-            if name.startswith("places"):
-                parameter.copy_(1 + 0.3 * torch.randn(parameter.shape, generator=torch.Generator().manual_seed(4)))
-        model.get_parameter("columns.normals").copy_(torch.randn(len(model), 3, generator=drawn))
-        last = f"shader.mlp.{2 * recipe.shader.hidden_layers}.weight"
-        model.get_parameter(last).mul_(30)
-    return model.eval()
-
-
 def opaque(model: SplatModel, opacity: float) -> None:
     """All rows equally so, with normals of which neighbours agree, as on a surface."""
     with torch.no_grad():
         model.columns["opacity_logits"].fill_(torch.tensor(opacity).logit().item())
         model.columns["normals"].copy_(model.columns["means"])
-
-
-def view(width: int = 96, height: int = 96, turn: float = 0.3) -> Camera:
-    return workload_camera(96, turn_y=turn).resized(width, height)
 
 
 def both(model: SplatModel, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
@@ -104,7 +76,7 @@ def test_without_a_second_hidden_layer_they_have_the_same_bits(size: tuple[int, 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 2.0])
 def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float):
-    model = mirror("20k@96")
+    model = mirror("20k@96", hidden=64)
     opaque(model, 0.6)
     with torch.no_grad():
         tiles, planes = model.picture(view(turn=turn), WHITE), model.render(view(turn=turn), WHITE)

@@ -9,12 +9,13 @@ from torch import Tensor
 from ringlight.color.contract import DirectColor
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import Gradient
-from ringlight.core.rendering import Rendering
+from ringlight.core.rendering import Channels, Raster, Rendering
 from ringlight.rasterize.contract import DirectRasterizer
 from ringlight.rasterize.horizon import Horizon
 from ringlight.shade.contract import DirectShader
 
 if TYPE_CHECKING:
+    from ringlight import _kernels
     from ringlight.models.splats import SplatModel
 
 SHADER_PREFIX = "shader."
@@ -45,8 +46,34 @@ class DirectModel:
     @torch.no_grad()
     def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
         """What the model's own ``render`` gives."""
+        tiles = None if self.shader is None else self.shader.tiles(camera, background)
+        if tiles is not None:
+            return self._blend_and_shade(tiles, camera, background, horizon)
         channels = self.color.draw(self._model.gaussians, camera, may_be_late=horizon is None)
         return self.shade(self.blend(channels, camera, background, horizon), camera, background)
+
+    def _blend_and_shade(
+        self,
+        tiles: "_kernels.PictureShader",
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        horizon: Horizon | None,
+    ) -> Rendering:
+        """Tile by tile, while what was blended is in the cache."""
+        assert self.shader is not None
+        gaussians, options = self._model.gaussians, self._model.options_with(horizon)
+        channels = self.color.draw(gaussians, camera)
+        behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
+        factor = self.color.opacity_factor
+        raster, color = self.rasterize.draw_shaded(gaussians, channels, camera, behind, tiles, options, factor)
+        buffers = self._buffers(raster)
+        self.shader.keep(buffers)
+        return Rendering(color, raster.alpha, buffers, raster)
+
+    def _buffers(self, raster: Raster) -> Channels:
+        widths = self.color.widths
+        parts = raster.image.split(tuple(widths.values()), -1)
+        return dict(zip(widths, parts, strict=True)) | {"alpha": raster.alpha}
 
     def blend(
         self,
@@ -57,7 +84,6 @@ class DirectModel:
     ) -> Rendering:
         """The channels last drawn, blended, "rgb" over the background and the others over nothing; ``color`` is still
         "rgb"."""
-        widths = self.color.widths
         behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
         gaussians, options = self._model.gaussians, self._model.options_with(horizon)
         factor, late = self.color.opacity_factor, self.color.late
@@ -69,8 +95,8 @@ class DirectModel:
                 raise
             # A late colour is not finite, most likely: with all of them at hand it can be said which.
             raster = self.rasterize.draw(gaussians, self.color.draw(gaussians, camera), camera, behind, options, factor)
-        buffers = dict(zip(widths, raster.image.split(tuple(widths.values()), -1), strict=True))
-        return Rendering(buffers["rgb"], raster.alpha, buffers | {"alpha": raster.alpha}, raster)
+        buffers = self._buffers(raster)
+        return Rendering(buffers["rgb"], raster.alpha, buffers, raster)
 
     def shade(self, blended: Rendering, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
         """With the shader's colour."""

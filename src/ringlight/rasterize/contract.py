@@ -119,6 +119,20 @@ class DirectRasterizer(Protocol):
         that is asked for and is not finite is a ValueError."""
         ...
 
+    def draw_shaded(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        shader: "_kernels.PictureShader",
+        options: RasterOptions,
+        opacity_factor: Float[Tensor, "N"] | None = None,
+    ) -> tuple[Raster, Float[Tensor, "H W 3"]]:
+        """As :meth:`draw`, and the colours that ``shader`` makes of the image while it is blended. The gradients asked
+        for later are still those by the image."""
+        ...
+
     def differentiate(
         self, by_image: Float[Tensor, "H W C"], by_alpha: Float[Tensor, "H W 1"] | None = None
     ) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:

@@ -74,16 +74,19 @@ class Job:
         table: "_kernels.SplatTable",
         late: "_kernels.LateColors | None" = None,
         shader: "_kernels.PictureShader | None" = None,
+        blended: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """The planar image [C H W], or of a ``shader``'s colours [3 H W], and alpha [H W]; fills in the footprint.
 
-        ``late`` goes before the table's channels.
+        ``late`` goes before the table's channels. ``blended`` [C H W] keeps what the shader was given.
         """
         planes = len(self.background) if shader is None else 3
         image, alpha = self.background.new_empty(planes, *self.size), self.background.new_empty(self.size)
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
-            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, self.horizon, late, shader)
+            workspace.forward(
+                table, self.camera, self.settings, image, alpha, *marks, self.horizon, late, shader, blended
+            )
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
             raise BackendError(

@@ -1,5 +1,8 @@
 """The CPU back end without autograd, for training loops: the same kernels, at a fraction of what surrounds them."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -37,6 +40,36 @@ class DirectRaster:
         late: "_kernels.LateColors | None" = None,
     ) -> Raster:
         """See :class:`ringlight.rasterize.contract.DirectRasterizer`; every column is contiguous."""
+        with self._begun(gaussians, channels, camera, background, options, opacity_factor):
+            self._image, alpha = self._job.draw(self._workspace, self._table, late)
+        return Raster(*as_raster(self._image, alpha), self._job.footprint)
+
+    def draw_shaded(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        shader: "_kernels.PictureShader",
+        options: RasterOptions,
+        opacity_factor: Float[Tensor, "N"] | None = None,
+    ) -> tuple[Raster, Float[Tensor, "H W 3"]]:
+        """See :class:`ringlight.rasterize.contract.DirectRasterizer`."""
+        with self._begun(gaussians, channels, camera, background, options, opacity_factor):
+            self._image = channels.new_empty(channels.shape[1], camera.height, camera.width)
+            color, alpha = self._job.draw(self._workspace, self._table, shader=shader, blended=self._image)
+        return Raster(*as_raster(self._image, alpha), self._job.footprint), color.permute(1, 2, 0)
+
+    @contextmanager
+    def _begun(
+        self,
+        gaussians: Gaussians,
+        channels: Float[Tensor, "N C"],
+        camera: Camera,
+        background: Float[Tensor, "C"],
+        options: RasterOptions,
+        opacity_factor: Float[Tensor, "N"] | None,
+    ) -> Iterator[None]:
         self._columns = [gaussians.means, gaussians.log_scales, gaussians.quats, gaussians.opacity_logits]
         self._columns += [channels]
         self._factor = opacity_factor
@@ -45,8 +78,7 @@ class DirectRaster:
         with refusals_named(table, camera, background):
             self._job = Job(camera, background, options, len(gaussians))
             self._table = self._job.table(table)
-            self._image, alpha = self._job.draw(self._workspace, self._table, late)
-        return Raster(*as_raster(self._image, alpha), self._job.footprint)
+            yield
 
     def differentiate(
         self, by_image: Float[Tensor, "H W C"], by_alpha: Float[Tensor, "H W 1"] | None = None

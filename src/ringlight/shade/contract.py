@@ -46,6 +46,15 @@ class DirectShader(Protocol):
         """As :meth:`Shader.shade`."""
         ...
 
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> "_kernels.PictureShader | None":
+        """What gives the bits of :meth:`draw` while a picture is blended; None where there is no use for it. To be told
+        by :meth:`keep` what was blended."""
+        ...
+
+    def keep(self, buffers: Channels) -> None:
+        """What :meth:`tiles` was given, in place of :meth:`draw`."""
+        ...
+
     def differentiate(
         self, by_color: Float[Tensor, "H W 3"]
     ) -> tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None, dict[str, Tensor]]:

@@ -8,9 +8,10 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
-from ringlight.shade.reflection_kernel import plane_gradients, planes_of, shaded
+from ringlight.shade.reflection_kernel import plane_gradients, planes_of, shaded, shading_of
 
 if TYPE_CHECKING:
+    from ringlight import _kernels
     from ringlight.shade.reflection import ReflectionShader
 
 
@@ -24,12 +25,24 @@ class DirectReflection:
 
     def draw(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
         """See :meth:`ringlight.shade.reflection.ReflectionShader.shade`."""
-        self._lit = bool(self._shader.lit)
-        if not self._lit:
+        if not self._begin(camera, background):
             return buffers["rgb"]
-        self._job = self._shader.job(camera, background)
-        self._planes, self._parameters = planes_of(self._job, buffers), self._shader.kernel_parameters()
+        self.keep(buffers)
         return shaded(self._job, self._planes, self._parameters)
+
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> "_kernels.PictureShader | None":
+        """See :class:`ringlight.shade.contract.DirectShader`."""
+        return shading_of(self._job, self._parameters, exact=True) if self._begin(camera, background) else None
+
+    def keep(self, buffers: Channels) -> None:
+        """See :class:`ringlight.shade.contract.DirectShader`."""
+        self._planes = planes_of(self._job, buffers)
+
+    def _begin(self, camera: Camera, background: Float[Tensor, "3"]) -> bool:
+        self._lit = bool(self._shader.lit)
+        if self._lit:
+            self._job, self._parameters = self._shader.job(camera, background), self._shader.kernel_parameters()
+        return self._lit
 
     def differentiate(
         self, by_color: Float[Tensor, "H W 3"]

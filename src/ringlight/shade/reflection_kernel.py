@@ -108,10 +108,10 @@ def shaded(job: ReflectionJob, planes: Sequence[Tensor], parameters: Sequence[Te
     return color.permute(1, 2, 0)
 
 
-def shading_of(job: ReflectionJob, parameters: Sequence[Tensor]) -> _kernels.PictureShader:
+def shading_of(job: ReflectionJob, parameters: Sequence[Tensor], exact: bool = False) -> _kernels.PictureShader:
     """The same picture from inside the rasterizer, where the blended planes need not be kept: rgb, normal, latents and
-    depth, side by side. Wide layers multiply bytes where the processor can."""
-    return _kernels.ReflectionPicture(job.shape, parameters, job.view)
+    depth, side by side. Unless ``exact``, wide layers multiply bytes where the processor can."""
+    return _kernels.ReflectionPicture(job.shape, parameters, job.view, exact)
 
 
 def _planar(values: Float[Tensor, "H W c"]) -> Float[Tensor, "c H W"]:

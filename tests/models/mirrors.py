@@ -1,0 +1,38 @@
+"""Mirrors that show something, for tests of their pictures."""
+
+import dataclasses
+
+import torch
+
+from ringlight.bench.step import subject_of_workload
+from ringlight.bench.workload import Size, workload_camera
+from ringlight.core.camera import Camera
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.table import METHODS
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.choose import rasterizer_for
+
+WHITE = torch.ones(3)
+
+
+def mirror(size: str = "600@96", **shader: object) -> SplatModel:
+    """The workload's ball as a mirror, with residuals as large as those of a trained one."""
+    recipe = METHODS["ringlight-mirror"]
+    assert isinstance(recipe, RingLightMirrorRecipe)
+    recipe = dataclasses.replace(recipe, shader=dataclasses.replace(recipe.shader, **shader))
+    model = subject_of_workload("ringlight-mirror", recipe, Size.parse(size), rasterizer_for("cpu")).training.model
+    drawn = torch.Generator().manual_seed(3)
+    with torch.no_grad():
+        for name, parameter in model.shader.named_parameters():
+            if name.startswith("maps"):
+                parameter.copy_(torch.randn(parameter.shape, generator=drawn))
+            if name.startswith("places"):
+                parameter.copy_(1 + 0.3 * torch.randn(parameter.shape, generator=torch.Generator().manual_seed(4)))
+        model.get_parameter("columns.normals").copy_(torch.randn(len(model), 3, generator=drawn))
+        last = f"shader.mlp.{2 * recipe.shader.hidden_layers}.weight"
+        model.get_parameter(last).mul_(30)
+    return model.eval()
+
+
+def view(width: int = 96, height: int = 96, turn: float = 0.3) -> Camera:
+    return workload_camera(96, turn_y=turn).resized(width, height)
