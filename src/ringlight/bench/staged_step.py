@@ -9,7 +9,10 @@ from ringlight.fit.train import Training
 
 
 class StagedStep:
-    """The stages of one step; those of the shader only where it does anything."""
+    """The stages of one step; those of the shader only where it does anything.
+
+    A whole step shades tiles while they are blended, where it can: there the stages add up to more than the step.
+    """
 
     def __init__(self, training: Training, step: int):
         self.training, self.step = training, step
