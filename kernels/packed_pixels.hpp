@@ -45,6 +45,14 @@ class PackedPixels {
   std::uint16_t on_[MOST_PACKED];
 };
 
+alignas(64) static const std::int32_t NUMBERS[LANES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+// The step of a plane of `size` numbers that begins at `first`; lanes beyond the plane's end are 0.
+static inline Vec load_step(const float* plane, std::size_t first, std::size_t size) {
+  const std::size_t left = size - first;
+  return left >= LANES ? load(plane + first) : load_first(plane + first, static_cast<int>(left));
+}
+
 // The pixel with which the step of this one begins.
 constexpr std::int32_t step_of(std::int32_t pixel) { return pixel / LANES * LANES; }
 
@@ -70,9 +78,7 @@ static inline void fill_up(int count, float* row) {
 static inline void pack(const float* plane, std::size_t size, const PackedPixels& pixels, float* row) {
   pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
     __builtin_prefetch(plane + size + first);
-    const std::size_t left = size - first;
-    const Vec values = left >= LANES ? load(plane + first) : load_first(plane + first, static_cast<int>(left));
-    store(row + place, pack_lanes(values, on));
+    store(row + place, pack_lanes(load_step(plane, first, size), on));
   });
   fill_up(pixels.count(), row);
 }
@@ -102,8 +108,7 @@ static inline void unpack_over_zeros(const float* row, const PackedPixels& pixel
 
 // Where the pixels of an image have their centres.
 static inline void pack_centers(int width, const PackedPixels& pixels, float* x, float* y) {
-  alignas(64) static const float NUMBERS[LANES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-  const Vec from_first = load(NUMBERS);
+  const Vec from_first = to_float(load_ints(NUMBERS));
   int row = 0;
   std::size_t row_start = 0;
   pixels.for_each_step([&](std::size_t first, unsigned on, int place) {

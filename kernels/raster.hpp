@@ -69,9 +69,12 @@ struct Images {
   float* alpha;              // [H W]
   const TileShader* shader;  // or null
   float* blended;            // with a shader: [C H W] where a pass that gets gradients keeps what was blended; or null
-
-  bool is_final() const { return shader && !blended; }  // nobody asks for gradients
 };
+
+// Whether no backward pass can follow, since what it needs is not kept: blocks may end early.
+inline bool is_last(const Images& images, const LateColors* late) {
+  return (images.shader && !images.blended) || (late && !late->kept);
+}
 
 struct ImageGradients {
   const float* image;           // [C H W] what the forward pass returned

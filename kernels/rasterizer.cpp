@@ -129,7 +129,7 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   }
   watch.end(BLEND);
   frame_.late = nullptr;
-  complete_ = !(late && !late->kept) && !images.is_final() && !late_broken_;
+  complete_ = !is_last(images, late) && !late_broken_;
   if (late && late_broken_) throw std::domain_error("rasterizer: colours are not finite");
 }
 

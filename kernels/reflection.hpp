@@ -94,7 +94,7 @@ static inline int shaded_channels(const ReflectionShape& shape) { return 3 + 3 +
                            const ReflectionBuffers<const float>&, const float* color_gradient, double share, \
                            const ReflectionParameters<float>& gradients, \
                            const ReflectionBuffers<float>& buffer_gradients); \
-  std::size_t reflection_room(const ReflectionShape&);  /* bytes for reflection_prepare */ \
+  std::size_t reflection_room(const ReflectionShading&);   /* bytes for reflection_prepare */ \
   void reflection_prepare(ReflectionShading&, void* room); /* from shape and parameters to all that is not view */ \
   }
 RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_REFLECTION)

@@ -4,6 +4,8 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
+constexpr unsigned ALL_LANES = 0xffff;
+
 namespace detail {
 // Columns to rows through memory, and back: the compiler turns the fixed loops into shuffles. The rows may be records
 // of other types than float, as with intrinsics.
@@ -41,20 +43,23 @@ RINGLIGHT_INLINE Vec spread_quarter(Vec a) {
   return load(spread);
 }
 
-// The lanes whose bits are on, side by side, and the way back; other lanes are 0.
+// The lanes whose bits are on, side by side, and the way back; other lanes are 0. All of them are the usual case.
 RINGLIGHT_INLINE Vec pack_lanes(Vec a, unsigned on) {
+  if (on == ALL_LANES) return a;
   alignas(32) float lanes[16], packed[16] = {};
   store(lanes, a);
   for (int count = 0; on; on &= on - 1) packed[count++] = lanes[__builtin_ctz(on)];
   return load(packed);
 }
 RINGLIGHT_INLINE IVec pack_lanes(IVec a, unsigned on) {
+  if (on == ALL_LANES) return a;
   alignas(32) std::int32_t lanes[16], packed[16] = {};
   store(lanes, a);
   for (int count = 0; on; on &= on - 1) packed[count++] = lanes[__builtin_ctz(on)];
   return load_ints(packed);
 }
 RINGLIGHT_INLINE Vec spread_lanes(Vec a, unsigned on) {
+  if (on == ALL_LANES) return a;
   alignas(32) float lanes[16] = {}, packed[16];
   store(packed, a);
   for (int count = 0; on; on &= on - 1) lanes[__builtin_ctz(on)] = packed[count++];
@@ -62,6 +67,7 @@ RINGLIGHT_INLINE Vec spread_lanes(Vec a, unsigned on) {
 }
 // The lanes whose bits are on; the memory of others is not touched.
 RINGLIGHT_INLINE void store_lanes(float* to, Vec a, unsigned on) {
+  if (on == ALL_LANES) return store(to, a);
   alignas(32) float lanes[16];
   store(lanes, a);
   for (; on; on &= on - 1) to[__builtin_ctz(on)] = lanes[__builtin_ctz(on)];

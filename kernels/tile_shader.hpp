@@ -1,5 +1,5 @@
 // What a shader is given of a picture tile by tile, as soon as it is blended: pixels that are still in the cache, and
-// planes of channels that never have to be written.
+// planes of channels that need not be written where nobody asks for gradients.
 #pragma once
 #include <cstddef>
 #include <cstdint>

@@ -139,7 +139,7 @@ class ReflectionPicture : public PictureShader {
     shading_.parameters = parameters_from<const float>(shading_.shape, parameters_);
     shading_.view = view_from(numbers, 0, 0);
     shading_.exact = exact;
-    char* const room = room_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(reflection_room)(shading_.shape));
+    char* const room = room_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(reflection_room)(shading_));
     RINGLIGHT_CHOSEN_WITH_BF16(reflection_prepare)(shading_, room);
   }
 

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t PIXELS_PER_PIECE = 4096;  // a fraction of a millisecond, and its planes fit the second cache
 
-// What a worker has to itself.
+// What a piece has to itself.
 struct Workplace {
   ReflectionBatch batch;
   PackedSurfaces surfaces;
@@ -55,6 +55,9 @@ void reflection_forward(const ReflectionShape& shape, const ReflectionParameters
   parallel_ranges(pixels, PIXELS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
     for (int c = 0; c < 3; c++)
       std::memcpy(color + c * pixels + begin, buffers.rgb + c * pixels + begin, (end - begin) * sizeof(float));
+    std::size_t first = begin;
+    while (first < end && !covered_lanes(buffers.alpha, first, end, view.faintest)) first += LANES;
+    if (first >= end) return;  // nothing but background
     Arena needed{nullptr};
     lay_out_workplace(shape, needed);
     const Scratch memory(needed.used * sizeof(float));
@@ -63,7 +66,7 @@ void reflection_forward(const ReflectionShape& shape, const ReflectionParameters
     const MatrixUnit unit;
     PackedPixels packed;
     packed.clear();
-    for (std::size_t first = begin; first < end; first += LANES) {
+    for (; first < end; first += LANES) {
       const unsigned on = covered_lanes(buffers.alpha, first, end, view.faintest);
       if (on) packed.add(static_cast<std::int32_t>(first), on);
       if (packed.has_room()) continue;

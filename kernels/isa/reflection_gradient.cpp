@@ -7,16 +7,10 @@
 #include "reflection_batch.hpp"
 #include "scratch.hpp"
 #include "shard_sums.hpp"
+#include "sloped_pixels.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
-
-// Shards: a power of two, so that two, four or eight threads have equal shares, and few for few pixels, because each
-// holds sums as large as the parameters. A function of the number of pixels alone: the order of summation must not
-// depend on the machine.
-int shard_count(std::size_t covered) { return covered <= 1024 ? 1 : covered <= 4096 ? 2 : covered <= 16384 ? 4 : 8; }
-
-alignas(64) const std::int32_t LANE_NUMBERS[LANES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 struct ParameterSums {
   float* maps;              // all levels of all shells, one after another
@@ -217,7 +211,8 @@ void write_gradients(const Backward& pass, const Workplace& place, std::size_t b
     std::memcpy(pass.to.rgb + plane + begin, pass.color_gradient + plane + begin, (end - begin) * sizeof(float));
   }
   for_each_row(pass.scene.shape, pass.to, place.of_values, [&](float* plane, const float* row) {
-    if (row < place.of_values.normal) unpack(row, place.pixels, plane);
+    const bool is_base = row >= place.of_values.rgb && row < place.of_values.rgb + 3 * place.of_values.plane;
+    if (is_base) unpack(row, place.pixels, plane);
     else unpack_over_zeros(row, place.pixels, begin, end, plane);
   });
 }
@@ -238,25 +233,7 @@ void differentiate(const Backward& pass, std::size_t begin, Workplace& place, co
   }
 }
 
-// What a shard does: the drawn pixels from `begin` to `end`, and the planes from `pixel` to `last_pixel`.
-struct Share {
-  std::size_t begin, end, pixel, last_pixel;
-};
-
-// Shares begin with a step: no two of them write to the same one.
-Share share_of(const std::int32_t* drawn, std::size_t count, std::size_t pixels, std::size_t shard,
-               std::size_t shards) {
-  const std::size_t each = (count + shards - 1) / shards;
-  const auto start = [&](std::size_t at) {
-    while (at && at < count && step_of(drawn[at]) == step_of(drawn[at - 1])) at++;
-    return at < count ? at : count;
-  };
-  const std::size_t begin = start(shard * each), end = start((shard + 1) * each);
-  const auto pixel = [&](std::size_t at) { return at < count ? static_cast<std::size_t>(step_of(drawn[at])) : pixels; };
-  return {begin, end, shard ? pixel(begin) : 0, pixel(end)};
-}
-
-void run_shard(const Backward& pass, const Share& share, float* zeroed) {
+void run_shard(const Backward& pass, const ShardRange& range, float* zeroed) {
   const ReflectionShape& shape = pass.scene.shape;
   Arena of_sums{zeroed};
   const ParameterSums sums = lay_out_sums(shape, of_sums);
@@ -268,38 +245,15 @@ void run_shard(const Backward& pass, const Share& share, float* zeroed) {
   Arena scratch{memory.floats()};
   lay_out_workplace(place, shape, scratch);
   const MatrixUnit unit;
-  std::size_t at = share.begin, pixel = share.pixel;
-  while (pixel < share.last_pixel) {
+  std::size_t at = range.begin, pixel = range.pixel;
+  while (pixel < range.last_pixel) {
     place.pixels.clear();
-    const std::size_t next = add_listed(pass.drawn, at, share.end, place.pixels);
+    const std::size_t next = add_listed(pass.drawn, at, range.end, place.pixels);
     if (next > at) differentiate(pass, at, place, sums);
-    const std::size_t next_pixel = next < share.end ? step_of(pass.drawn[next]) : share.last_pixel;
+    const std::size_t next_pixel = next < range.end ? step_of(pass.drawn[next]) : range.last_pixel;
     write_gradients(pass, place, pixel, next_pixel);
     at = next, pixel = next_pixel;
   }
-}
-
-// Lists the pixels that are opaque enough and have a gradient, [3] planes, and its sizes as ColorGradient has them.
-// Returns how many these are; both lists have room for LANES more.
-std::size_t list_sloped(const float* alpha, float faintest, const float* color_gradient, std::size_t pixels,
-                        std::int32_t* list, float* sizes) {
-  std::size_t count = 0;
-  IVec numbers = load_ints(LANE_NUMBERS);
-  for (std::size_t i = 0; i < pixels; i += LANES, numbers = numbers + ivec(LANES)) {
-    unsigned on = covered_lanes(alpha, i, pixels, faintest);
-    if (!on) continue;
-    const std::size_t left = pixels - i;
-    Vec size(0.f);
-    for (int c = 0; c < 3; c++) {
-      const float* const from = color_gradient + c * pixels + i;
-      size = size + abs(left >= LANES ? load(from) : load_first(from, static_cast<int>(left)));
-    }
-    on &= ~bits(both(ge(size, Vec(0.f)), ge(Vec(0.f), size)));  // what is no number is not 0
-    store(sizes + count, pack_lanes(size, on));
-    store(list + count, pack_lanes(numbers, on));
-    count += __builtin_popcount(on);
-  }
-  return count;
 }
 
 void add_up_shards(const ReflectionShape& shape, const Shards& shards, const ReflectionParameters<float>& to) {
@@ -350,7 +304,7 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
   const ReflectionScene scene{shape, parameters, view, tables};
   const Backward pass{scene, transposed, buffers, color_gradient, drawn, weights, buffer_gradients};
   parallel_for(shards, [&](std::size_t shard) {
-    run_shard(pass, share_of(drawn, count, pixels, shard, shards), sums + shard * of_shard.used);
+    run_shard(pass, range_of(drawn, count, pixels, shard, shards), sums + shard * of_shard.used);
   });
   add_up_shards(shape, {sums, of_shard.used, shards}, gradients);
 }

@@ -12,11 +12,12 @@ struct PictureTables : ReflectionTables {
   BytePanels middle;  // from the first hidden layer to the second, if there are two
 };
 
-PictureTables prepare_picture(const ReflectionShape& shape, const ReflectionParameters<const float>& from,
-                              Arena& arena) {
-  PictureTables tables{prepare(shape, from, arena), {}};
-  if (are_bytes<FastBytes> && shape.layers == 3)
-    tables.middle = pack_bytes(from.mlp[1].weight, from.mlp[1].bias, shape.hidden, shape.hidden, arena);
+PictureTables prepare_picture(const ReflectionShading& shading, Arena& arena) {
+  const ReflectionShape& shape = shading.shape;
+  const auto& middle = shading.parameters.mlp[1];
+  PictureTables tables{prepare(shape, shading.parameters, arena), {}};
+  if (are_bytes<FastBytes> && shape.layers == 3 && !shading.exact)
+    tables.middle = pack_bytes(middle.weight, middle.bias, shape.hidden, shape.hidden, arena);
   return tables;
 }
 
@@ -93,16 +94,16 @@ constexpr std::size_t RECORD_FLOATS = (sizeof(PictureTables) / sizeof(float) + L
 
 }  // namespace
 
-std::size_t reflection_room(const ReflectionShape& shape) {
+std::size_t reflection_room(const ReflectionShading& shading) {
   Arena counter{nullptr};
-  prepare_picture(shape, {}, counter);
+  prepare_picture(shading, counter);
   return (RECORD_FLOATS + counter.used) * sizeof(float);
 }
 
 void reflection_prepare(ReflectionShading& shading, void* room) {
   Arena arena{static_cast<float*>(room) + RECORD_FLOATS};
   auto* const tables = static_cast<PictureTables*>(room);
-  *tables = prepare_picture(shading.shape, shading.parameters, arena);
+  *tables = prepare_picture(shading, arena);
   shading.tables = tables;
   ReflectionBatch batch;
   Arena counter{nullptr};

@@ -23,7 +23,8 @@ def shades(training: Training) -> bool:
 
 
 class DirectSeams:
-    """The parts called one after the other, as :class:`ringlight.models.direct.DirectModel` does."""
+    """The parts of :class:`ringlight.models.direct.DirectModel`, called one after the other: shading, too, which that
+    does while it blends, where the shader can."""
 
     raster: Raster
     color: Float[Tensor, "H W 3"]

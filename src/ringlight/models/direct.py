@@ -61,10 +61,9 @@ class DirectModel:
     ) -> Rendering:
         """Tile by tile, while what was blended is in the cache."""
         assert self.shader is not None
-        gaussians, options = self._model.gaussians, self._model.options_with(horizon)
+        gaussians, options, factor = self._model.gaussians, self._model.options_with(horizon), self.color.opacity_factor
         channels = self.color.draw(gaussians, camera)
-        behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
-        factor = self.color.opacity_factor
+        behind = _behind(channels, background)
         raster, color = self.rasterize.draw_shaded(gaussians, channels, camera, behind, tiles, options, factor)
         buffers = self._buffers(raster)
         self.shader.keep(buffers)
@@ -84,7 +83,7 @@ class DirectModel:
     ) -> Rendering:
         """The channels last drawn, blended, "rgb" over the background and the others over nothing; ``color`` is still
         "rgb"."""
-        behind = torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))
+        behind = _behind(channels, background)
         gaussians, options = self._model.gaussians, self._model.options_with(horizon)
         factor, late = self.color.opacity_factor, self.color.late
         assert late is None or horizon is None  # a horizon knows the rows that were lit first alone
@@ -112,3 +111,8 @@ class DirectModel:
         by_geometry, by_channels = self.rasterize.differentiate(by_image, by_alpha)
         by_columns = self.color.differentiate(by_channels, by_geometry)
         return {**by_geometry, **by_columns} | {SHADER_PREFIX + name: gradient for name, gradient in shared.items()}
+
+
+def _behind(channels: Float[Tensor, "N C"], background: Float[Tensor, "3"]) -> Float[Tensor, "C"]:
+    """What the channels are blended over: "rgb" the background, the others nothing."""
+    return torch.nn.functional.pad(background, (0, channels.shape[1] - len(background)))

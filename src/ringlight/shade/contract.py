@@ -47,12 +47,12 @@ class DirectShader(Protocol):
         ...
 
     def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> "_kernels.PictureShader | None":
-        """What gives the bits of :meth:`draw` while a picture is blended; None where there is no use for it. To be told
-        by :meth:`keep` what was blended."""
+        """What gives the bits of :meth:`draw` while a picture is blended; None where there is no use for it."""
         ...
 
     def keep(self, buffers: Channels) -> None:
-        """What :meth:`tiles` was given, in place of :meth:`draw`."""
+        """The blended channels [H W c] and "alpha" [H W 1] of the picture that :meth:`tiles` shaded, as :meth:`draw`
+        would have got them; to be called before :meth:`differentiate`."""
         ...
 
     def differentiate(

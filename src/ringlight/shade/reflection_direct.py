@@ -21,6 +21,7 @@ class DirectReflection:
     def __init__(self, shader: "ReflectionShader"):
         self._shader = shader
         names = {id(parameter): name for name, parameter in shader.named_parameters()}
+        self._planes: list[Tensor] = []
         self._names = [names[id(parameter)] for parameter in shader.kernel_parameters()]
 
     def draw(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
@@ -39,7 +40,7 @@ class DirectReflection:
         self._planes = planes_of(self._job, buffers)
 
     def _begin(self, camera: Camera, background: Float[Tensor, "3"]) -> bool:
-        self._lit = bool(self._shader.lit)
+        self._lit, self._planes = bool(self._shader.lit), []  # those of the view before must not go with this one
         if self._lit:
             self._job, self._parameters = self._shader.job(camera, background), self._shader.kernel_parameters()
         return self._lit
