@@ -1,6 +1,7 @@
 """Shapes are checked during tests only; one thread for torch, so that the suite can run in parallel."""
 
 import os
+from collections.abc import Iterator
 
 import pytest
 
@@ -9,6 +10,15 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 from jaxtyping import install_import_hook
 
 install_import_hook("ringlight", "beartype.beartype")
+
+
+@pytest.fixture
+def all_cores_afterwards() -> Iterator[None]:
+    """For tests that set the kernels' threads."""
+    yield
+    from ringlight import _kernels
+
+    _kernels.set_threads(0)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

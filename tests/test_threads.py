@@ -19,11 +19,7 @@ from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 
-
-@pytest.fixture(autouse=True)
-def _all_cores_afterwards():
-    yield
-    _kernels.set_threads(0)
+pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
 
 def state_after(method: str, steps: int, threads: int) -> dict[str, torch.Tensor]:

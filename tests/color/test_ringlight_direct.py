@@ -22,14 +22,10 @@ from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.horizon import Horizon
 
+pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
+
 CAMERA = workload_camera(96, turn_y=0.3)
 WHITE = torch.ones(3)
-
-
-@pytest.fixture(autouse=True)
-def _all_cores_afterwards():
-    yield
-    _kernels.set_threads(0)
 
 
 def ball(opacity: float, **light: object) -> tuple[SplatModel, DirectModel, DirectRingLight]:

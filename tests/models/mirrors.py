@@ -13,6 +13,9 @@ from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 
 WHITE = torch.ones(3)
+LIKE_TRAINED = 0.47
+"""Times the width, the last layer's: residuals are then a quarter of the colours' range, root mean square, whether it is
+32 or 64."""
 
 
 def mirror(size: str = "600@96", **shader: object) -> SplatModel:
@@ -30,7 +33,7 @@ def mirror(size: str = "600@96", **shader: object) -> SplatModel:
                 parameter.copy_(1 + 0.3 * torch.randn(parameter.shape, generator=torch.Generator().manual_seed(4)))
         model.get_parameter("columns.normals").copy_(torch.randn(len(model), 3, generator=drawn))
         last = f"shader.mlp.{2 * recipe.shader.hidden_layers}.weight"
-        model.get_parameter(last).mul_(30)
+        model.get_parameter(last).mul_(LIKE_TRAINED * recipe.shader.hidden)
     return model.eval()
 
 

@@ -8,19 +8,16 @@ from mirrors import WHITE, mirror, view
 from torch import Tensor
 
 from ringlight import _kernels
+from ringlight.core.camera import Camera
 from ringlight.errors import BackendError
 from ringlight.models.direct import DirectModel
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.horizon import Horizon
 
+pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
+
 SIZES = [(96, 96), (8, 8), (33, 70), (97, 5), (5, 97)]
 """Some cut tiles and blocks; some are narrower than what the shader's kernel takes at a time."""
-
-
-@pytest.fixture(autouse=True)
-def _all_cores_afterwards():
-    yield
-    _kernels.set_threads(0)
 
 
 def direct(model: SplatModel) -> DirectModel:
@@ -33,6 +30,20 @@ def direct(model: SplatModel) -> DirectModel:
 def upstream(width: int, height: int) -> Tensor:
     drawn = torch.randn(3, height, width, generator=torch.Generator().manual_seed(1))
     return drawn.permute(1, 2, 0)
+
+
+def step(found: DirectModel, camera: Camera, horizon: Horizon | None = None) -> tuple[Tensor, dict[str, Tensor]]:
+    """Picture and gradients, which the next step leaves alone."""
+    color = found.render(camera, WHITE, horizon).color
+    gradients = found.differentiate(upstream(camera.width, camera.height))
+    return color, {name: torch.as_tensor(gradient).clone() for name, gradient in gradients.items()}
+
+
+def same(one: tuple[Tensor, dict[str, Tensor]], other: tuple[Tensor, dict[str, Tensor]]) -> None:
+    assert torch.equal(one[0], other[0])
+    assert one[1].keys() == other[1].keys()
+    for name, gradient in one[1].items():
+        assert torch.equal(gradient, other[1][name]), name
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -48,11 +59,10 @@ def test_picture_and_gradients_have_the_bits_of_autograd(size: tuple[int, int], 
     for name, buffer in expected.buffers.items():
         assert torch.equal(drawn.buffers[name], buffer), name
     gradients = found.differentiate(upstream(*size))
-    shared = {name: p.grad for name, p in model.named_parameters() if name.startswith("shader.")}
-    assert shared
-    for name, gradient in shared.items():
-        assert torch.equal(gradients[name], gradient), name
-    assert torch.equal(gradients["means"], model.columns["means"].grad)
+    parameters = {name.removeprefix("columns."): p.grad for name, p in model.named_parameters() if p.grad is not None}
+    assert parameters.keys() == gradients.keys()
+    for name, gradient in parameters.items():
+        assert torch.equal(torch.as_tensor(gradients[name]), gradient), name
 
 
 def test_shading_later_gives_the_same_bits():
@@ -71,29 +81,60 @@ def test_no_block_ends_early_where_gradients_are_wanted():
     assert not torch.equal(model.eval().picture(view(), WHITE).alpha, model.render(view(), WHITE).alpha)
 
 
-def test_a_horizon_changes_no_bit():
+@pytest.mark.parametrize("now", [3.0, 1.5, -1.0])
+def test_a_horizon_changes_no_bit(now: float):
+    """Nor where the surface that it remembers is not opaque any more, so that tiles are blended again."""
     model, horizon = mirror("20k@96"), Horizon()
     camera = dataclasses.replace(view(), focal=tuple(4 * length for length in view().focal))  # no background
     with torch.no_grad():
         model.columns["opacity_logits"].fill_(3.0)
         model.columns["log_scales"] += 0.7  # until whole tiles are opaque
     found = direct(model)
-    expected = found.render(camera, WHITE)
-    for _ in range(2):
-        drawn = found.render(camera, WHITE, horizon)
-        assert torch.equal(drawn.color, expected.color)
-    assert horizon.depths.isfinite().any()
+    found.render(camera, WHITE, horizon)
+    with torch.no_grad():
+        model.columns["opacity_logits"].fill_(now)
+    with_one = step(found, camera, horizon)
+    hidden, again = found.rasterize._workspace.beyond_horizon
+    assert hidden > 0
+    assert (again > 0) == (now < 0)
+    same(with_one, step(found, camera))
 
 
 def test_the_same_bits_for_any_number_of_threads():
-    model, results = mirror("3000@96"), []
+    found, results = direct(mirror("3000@96")), []
     for threads in (1, 3):
         _kernels.set_threads(threads)
-        found = direct(model)
-        color = found.render(view(), WHITE).color
-        gradients = found.differentiate(upstream(96, 96))
-        results.append([color, *(torch.as_tensor(gradients[name]) for name in ("means", "shader.mlp.0.weight"))])
-    assert all(torch.equal(one, other) for one, other in zip(*results, strict=True))
+        results.append(step(found, view()))
+    same(*results)
+
+
+@pytest.mark.parametrize("where", ["beside it", "no Gaussians"])
+def test_where_there_is_nothing_the_background_is_seen(where: str):
+    model, camera = mirror("600@96"), view(70, 33)
+    if where == "beside it":
+        with torch.no_grad():
+            model.columns["means"] += 1000 * camera.position
+    else:
+        model.load_columns({name: column[:0] for name, column in model.columns.items()})
+    color, gradients = step(direct(model), camera)
+    assert torch.equal(color, WHITE.expand_as(color))
+    assert gradients
+    assert not any(gradient.count_nonzero() for gradient in gradients.values())
+
+
+def test_what_was_blended_goes_with_a_shader():
+    """And both with planes of the right size: the compiled rasterizer writes where it is told."""
+    found, camera = direct(mirror("50@96")), view(40, 30)
+    found.render(camera, WHITE)
+    raster = found.rasterize
+    tiles = found.shader.tiles(camera, WHITE)
+    for shader, planes in (
+        (None, torch.empty(11, 30, 40)),
+        (tiles, torch.empty(11, 30, 39)),
+        (tiles, torch.empty(10, 30, 40)),
+    ):
+        with pytest.raises(ValueError, match="what was blended goes with a shader"):
+            raster._job.draw(raster._workspace, raster._table, shader=shader, blended=planes)
 
 
 def test_before_the_shader_is_lit_the_base_color_is_shown():

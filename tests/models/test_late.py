@@ -18,16 +18,12 @@ from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.horizon import Horizon
 
+pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
+
 DIM = 1 / 64
 """What may still show through the pixels of a block that ends; DIM in kernels/raster.hpp."""
 ROUNDING = 1e-6
 WHITE = torch.ones(3)
-
-
-@pytest.fixture(autouse=True)
-def _all_cores_afterwards():
-    yield
-    _kernels.set_threads(0)
 
 
 def lit_model(size: str, opacity: float, **light: object) -> SplatModel:

@@ -13,18 +13,14 @@ from ringlight.errors import BackendError
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.horizon import Horizon
 
+pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
+
 IN_BYTES = _kernels.isa() in ("avx512", "avx512_bf16")
 """Whether the layer between two hidden ones multiplies bytes here: all else has the same bits."""
 ROUNDING_OF_BYTES = 0.02
 """Of the largest residual; a trained one is a third of the range of colours at most."""
 DIM = 1 / 64
 """What may still show through the pixels of a block that ends; DIM in kernels/raster.hpp."""
-
-
-@pytest.fixture(autouse=True)
-def _all_cores_afterwards():
-    yield
-    _kernels.set_threads(0)
 
 
 def opaque(model: SplatModel, opacity: float) -> None:
@@ -59,7 +55,7 @@ OTHERS: tuple[dict[str, object], ...] = (
 @pytest.mark.parametrize("shader", [{}, *OTHERS])
 def test_tiles_are_shaded_as_planes_are(shader: dict[str, object]):
     tiles, planes, residual = both(mirror(**shader), view())
-    assert residual.std() > 0.03
+    assert residual.std() > 0.015  # steps of 8 bits are 0.004
     if IN_BYTES:
         assert not torch.equal(tiles, planes)
         assert (tiles - planes).abs().max() < ROUNDING_OF_BYTES * residual.abs().max()
@@ -74,9 +70,10 @@ def test_without_a_second_hidden_layer_they_have_the_same_bits(size: tuple[int, 
     assert torch.equal(tiles, planes)
 
 
+@pytest.mark.parametrize("hidden", [32, 64])
 @pytest.mark.parametrize("turn", [0.0, 1.0, 2.0])
-def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float):
-    model = mirror("20k@96", hidden=64)
+def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float, hidden: int):
+    model = mirror("20k@96", hidden=hidden)
     opaque(model, 0.6)
     with torch.no_grad():
         tiles, planes = model.picture(view(turn=turn), WHITE), model.render(view(turn=turn), WHITE)

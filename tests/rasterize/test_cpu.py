@@ -3,7 +3,6 @@
 import gc
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -16,6 +15,8 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import BackendError
 
+pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
+
 _kernels = pytest.importorskip("ringlight._kernels", reason="needs the compiled module")
 cpu = pytest.importorskip("ringlight.rasterize.cpu", reason="needs the compiled module")
 
@@ -23,12 +24,6 @@ cpu = pytest.importorskip("ringlight.rasterize.cpu", reason="needs the compiled 
 @pytest.fixture
 def rasterizer() -> "cpu.CpuRasterizer":
     return cpu.CpuRasterizer()
-
-
-@pytest.fixture(autouse=True)
-def _all_cores_afterwards() -> Iterator[None]:
-    yield
-    _kernels.set_threads(0)
 
 
 def crowd(seed: int, count: int = 3000, channels: int = 3, size: tuple[int, int] = (150, 110)) -> Case:
