@@ -14,8 +14,8 @@ from ringlight.rasterize.choose import rasterizer_for
 
 WHITE = torch.ones(3)
 LIKE_TRAINED = 0.47
-"""Times the width, the last layer's: residuals are then a quarter of the colours' range, root mean square, whether it is
-32 or 64."""
+"""Times the width, the last layer's weights: residuals are then a quarter of the colours' range, root mean square,
+whether it is 32 or 64."""
 
 
 def mirror(size: str = "600@96", **shader: object) -> SplatModel:
