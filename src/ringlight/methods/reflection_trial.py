@@ -37,7 +37,7 @@ FEWEST_VIEWS = 12
 """Of fewer photographs a hull is a rough guess, and the rest too few to judge by."""
 
 LEAST_GAIN = 1.0
-"""dB, from which on a scene counts as reflecting. Matte scenes gained at most 0.4, mirrors and coats at least 1.6."""
+"""dB, from which on a scene counts as reflecting. Matte scenes gained at most 0.4, mirrors and coats at least 1.5."""
 
 
 @dataclass(frozen=True)
