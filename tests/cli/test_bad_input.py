@@ -195,6 +195,8 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
     refused(ringlight("train", tiny, "nonsense", *out), 2, "nonsense", "ringlight-paper")
     refused(ringlight("train", tiny, "3dgs", "--stesp", "3", *out), 2, "--stesp", "perhaps you meant --steps")
     refused(ringlight("train", "--step", "3", tiny, "3dgs", *out), 2, "--step;", "perhaps you meant --steps")
+    refused(ringlight("train", tiny, "--steps", "3", "3dgs", *out), 2, "--steps is a method's and goes behind its name")
+    refused(ringlight("train", tiny, "--steps", "3", *out), 2, "--steps is a method's and goes behind its name")
     refused(ringlight("train", tiny, "ringlight", "--rank", "3", *out), 2, "perhaps you meant --light.ring.rank")
     refused(ringlight("train", tiny, "3dgs", "--steps", "many", *out), 2, "--steps", "whole number")
     refused(ringlight("train", tiny, "3dgs", "--warmup", "0.1", *out), 2, "--warmup", "ringlight")

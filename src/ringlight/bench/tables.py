@@ -137,13 +137,16 @@ def step_tables(record: StepBench) -> Iterator[Block]:
     yield Text(f"{record.image} pixels, {record.rasterizer} rasterizer, methods in turns", style="dim")
     yield from _circumstances(record.circumstances)
     table = _table("method", "Gaussians", "ms", "CPU ms", "best ms", "it/s", "times the first", "floor")
+    busy, first = record.circumstances.is_busy, record.rows[0].whole
     for row in record.rows:
         times = (_ms(time) for time in (row.whole.wall_ms, row.whole.cpu_ms, row.whole.best_ms))
-        ratio = row.whole.wall_ms / max(record.rows[0].whole.wall_ms, SHORTEST_MS)
-        floor = "-" if row.wall_floor_ratio is None else f"{row.wall_floor_ratio:.2f}"
+        ratio = (row.whole.cpu_ms, first.cpu_ms) if busy else (row.whole.wall_ms, first.wall_ms)
+        above = row.cpu_floor_ratio if busy else row.wall_floor_ratio
+        floor = "-" if above is None else f"{above:.2f}"
         rate = f"{1e3 / max(row.whole.wall_ms, SHORTEST_MS):,.0f}"
-        table.add_row(row.method, f"{row.gaussians:,}", *times, rate, f"{ratio:.2f}", floor)
+        table.add_row(row.method, f"{row.gaussians:,}", *times, rate, f"{_times(*ratio):.2f}", floor)
     yield table
+    yield from _what_ratios_are_of(busy)
     yield from (_stage_table(row) for row in record.rows)
     yield Text("floor: times its rasterizer, loss and Adam kernels alone", style="dim")
 
@@ -168,14 +171,25 @@ def fps_tables(record: FpsBench) -> Iterator[Block]:
     """Frames a second."""
     yield Text(f"frames per second of the {record.rasterizer} rasterizer, medians over passes", style="bold")
     yield from _circumstances(record.circumstances)
-    first = {row.size.name: row for row in reversed(record.rows)}
+    first, busy = {row.size.name: row for row in reversed(record.rows)}, record.circumstances.is_busy
     table = _table("size", "method", "FPS", "ms", "CPU ms", "best ms", "times the first")
     for row in record.rows:
         times = (_ms(1e3 * seconds) for seconds in (row.wall_seconds, row.cpu_seconds, row.best_seconds))
-        ratio = row.wall_seconds / max(first[row.size.name].wall_seconds, SHORTEST_MS / 1e3)
-        table.add_row(row.size.name, row.method, f"{row.fps:,.1f}", *times, f"{ratio:.2f}")
+        other = first[row.size.name]
+        ratio = (row.cpu_seconds, other.cpu_seconds) if busy else (row.wall_seconds, other.wall_seconds)
+        table.add_row(row.size.name, row.method, f"{row.fps:,.1f}", *times, f"{_times(*ratio):.2f}")
     yield table
+    yield from _what_ratios_are_of(busy)
     yield Text(record.rows[0].note if record.rows else "", style="dim")
+
+
+def _times(time: float, first: float) -> float:
+    return time / max(first, SHORTEST_MS / 1e3)
+
+
+def _what_ratios_are_of(busy: bool) -> Iterator[Text]:
+    if busy:
+        yield Text("ratios are of CPU times, since the machine is busy", style="yellow")
 
 
 def _circumstances(now: Circumstances) -> Iterator[Text]:

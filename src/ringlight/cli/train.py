@@ -61,15 +61,14 @@ class ResumeArguments:
 
 
 RESUMED = {"--resume"} | flags_of(ReaderOptions)
-KNOWN = (flags_of(TrainArguments) | flags_of(ReaderOptions) | flags_of(SceneOptions) | {"--help"}).union(
-    *(flags_of(recipe, in_pairs=True) for recipe in METHODS.values())
-)
+OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(ReaderOptions) | flags_of(SceneOptions) | {"--help"}
+KNOWN = OF_ANY_METHOD.union(*(flags_of(recipe, in_pairs=True) for recipe in METHODS.values()))
 """Flags of any method: which of them goes with which is for the parser to say."""
 
 
 def main(arguments: list[str]) -> int:
     """Train, then measure; returns the exit code."""
-    _refuse_unknown_flags(arguments)
+    _refuse_unknown_and_misplaced_flags(arguments)
     return _resume(arguments) if "--resume" in flags_in(arguments) else _start(arguments)
 
 
@@ -123,12 +122,17 @@ def _resume(arguments: list[str]) -> int:
     return 0
 
 
-def _refuse_unknown_flags(arguments: list[str]) -> None:
-    """The parser would take the value of an unknown flag for the scene, and complain of that."""
+def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
+    """The parser would take the value of an unknown flag for the scene, and complain of that; of one that stands
+    before its method it would say that it does not know it."""
     for flag in flags_in(arguments):
         if flag not in KNOWN:
             meant = near(flag, KNOWN)
             refuse("train", f"not understood: {flag}" + (f"; perhaps you meant {meant}" if meant else ""))
+    at = next((place for place, word in enumerate(arguments) if word in METHODS), len(arguments))
+    for flag in flags_in(arguments[:at]):
+        if flag not in OF_ANY_METHOD and "--resume" not in flags_in(arguments):
+            refuse("train", f"{flag} is a method's and goes behind its name: ringlight train SCENE METHOD {flag} …")
 
 
 def _train(session: "Session", options: ReaderOptions) -> int:
