@@ -1,15 +1,11 @@
 """The staged step is the loop's step: the same bits in every parameter; repeating it changes nothing."""
 
-from dataclasses import replace
-
 import pytest
 import torch
-from rich.table import Table
 
 from ringlight.bench.staged_step import StagedStep
-from ringlight.bench.step import Photographs, StepBench, StepRow, bench_step, subject_of_scene, subject_of_workload
-from ringlight.bench.tables import step_tables
-from ringlight.bench.timing import TOTAL, Budget, Timing
+from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
+from ringlight.bench.timing import TOTAL, Budget
 from ringlight.bench.workload import Size
 from ringlight.data.bundled import bundled_scene
 from ringlight.errors import RecipeError
@@ -107,17 +103,3 @@ def test_photographs_of_different_sizes_are_refused(circumstances):
     whole = subject_of_photographs("ringlight-mirror", after=1, steps=2000)
     with pytest.raises(RecipeError, match=r"different sizes at that step \(3dgs .*, ringlight-mirror 200x200\)"):
         bench_step([coarse, whole], Budget(rounds=1, seconds=60.0), circumstances)
-
-
-def test_on_a_busy_machine_ratios_are_of_processor_times(circumstances):
-    """Wall times would then compare what others did meanwhile."""
-    timings = [Timing(wall_ms=40.0, cpu_ms=10.0, best_ms=9.0), Timing(wall_ms=30.0, cpu_ms=25.0, best_ms=24.0)]
-    rows = tuple(StepRow(str(i), 20, time, time, {}, {}, 1.25, 1.5) for i, time in enumerate(timings))
-    busy = replace(circumstances, load=circumstances.machine.cores + 5.0)
-    for now, ratio, floor in ((circumstances, "0.75", "1.25"), (busy, "2.50", "1.50")):
-        blocks = list(step_tables(StepBench(now, "a scene", "cpu", "8x8", rows)))
-        table = next(block for block in blocks if isinstance(block, Table))
-        times, floors = ([*column.cells] for column in table.columns[-2:])
-        assert times == ["1.00", ratio]
-        assert floors == [floor, floor]
-        assert any("ratios are of CPU times" in str(block) for block in blocks) == (now is busy)

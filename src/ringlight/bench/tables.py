@@ -136,19 +136,18 @@ def step_tables(record: StepBench) -> Iterator[Block]:
     yield Text(f"one training step on {record.scene}, medians", style="bold")
     yield Text(f"{record.image} pixels, {record.rasterizer} rasterizer, methods in turns", style="dim")
     yield from _circumstances(record.circumstances)
-    table = _table("method", "Gaussians", "ms", "CPU ms", "best ms", "it/s", "times the first", "floor")
-    busy, first = record.circumstances.is_busy, record.rows[0].whole
+    table = _table("method", "Gaussians", "ms", "CPU ms", "best", "it/s", "times", "CPU", "floor", "CPU")
+    first = record.rows[0].whole
     for row in record.rows:
-        times = (_ms(time) for time in (row.whole.wall_ms, row.whole.cpu_ms, row.whole.best_ms))
-        ratio = (row.whole.cpu_ms, first.cpu_ms) if busy else (row.whole.wall_ms, first.wall_ms)
-        above = row.cpu_floor_ratio if busy else row.wall_floor_ratio
-        floor = "-" if above is None else f"{above:.2f}"
-        rate = f"{1e3 / max(row.whole.wall_ms, SHORTEST_MS):,.0f}"
-        table.add_row(row.method, f"{row.gaussians:,}", *times, rate, f"{_times(*ratio):.2f}", floor)
+        whole = row.whole
+        rate = f"{1e3 / max(whole.wall_ms, SHORTEST_MS):,.0f}"
+        times = (_times(whole.wall_ms, first.wall_ms), _times(whole.cpu_ms, first.cpu_ms))
+        floors = ("-" if ratio is None else f"{ratio:.2f}" for ratio in (row.wall_floor_ratio, row.cpu_floor_ratio))
+        spent = (_ms(time) for time in (whole.wall_ms, whole.cpu_ms, whole.best_ms))
+        table.add_row(row.method, f"{row.gaussians:,}", *spent, rate, *times, *floors)
     yield table
-    yield from _what_ratios_are_of(busy)
     yield from (_stage_table(row) for row in record.rows)
-    yield Text("floor: times its rasterizer, loss and Adam kernels alone", style="dim")
+    yield Text("times: the first method's; floor: its own rasterizer, loss and Adam kernels'", style="dim")
 
 
 def _stage_table(row: StepRow) -> Table:
@@ -171,25 +170,20 @@ def fps_tables(record: FpsBench) -> Iterator[Block]:
     """Frames a second."""
     yield Text(f"frames per second of the {record.rasterizer} rasterizer, medians over passes", style="bold")
     yield from _circumstances(record.circumstances)
-    first, busy = {row.size.name: row for row in reversed(record.rows)}, record.circumstances.is_busy
-    table = _table("size", "method", "FPS", "ms", "CPU ms", "best ms", "times the first")
+    table = _table("size", "method", "FPS", "ms", "CPU ms", "best", "times", "CPU")
+    firsts = {row.size.name: row for row in reversed(record.rows)}
     for row in record.rows:
-        times = (_ms(1e3 * seconds) for seconds in (row.wall_seconds, row.cpu_seconds, row.best_seconds))
-        other = first[row.size.name]
-        ratio = (row.cpu_seconds, other.cpu_seconds) if busy else (row.wall_seconds, other.wall_seconds)
-        table.add_row(row.size.name, row.method, f"{row.fps:,.1f}", *times, f"{_times(*ratio):.2f}")
+        first = firsts[row.size.name]
+        wall, cpu, best = (1e3 * seconds for seconds in (row.wall_seconds, row.cpu_seconds, row.best_seconds))
+        times = (_times(wall, 1e3 * first.wall_seconds), _times(cpu, 1e3 * first.cpu_seconds))
+        table.add_row(row.size.name, row.method, f"{row.fps:,.1f}", _ms(wall), _ms(cpu), _ms(best), *times)
     yield table
-    yield from _what_ratios_are_of(busy)
+    yield Text("times: the first method's at that size", style="dim")
     yield Text(record.rows[0].note if record.rows else "", style="dim")
 
 
-def _times(time: float, first: float) -> float:
-    return time / max(first, SHORTEST_MS / 1e3)
-
-
-def _what_ratios_are_of(busy: bool) -> Iterator[Text]:
-    if busy:
-        yield Text("ratios are of CPU times, since the machine is busy", style="yellow")
+def _times(ms: float, first_ms: float) -> str:
+    return f"{ms / max(first_ms, SHORTEST_MS):.2f}"
 
 
 def _circumstances(now: Circumstances) -> Iterator[Text]:
