@@ -129,9 +129,11 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
         if flag not in KNOWN:
             meant = near(flag, KNOWN)
             refuse("train", f"not understood: {flag}" + (f"; perhaps you meant {meant}" if meant else ""))
+    if "--resume" in flags_in(arguments):
+        return
     at = next((place for place, word in enumerate(arguments) if word in METHODS), len(arguments))
     for flag in flags_in(arguments[:at]):
-        if flag not in OF_ANY_METHOD and "--resume" not in flags_in(arguments):
+        if flag not in OF_ANY_METHOD:
             refuse("train", f"{flag} is a method's and goes behind its name: ringlight train SCENE METHOD {flag} …")
 
 
