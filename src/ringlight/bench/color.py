@@ -13,8 +13,11 @@ from ringlight.color.contract import ColorModel
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.ringlight import RingLight
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradients
 from ringlight.core.randomness import generator
+from ringlight.core.rendering import Emission
 from ringlight.core.scene import PointCloud
+from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.methods.ringlight import OURS, PAPER
 from ringlight.models.splats import move
@@ -27,7 +30,7 @@ SHOW, FORWARD, BACKWARD = "show", "forward", "backward"
 
 @dataclass(frozen=True)
 class ColorRow:
-    """One colour model on N Gaussians. ``show`` records no gradient, as in rendering; ``both`` is a training step's."""
+    """One colour model on N Gaussians. ``show`` wants no gradient, as in rendering; ``both`` is a training step's."""
 
     model: str
     gaussians: int
@@ -80,23 +83,25 @@ class _Colors:
     def __init__(self, model: ColorModel, work: Workload, seed: int, device: torch.device):
         appearance = model.new_columns(PointCloud(work.gaussians.means, work.channels))
         columns = work.gaussians.columns() | appearance
-        copies = {name: column.to(device, copy=True).requires_grad_() for name, column in columns.items()}
-        self.gaussians = Gaussians.from_columns(copies)
+        self.gaussians = Gaussians.from_columns({name: c.to(device, copy=True) for name, c in columns.items()})
         self.model, self.camera = model, work.camera
-        shared = list(model.parameters()) if isinstance(model, nn.Module) else []
-        self.leaves = [*self.gaussians.columns().values(), *shared]
         self.upstream = torch.randn(work.channels.shape, generator=generator(seed, 0, "colour gradient")).to(device)
+        self.of_opacity = torch.zeros_like(self.gaussians.opacity_logits)
 
     def show(self) -> None:
-        with torch.no_grad():
-            self.model.channels(self.gaussians, self.camera)
+        self._emitted(Want.EXACT)
 
     def forward(self) -> None:
-        self.colors = self.model.channels(self.gaussians, self.camera)["rgb"]
+        self.emission = self._emitted(Want.GRADIENTS)
 
     def backward(self) -> None:
-        # Geometry has no gradient in some models, masks act on the opacity.
-        torch.autograd.grad(self.colors, self.leaves, self.upstream, allow_unused=True)
+        of_opacity = None if self.emission.opacity_factor is None else self.of_opacity
+        self.emission.backward(self.upstream, of_opacity, Gradients())
+
+    def _emitted(self, want: Want) -> Emission:
+        emission = self.model.emit(self.gaussians, self.camera, ("rgb",), want)
+        assert len(emission.channels)  # so that lazy colours are worked out
+        return emission
 
 
 def _rows(models: dict[str, ColorModel], count: int, budget: Budget, seed: int, device: torch.device) -> list[ColorRow]:

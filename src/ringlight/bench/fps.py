@@ -11,6 +11,7 @@ from ringlight.bench.record import Circumstances
 from ringlight.bench.step import subject_of_workload
 from ringlight.bench.timing import SHORTEST_MS, Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload_camera
+from ringlight.core.want import Want
 from ringlight.measure.speed import device_name
 from ringlight.rasterize.contract import Rasterizer
 
@@ -73,7 +74,7 @@ def _pass(method: str, recipe: Any, size: Size, rasterize: Rasterizer, seed: int
 
     def show() -> None:
         for camera in cameras:
-            model.picture(camera, background)
+            model.render(camera, background, Want.PICTURE)
 
     return show
 

@@ -1,17 +1,18 @@
-"""Speed of the reflection shader on a ball that covers a given number of pixels, beside its slow twin in torch."""
+"""Speed of the reflection shader on a ball that covers a given number of pixels, beside its reference in torch."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
 
 from ringlight.bench.record import Circumstances
 from ringlight.bench.timing import TOTAL, Budget, Contestant, Timing, interleaved
 from ringlight.core.camera import Camera
+from ringlight.core.gradients import Gradients
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import Channels
+from ringlight.core.rendering import Channels, Shaded
+from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -26,8 +27,8 @@ SHOW, FORWARD, BACKWARD = "show", "forward", "backward"
 
 @dataclass(frozen=True)
 class ShadeRow:
-    """One width on one ball. ``show`` records no gradient, as in rendering; ``both`` is a training step's; ``twin`` the
-    same in torch."""
+    """One width on one ball. ``show`` records no gradient, as in rendering; ``both`` is a training step's; ``reference``
+    the same in torch."""
 
     hidden: int
     covered: int
@@ -35,7 +36,7 @@ class ShadeRow:
     forward: Timing
     backward: Timing
     both: Timing
-    twin: Timing
+    reference: Timing
 
     @property
     def nanoseconds_per_pixel(self) -> float:
@@ -80,30 +81,35 @@ def _row(settings: ReflectionSettings, covered: int, budget: Budget, seed: int) 
     camera = Camera(torch.eye(4), (focal, focal), (middle, middle), PIXELS, PIXELS)
     box = torch.tensor([[-1.0, -1.0, DISTANCE - 1], [1.0, 1.0, DISTANCE + 1]])
     shader, background = ReflectionShader(settings, box, seed), torch.ones(3)
-    leaves = {name: b.requires_grad_() for name, b in ball(camera, covered, settings.latents, seed).items()}
-    by = [leaf for name, leaf in leaves.items() if name != "depth"] + list(shader.parameters())
+    buffers = ball(camera, covered, settings.latents, seed)
+    image = torch.cat([buffers[name].permute(2, 0, 1) for name in shader.needs]).permute(1, 2, 0)
     upstream = torch.randn(3, PIXELS, PIXELS, generator=generator(seed, 0, "upstream")).permute(1, 2, 0)
 
-    def stages(shade: Callable[[Channels, Camera, Tensor], Tensor]) -> dict[str, Callable[[], object]]:
-        colors: list[Tensor] = []
+    def stages(shade: Callable[[], Shaded]) -> dict[str, Callable[[], object]]:
+        shaded: list[Shaded] = []
         return {
-            FORWARD: lambda: colors.append(shade(leaves, camera, background)),
-            BACKWARD: lambda: torch.autograd.grad(colors.pop(), by, upstream),
+            FORWARD: lambda: shaded.append(shade()),
+            BACKWARD: lambda: shaded.pop().backward(upstream, Gradients()),
         }
 
-    show = torch.no_grad()(lambda: shader.shade(leaves, camera, background))
+    def native(want: Want) -> Shaded:
+        return shader.shade(image, buffers["alpha"], camera, background, want)
+
+    def by_torch() -> Shaded:
+        return shader.shaded_by_torch(image, buffers["alpha"], camera, background, Want.GRADIENTS)
+
     contestants = {
-        SHOW: Contestant({SHOW: show}),
-        "kernel": Contestant(stages(shader.shade)),
-        "twin": Contestant(stages(shader.twin)),
+        SHOW: Contestant({SHOW: lambda: native(Want.EXACT)}),
+        "kernel": Contestant(stages(lambda: native(Want.GRADIENTS))),
+        "reference": Contestant(stages(by_torch)),
     }
     timings = interleaved(contestants, budget)
     return ShadeRow(
         hidden=settings.hidden,
-        covered=int((leaves["alpha"] > 0).sum()),
+        covered=int((buffers["alpha"] > 0).sum()),
         show=timings[SHOW][SHOW],
         forward=timings["kernel"][FORWARD],
         backward=timings["kernel"][BACKWARD],
         both=timings["kernel"][TOTAL],
-        twin=timings["twin"][TOTAL],
+        reference=timings["reference"][TOTAL],
     )

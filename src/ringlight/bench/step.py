@@ -12,39 +12,36 @@ import torch
 from ringlight.bench.kernels_alone import AdamKernel, LossKernel, RasterKernel, gradients_like
 from ringlight.bench.raster import NATIVE
 from ringlight.bench.record import Circumstances
-from ringlight.bench.staged_step import StagedStep
+from ringlight.bench.stopwatch import Stopwatch
 from ringlight.bench.timing import SHORTEST_MS, TOTAL, Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload, workload_scene
 from ringlight.core.gaussians import GEOMETRY
-from ringlight.core.rendering import OPACITY_FACTOR
+from ringlight.core.want import Want
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.fit.train import Training, train
-from ringlight.models.parts import joined
 from ringlight.models.splats import COLUMNS_PREFIX
 from ringlight.rasterize.contract import Rasterizer
 
 SCHEDULED_STEP = 7_501
 """The workload's step: densification counts pulls, as in half of a run, but edits no rows at this one."""
 
-WHOLE, STAGED, KERNELS = "whole", "staged", "kernels"
+WHOLE, KERNELS = "whole", "kernels"
 
 
 @dataclass(frozen=True)
 class StepRow:
     """One method's step.
 
-    ``whole`` is the step of the training loop; ``stages`` are the same work cut at its seams, each timed alone, whose
-    sum is ``staged``; colours that come late are part of "raster forward". ``kernels`` are the floor: the compiled
-    rasterizer, loss and Adam on the same inputs, called alone. The floor ratios are whole over their sum; without the
-    CPU's rasterizer there is no such floor.
+    ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs; what they leave is the
+    loop's own. ``kernels`` are the floor: the compiled rasterizer, loss and Adam on the same inputs, called alone. The
+    floor ratios are whole over their sum; without the CPU's rasterizer there is no such floor.
     """
 
     method: str
     gaussians: int
     whole: Timing
-    staged: Timing
     stages: dict[str, Timing]
     kernels: dict[str, Timing]
     wall_floor_ratio: float | None
@@ -136,10 +133,11 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
     if len(set(images)) > 1:
         sizes = ", ".join(f"{subject.method} {image}" for subject, image in zip(subjects, images, strict=True))
         raise RecipeError(f"photographs are of different sizes at that step ({sizes}); give a later --after")
+    watches = [Stopwatch(subject.training) for subject in subjects]
     contestants = {
         (subject.method, part): contestant
-        for subject in subjects
-        for part, contestant in _contestants_of(subject).items()
+        for subject, watch in zip(subjects, watches, strict=True)
+        for part, contestant in _contestants_of(subject, watch).items()
     }
     timings = interleaved(contestants, Budget(budget.rounds, budget.seconds * len(subjects)))
     first = subjects[0]
@@ -148,33 +146,34 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
         scene=first.scene,
         rasterizer=first.training.model.rasterize.name,
         image=images[0],
-        rows=tuple(_row(subject, timings) for subject in subjects),
+        rows=tuple(_row(subject, watch, timings) for subject, watch in zip(subjects, watches, strict=True)),
     )
 
 
-def _contestants_of(subject: Subject) -> dict[str, Contestant]:
+def _contestants_of(subject: Subject, watch: Stopwatch) -> dict[str, Contestant]:
     training = subject.training
     put_back = _snapshot(training)
-    contestants = {
-        WHOLE: Contestant({WHOLE: lambda: next(train(training))}, put_back),
-        STAGED: Contestant(StagedStep(training, subject.step).stages(), put_back),
-    }
+
+    def one_step() -> None:
+        next(train(training))
+        watch.end_round()
+
+    contestants = {WHOLE: Contestant({WHOLE: one_step}, put_back)}
     if training.model.rasterize.name == NATIVE:
-        # Put back as well, though nothing has changed: caches are then as cold for all three.
+        # Put back as well, though nothing has changed: caches are then as cold for both.
         contestants[KERNELS] = Contestant(_kernels_alone(subject), put_back)
     return contestants
 
 
-def _row(subject: Subject, timings: dict[tuple[str, str], dict[str, Timing]]) -> StepRow:
-    whole, stages = timings[subject.method, WHOLE][WHOLE], timings[subject.method, STAGED]
+def _row(subject: Subject, watch: Stopwatch, timings: dict[tuple[str, str], dict[str, Timing]]) -> StepRow:
+    whole = timings[subject.method, WHOLE][WHOLE]
     kernels = timings.get((subject.method, KERNELS), {})
     floor = kernels.get(TOTAL)
     return StepRow(
         method=subject.method,
         gaussians=len(subject.training.model),
         whole=whole,
-        staged=stages[TOTAL],
-        stages={name: timing for name, timing in stages.items() if name != TOTAL},
+        stages=watch.timings(),
         kernels=kernels,
         wall_floor_ratio=whole.wall_ms / max(floor.wall_ms, SHORTEST_MS) if floor else None,
         cpu_floor_ratio=whole.cpu_ms / max(floor.cpu_ms, SHORTEST_MS) if floor else None,
@@ -185,17 +184,14 @@ def _kernels_alone(subject: Subject) -> dict[str, Callable[[], object]]:
     """The step's kernels on the step's inputs; Adam updates every parameter of the model."""
     training = subject.training
     batch = training.batches.at(subject.step)
-    target = training.targets.of(batch, training.batches.scene.background != "random")
     model, table = training.model, training.model.gaussians
-    with torch.no_grad():
-        channels = dict(model.color.channels(table, batch.camera))
-    factor = channels.pop(OPACITY_FACTOR, None)
-    blended = joined(list(channels.values()))
-    behind = torch.nn.functional.pad(batch.background, (0, blended.shape[1] - len(batch.background)))
-    raster = RasterKernel(table, blended, batch.camera, behind, model.options, None if factor is None else factor[:, 0])
+    emission = model.color.emit(table, batch.camera, tuple(model.shader.needs), Want.EXACT)
+    channels = emission.channels
+    behind = torch.nn.functional.pad(batch.background, (0, channels.shape[1] - len(batch.background)))
+    raster = RasterKernel(table, channels, batch.camera, behind, model.options, emission.opacity_factor)
     # For channels that the loss does not see any number will do: what a gradient costs does not depend on it.
     by_image = torch.ones_like(raster.image)
-    loss = LossKernel(raster.image[:3], target, training.loss, by_image[:3])
+    loss = LossKernel(raster.image[:3], training.loss.targets.of(batch), training.loss.settings, by_image[:3])
     parameters = dict(model.named_parameters())
     known = {COLUMNS_PREFIX + name: gradient for name, gradient in raster.gradients.items()}
     groups = [training.optimizer.groups[name] for name in parameters]

@@ -40,10 +40,6 @@ def raster_tables(record: RasterBench) -> Iterator[Block]:
     if counted:
         yield Text("the compiled kernels alone; GFLOP/s of blending in their fastest round", style="bold")
         yield _kernel_table(counted, record.circumstances)
-    bounded = [row for row in record.rows if row.with_horizon]
-    if bounded:
-        yield Text("the same with the horizon that the round before left", style="bold")
-        yield _horizon_table(bounded)
     compared = [row for row in record.rows if row.peer]
     if compared:
         yield Text(f"beside it, in turns, on the same inputs: {record.peer}", style="bold")
@@ -58,16 +54,6 @@ def _kernel_table(rows: list[RasterRow], now: Circumstances) -> Table:
             pairs = (f"{row.pairs.evaluated / 1e6:.1f}M", f"{row.pairs.blended / 1e6:.1f}M")
             shares = (f"{100 * row.gflops / peak:.0f}%" for peak in (now.fma_gflops, now.matrix_gflops))
             table.add_row(row.size.name, *_passes(row.kernels), *pairs, f"{row.gflops:.0f}", *shares)
-    return table
-
-
-def _horizon_table(rows: list[RasterRow]) -> Table:
-    table = _table("size", "forward", "backward", "both", "CPU", "wall ratio", "CPU ratio", "hidden")
-    for row in rows:
-        if row.kernels and row.with_horizon:
-            ours, plain = row.with_horizon.both, row.kernels.both
-            ratios = (_ratio(ours.wall_ms / plain.wall_ms), _ratio(ours.cpu_ms / max(plain.cpu_ms, SHORTEST_MS)))
-            table.add_row(row.size.name, *_passes(row.with_horizon), *ratios, f"{row.hidden:,}")
     return table
 
 
@@ -96,13 +82,13 @@ def shade_tables(record: ShadeBench) -> Iterator[Block]:
     """Milliseconds an image."""
     yield Text("reflection shader on a ball, milliseconds, medians", style="bold")
     yield from _circumstances(record.circumstances)
-    table = _table("hidden", "pixels", "show", "forward", "backward", "both", "CPU both", "ns a pixel", "twin CPU")
+    table = _table("hidden", "pixels", "show", "forward", "backward", "both", "CPU both", "ns a pixel", "reference CPU")
     for row in record.rows:
         times = (row.show.wall_ms, row.forward.wall_ms, row.backward.wall_ms, row.both.wall_ms, row.both.cpu_ms)
-        rest = (f"{row.nanoseconds_per_pixel:.0f}", _ms(row.twin.cpu_ms))
+        rest = (f"{row.nanoseconds_per_pixel:.0f}", _ms(row.reference.cpu_ms))
         table.add_row(str(row.hidden), f"{row.covered:,}", *(_ms(time) for time in times), *rest)
     yield table
-    yield Text("show: without gradients, as in rendering; ns: processor time of both; twin: torch", style="dim")
+    yield Text("show: without gradients, as in rendering; ns: processor time of both; reference: torch", style="dim")
 
 
 def loss_tables(record: LossBench) -> Iterator[Block]:
@@ -154,10 +140,10 @@ def _stage_table(row: StepRow) -> Table:
     table = _table("stage", "ms", "CPU ms", "share")
     table.title, table.title_justify = row.method, "left"
     for name, timing in row.stages.items():
-        share = f"{100 * timing.wall_ms / max(row.staged.wall_ms, SHORTEST_MS):.0f} %"
+        share = f"{100 * timing.wall_ms / max(row.whole.wall_ms, SHORTEST_MS):.0f} %"
         table.add_row(name, _ms(timing.wall_ms), _ms(timing.cpu_ms), share)
     table.add_section()
-    table.add_row("sum of stages", _ms(row.staged.wall_ms), _ms(row.staged.cpu_ms), "")
+    table.add_row("whole step", _ms(row.whole.wall_ms), _ms(row.whole.cpu_ms), "")
     if row.kernels:
         table.add_section()
         for name, timing in row.kernels.items():

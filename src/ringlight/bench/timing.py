@@ -74,16 +74,16 @@ def interleaved(contestants: Mapping[Name, Contestant], budget: Budget) -> dict[
 def _round(contestant: Contestant) -> list[tuple[float, float]]:
     """Wall and CPU seconds of each stage, once."""
     contestant.prepare()
-    _wait_for_gpu()
+    wait_for_gpu()
     marks = [(time.perf_counter(), time.process_time())]
     for stage in contestant.stages.values():
         stage()
-        _wait_for_gpu()
+        wait_for_gpu()
         marks.append((time.perf_counter(), time.process_time()))
     return [(after[0] - before[0], after[1] - before[1]) for before, after in pairwise(marks)]
 
 
-def _wait_for_gpu() -> None:
+def wait_for_gpu() -> None:
     """A GPU works on after a call has returned: the clock is read when it has nothing left to do."""
     torch = sys.modules.get("torch")
     if torch is not None and torch.cuda.is_initialized():
@@ -91,11 +91,12 @@ def _wait_for_gpu() -> None:
 
 
 def _timings(names: Sequence[str], rounds: Sequence[Sequence[tuple[float, float]]]) -> dict[str, Timing]:
-    timings = {name: _timing([each[index] for each in rounds]) for index, name in enumerate(names)}
+    timings = {name: timing_of([each[index] for each in rounds]) for index, name in enumerate(names)}
     sums = [(sum(wall for wall, _ in each), sum(cpu for _, cpu in each)) for each in rounds]
-    return timings | {TOTAL: _timing(sums)}
+    return timings | {TOTAL: timing_of(sums)}
 
 
-def _timing(seconds: Sequence[tuple[float, float]]) -> Timing:
+def timing_of(seconds: Sequence[tuple[float, float]]) -> Timing:
+    """Of wall and CPU seconds, a pair a round."""
     walls, cpus = zip(*seconds, strict=True)
     return Timing(1e3 * median(walls), 1e3 * fmean(cpus), 1e3 * min(walls))

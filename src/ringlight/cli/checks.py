@@ -122,6 +122,9 @@ def _difference_of_rasterizers(ours: str = "cpu") -> float:
 
     from ringlight.core.camera import Camera
     from ringlight.core.gaussians import GEOMETRY, Gaussians
+    from ringlight.core.gradients import Gradients, dense
+    from ringlight.core.rendering import Emission
+    from ringlight.core.want import Want
     from ringlight.rasterize.choose import rasterizer_for
 
     generator = torch.Generator().manual_seed(0)
@@ -136,10 +139,11 @@ def _difference_of_rasterizers(ours: str = "cpu") -> float:
     for name in (ours, "reference"):
         rasterize = rasterizer_for(name)
         there = rasterize.device
-        columns = {column: getattr(table, column).to(there, copy=True).requires_grad_() for column in GEOMETRY}
-        image = rasterize(Gaussians.from_columns(columns), colors.to(there), camera, torch.ones(3)).image
-        image.square().sum().backward()
-        results.append([tensor.cpu() for tensor in (image.detach(), *(column.grad for column in columns.values()))])
+        columns = {column: getattr(table, column).to(there, copy=True) for column in GEOMETRY}
+        emission, found = Emission({"rgb": 3}, colors.to(there)), Gradients()
+        raster = rasterize.draw(Gaussians.from_columns(columns), emission, camera, torch.ones(3), want=Want.GRADIENTS)
+        raster.backward(2 * raster.image, None, found)
+        results.append([tensor.cpu() for tensor in (raster.image, *(dense(g) for g in found.values()))])
     pairs = zip(*results, strict=True)
     return max(((mine - truth).abs().max() / truth.abs().max().clamp_min(1)).item() for mine, truth in pairs)
 

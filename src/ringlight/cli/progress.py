@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from ringlight.core.want import Want
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
 from ringlight.methods.store import rendering_size
@@ -82,7 +83,7 @@ def test_psnr(session: Session) -> float:
     background = session.scene.background_color
     model = session.training.model
     return evaluate(
-        lambda camera: model.picture(camera, background), session.scene.test, background, lpips_nets=()
+        lambda camera: model.render(camera, background, Want.PICTURE), session.scene.test, background, lpips_nets=()
     ).psnr
 
 
@@ -96,8 +97,7 @@ class _Meter:
         self.decibels = self.rate = math.nan
 
     def line(self, progress: Progress) -> str:
-        truth = progress.target.image.permute(1, 2, 0)
-        now = psnr(progress.rendering.color.detach().clamp(0, 1), truth)
+        now = psnr(progress.prediction.color.clamp(0, 1), progress.truth)
         kept = SMOOTHING if math.isfinite(self.decibels) else 0.0
         self.decibels = (kept * self.decibels if kept else 0.0) + (1 - kept) * now
         self._time(progress.step, self.session.clock.wall)

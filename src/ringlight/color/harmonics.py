@@ -1,30 +1,29 @@
 """Spherical harmonics per Gaussian: the colour of 3DGS (Kerbl et al. 2023, section 5 and appendix)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
-from torch.autograd.function import once_differentiable
 
+from ringlight import _kernels
+from ringlight.color.by_torch import emitted_by_torch
+from ringlight.color.contract import Harmonics
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.gradients import AdamStep, Gradient
-from ringlight.core.rendering import Channels
+from ringlight.core.gradients import COLUMNS, AdamStep, Gradients
+from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_sh, sh_basis, sh_from_rgb
 from ringlight.core.triton_kernels import runs_triton
+from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 
-try:
-    from ringlight import _kernels
-except ImportError:
-    _kernels = None  # type: ignore[assignment]
-
 REST_COUNT = basis_count(MAX_DEGREE) - 1
+
+SH_COLUMNS = ("sh_dc", "sh_rest")
 
 
 class SphericalHarmonics(nn.Module):
@@ -35,6 +34,7 @@ class SphericalHarmonics(nn.Module):
     """
 
     active_degree: Tensor
+    emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
 
     def __init__(self, degree: int = MAX_DEGREE):
@@ -49,27 +49,32 @@ class SphericalHarmonics(nn.Module):
         rest = torch.zeros(len(points.colors), REST_COUNT, 3)
         return {"sh_dc": sh_from_rgb(points.colors), "sh_rest": rest}
 
-    def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
-        dc, rest = gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
-        colors = _NativeColors.apply if _runs_native(gaussians.means, dc, rest) else sh_colors_reference
-        if runs_triton(gaussians.means, dc, rest):
-            from ringlight.color.harmonics_triton import sh_colors_by_triton
+    def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
+        """ "rgb" [N 3], clamped at black."""
+        columns = {"means": gaussians.means, **{name: gaussians.appearance[name] for name in SH_COLUMNS}}
+        degree = int(self.active_degree)
+        if _runs_native(*columns.values()):
+            return _native_emission(columns, camera.position, degree, want)
 
-            colors = sh_colors_by_triton
-        return {"rgb": colors(gaussians.means, dc, rest, camera.position, int(self.active_degree))}
+        def colors(columns: dict[str, Tensor]) -> Channels:
+            return {"rgb": sh_colors(*columns.values(), camera.position, degree)}
+
+        return emitted_by_torch(colors, columns, {}, want)
 
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """The colour without a view, and what the view adds (signed)."""
         base = rgb_from_sh(gaussians.appearance["sh_dc"])
-        return {"base": base.clamp_min(0), "residual": self.channels(gaussians, camera)["rgb"] - base}
+        shown = self.emit(gaussians, camera, ("rgb",), Want.EXACT).channels
+        return {"base": base.clamp_min(0), "residual": shown - base}
 
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row is shown."""
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
-    def direct(self) -> "DirectHarmonics | None":
-        """The same without autograd, by the kernels; None where these are missing."""
-        return None if _kernels is None else DirectHarmonics(self.active_degree)
+    def harmonics(self, gaussians: Gaussians) -> Harmonics:
+        """The columns; coefficients above the active degree are zero."""
+        dc, rest = (gaussians.appearance[name] for name in SH_COLUMNS)
+        return Harmonics(dc, rest)
 
 
 def _refuse_other_degrees(harmonics: nn.Module, _: object) -> None:
@@ -86,36 +91,50 @@ def sh_colors_reference(
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
-    """Slow twin of the native kernel: colour towards a camera at ``position``, clamped at black, any float dtype."""
+    """The reference of the native kernel: colour towards a camera at ``position``, clamped at black, any float dtype."""
     basis = sh_basis(view_directions(means, position.to(means)), degree)[:, 1:]
     seen = torch.einsum("nk,nkc->nc", basis, rest[:, : basis.shape[1]])
     return (GREY + C0 * dc + seen).clamp_min(0)
 
 
+def sh_colors(
+    means: Float[Tensor, "N 3"],
+    dc: Float[Tensor, "N 3"],
+    rest: Float[Tensor, "N 15 3"],
+    position: Float[Tensor, "3"],
+    degree: int,
+) -> Float[Tensor, "N 3"]:
+    """The same by torch's autograd; on a GPU by Triton's kernels."""
+    if not runs_triton(means, dc, rest):
+        return sh_colors_reference(means, dc, rest, position, degree)
+    from ringlight.color.harmonics_triton import sh_colors_by_triton
+
+    return sh_colors_by_triton(means, dc, rest, position, degree)
+
+
 def _runs_native(*tensors: Tensor) -> bool:
-    usable = (tensor.dtype == torch.float32 and tensor.is_cpu and tensor.is_contiguous() for tensor in tensors)
-    return _kernels is not None and all(usable)
+    return all(tensor.dtype == torch.float32 and tensor.is_cpu and tensor.is_contiguous() for tensor in tensors)
 
 
-class _NativeColors(torch.autograd.Function):
-    """Colours and their gradients to means, dc and rest in one pass over the table each."""
+@torch.no_grad()
+def _native_emission(columns: dict[str, Tensor], position: Float[Tensor, "3"], degree: int, want: Want) -> Emission:
+    means, dc, rest = columns.values()
+    colors = torch.empty_like(means)
+    factors = means.new_empty(_kernels.sh_slopes(len(means))) if want is Want.GRADIENTS else None
+    _kernels.sh_colors(means, dc, rest, position, degree, colors, factors)
+    if factors is None:
+        return Emission({"rgb": 3}, colors)
 
-    @staticmethod
-    def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, position: Tensor, degree: int) -> Tensor:
-        colors, slopes = torch.empty_like(means), means.new_empty(_kernels.sh_slopes(len(means)))
-        _kernels.sh_colors(means, dc, rest, position, degree, colors, slopes)
-        ctx.save_for_backward(means, rest, position, colors, slopes)
-        ctx.degree = degree
-        return colors
+    @torch.no_grad()
+    def backward(grad_channels: Float[Tensor, "N 3"], _: None, into: Gradients) -> None:
+        grad_dc, known = torch.empty_like(colors), into.get(COLUMNS + "means")
+        grad_means = known if isinstance(known, Tensor) else torch.empty_like(means)
+        _kernels.sh_gradient(grad_channels, colors, factors, grad_means, grad_dc, known is not None)
+        into[COLUMNS + "means"] = grad_means
+        into.add(COLUMNS + "sh_dc", grad_dc)
+        into.add(COLUMNS + "sh_rest", RestGradient(means, position, degree, grad_dc))
 
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, Tensor, Tensor, None, None]:
-        means, rest, position, colors, slopes = ctx.saved_tensors
-        by_means, by_dc, by_rest = torch.empty_like(means), torch.empty_like(means), torch.empty_like(rest)
-        _kernels.sh_gradient(upstream.contiguous(), colors, slopes, by_means, by_dc, False)
-        _kernels.sh_rest_gradient(means, position, ctx.degree, by_dc, by_rest)
-        return by_means, by_dc, by_rest, None, None
+    return Emission({"rgb": 3}, colors, backward=backward)
 
 
 @dataclass(frozen=True)
@@ -125,41 +144,14 @@ class RestGradient:
     means: Float[Tensor, "N 3"]
     position: Float[Tensor, "3"]
     degree: int
-    by_dc: Float[Tensor, "N 3"]
+    grad_dc: Float[Tensor, "N 3"]
 
     def dense(self) -> Float[Tensor, "N 15 3"]:
         """Written down; zero above the degree."""
-        by_rest = self.means.new_empty(len(self.means), REST_COUNT, 3)
-        _kernels.sh_rest_gradient(self.means, self.position, self.degree, self.by_dc, by_rest)
-        return by_rest
+        grad_rest = self.means.new_empty(len(self.means), REST_COUNT, 3)
+        _kernels.sh_rest_gradient(self.means, self.position, self.degree, self.grad_dc, grad_rest)
+        return grad_rest
 
     def adam_(self, value: Tensor, mean: Tensor, square: Tensor, step: AdamStep) -> int:
         """One update with :meth:`dense`, which is never written. Harmonics that were never in use are left alone."""
-        return _kernels.sh_rest_adam(self.means, self.position, self.degree, self.by_dc, value, mean, square, step)
-
-
-class DirectHarmonics:
-    """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""
-
-    widths: Mapping[str, int] = {"rgb": 3}
-    opacity_factor: Float[Tensor, "N"] | None = None
-    late: "_kernels.LateColors | None" = None
-
-    def __init__(self, active_degree: Tensor):
-        self._active_degree = active_degree
-        self._colors = self._by_dc = self._slopes = torch.empty(0, 3, dtype=torch.float32, device="cpu")
-
-    def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N 3"]:
-        """What :meth:`SphericalHarmonics.channels` calls "rgb"."""
-        means, dc, rest = gaussians.means, gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
-        self._seen = means, camera.position, int(self._active_degree)
-        if self._colors.shape != means.shape:
-            self._colors, self._by_dc = torch.empty_like(means), torch.empty_like(means)
-            self._slopes = means.new_empty(_kernels.sh_slopes(len(means)))
-        _kernels.sh_colors(means, dc, rest, *self._seen[1:], self._colors, self._slopes)
-        return self._colors
-
-    def differentiate(self, by_channels: Float[Tensor, "N 3"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:
-        """See :class:`ringlight.color.contract.DirectColor`."""
-        _kernels.sh_gradient(by_channels, self._colors, self._slopes, by_geometry["means"], self._by_dc, True)
-        return {"sh_dc": self._by_dc, "sh_rest": RestGradient(*self._seen, self._by_dc)}
+        return _kernels.sh_rest_adam(self.means, self.position, self.degree, self.grad_dc, value, mean, square, step)

@@ -1,21 +1,23 @@
 """What Gaussians emit for deferred reflection shading: a base colour, a normal, latents and a depth."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ringlight import _kernels
-from ringlight.color.mirror_kernel import MAX_LATENTS, kernel_takes, mirror_channels, mirror_view
+from ringlight.color.by_torch import emitted_by_torch
+from ringlight.color.mirror_kernel import kernel_takes, mirror_view
 from ringlight.color.ringlight import BASE, DARKEST, LATENT_SPREAD, LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.gradients import Gradient
+from ringlight.core.gradients import COLUMNS, Gradients
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import Channels
+from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
+from ringlight.core.want import Want
 
 NORMALS = "normals"
 
@@ -24,25 +26,20 @@ FLIP_BELOW = -0.25
 jump there and back between views; never turned, those of backs blend with those of fronts."""
 
 
-def lit_widths(latents: int) -> dict[str, int]:
-    """What is blended once the shader is lit, in order."""
-    return {"rgb": 3, "normal": 3, "latents": latents, "depth": 1}
-
-
 class Mirror(nn.Module):
     """Channels that a shader turns into colour once per pixel; nothing here depends on light.
 
     Columns: ``base`` [N 3], the base colour's logit; ``normals`` [N 3], world, of any length, learned freely;
-    ``latents`` [N L]. Buffer: ``lit``, False during the warm-up, when only base colours are blended.
+    ``latents`` [N L]. Emits "rgb" in [0, 1], "normal", unit, world, "latents" and "depth", the camera's z in world
+    units.
     """
 
-    lit: Tensor
     training_columns: tuple[str, ...] = ()
 
     def __init__(self, latents: int, seed: int = 0):
         super().__init__()
         self.latents, self._seed = latents, seed
-        self.register_buffer("lit", torch.tensor(True))
+        self.emits: Mapping[str, int] = {"rgb": 3, "normal": 3, "latents": latents, "depth": 1}
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """Base colours equal to the points', their normals, and latents drawn by the seed.
@@ -60,83 +57,80 @@ class Mirror(nn.Module):
             LATENTS: LATENT_SPREAD * noise.to(points.colors),
         }
 
-    def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
-        """ "rgb" [N 3] in [0, 1]; once lit also "normal" [N 3], unit, world, "latents" [N L] and "depth" [N 1], the
-        camera's z in world units."""
-        base, normals, latents = (gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS))
-        if not self.lit:
-            return {"rgb": base.sigmoid()}
-        if not kernel_takes(gaussians.means, base, normals, latents):
-            return self.twin(gaussians, camera)
-        channels = mirror_channels(gaussians.means, base, normals, latents, camera, FLIP_BELOW)
-        widths = lit_widths(latents.shape[1])
-        return dict(zip(widths, channels.split(tuple(widths.values()), -1), strict=True))
+    def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
+        """All channels; "rgb" alone where nothing else is asked for."""
+        if list(names) == ["rgb"]:
+            return _base_emission(gaussians.appearance[BASE], want)
+        columns = {"means": gaussians.means} | {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS)}
+        if kernel_takes(*columns.values()):
+            return _native_emission(columns, camera, self.emits, want)
 
-    def direct(self) -> "DirectMirror | None":
-        """The same without autograd, by the kernel; None where it takes no so many latents."""
-        return DirectMirror(self.lit, self.latents) if self.latents <= MAX_LATENTS else None
+        def channels(columns: dict[str, Tensor]) -> Channels:
+            return mirror_channels_reference(columns, camera)
 
-    def twin(self, gaussians: Gaussians, camera: Camera) -> Channels:
-        """What the kernel computes once lit, in torch and in any precision."""
-        return {
-            "rgb": gaussians.appearance[BASE].sigmoid(),
-            "normal": facing_normals(gaussians, camera),
-            "latents": gaussians.appearance[LATENTS],
-            "depth": camera.depths(gaussians.means)[:, None],
-        }
+        return emitted_by_torch(channels, columns, {}, want)
 
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
-        """ "base" [N 3] and "normal" [N 3], without gradient."""
-        return {"base": gaussians.appearance[BASE].sigmoid(), "normal": facing_normals(gaussians, camera)}
+        """ "base" [N 3] and "normal" [N 3]."""
+        normals = facing_normals(gaussians.means, gaussians.appearance[NORMALS], camera)
+        return {"base": gaussians.appearance[BASE].sigmoid(), "normal": normals}
 
     @torch.no_grad()
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row."""
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
-
-class DirectMirror:
-    """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""
-
-    widths: Mapping[str, int]
-    opacity_factor: Float[Tensor, "N"] | None = None
-    late: "_kernels.LateColors | None" = None
-
-    def __init__(self, lit: Tensor, latents: int):
-        self._lit, self._lit_widths = lit, lit_widths(latents)
-        self.widths = self._lit_widths
-        self._channels = torch.empty(0, 0, dtype=torch.float32, device="cpu")
-        self._gradients: list[Tensor] = []
-
-    def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N C"]:
-        """What :meth:`Mirror.channels` gives, side by side."""
-        base, normals, latents = (gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS))
-        self.widths = self._lit_widths if self._lit else {"rgb": 3}
-        if not self._lit:
-            self._channels = base.sigmoid()
-            return self._channels
-        self._columns = (gaussians.means, base, normals, latents)
-        self._view = mirror_view(camera, FLIP_BELOW)
-        shape = (len(base), sum(self.widths.values()))
-        if self._channels.shape != shape:
-            self._channels = base.new_empty(shape)
-            self._gradients = [torch.empty_like(column) for column in self._columns]
-        _kernels.mirror_channels(self._view, self._columns, self._channels)
-        return self._channels
-
-    def differentiate(self, by_channels: Float[Tensor, "N C"], by_geometry: dict[str, Tensor]) -> dict[str, Gradient]:
-        """See :class:`ringlight.color.contract.DirectColor`; positions are left alone unless a depth had a gradient."""
-        if len(self.widths) == 1:
-            return {BASE: torch.ops.aten.sigmoid_backward(by_channels, self._channels)}
-        if _kernels.mirror_gradient(self._view, self._columns, by_channels, self._gradients):
-            by_geometry["means"] += self._gradients[0]
-        return dict(zip((BASE, NORMALS, LATENTS), self._gradients[1:], strict=True))
+    def harmonics(self, gaussians: Gaussians) -> None:
+        """None: the colour is a shader's."""
 
 
-def facing_normals(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
+@torch.no_grad()
+def _base_emission(base: Float[Tensor, "N 3"], want: Want) -> Emission:
+    colors = base.sigmoid()
+    if want is not Want.GRADIENTS:
+        return Emission({"rgb": 3}, colors)
+
+    @torch.no_grad()
+    def backward(grad_channels: Float[Tensor, "N 3"], _: None, into: Gradients) -> None:
+        into.add(COLUMNS + BASE, torch.ops.aten.sigmoid_backward(grad_channels, colors))
+
+    return Emission({"rgb": 3}, colors, backward=backward)
+
+
+@torch.no_grad()
+def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping[str, int], want: Want) -> Emission:
+    view = mirror_view(camera, FLIP_BELOW)
+    tensors = [column.contiguous() for column in columns.values()]
+    channels = tensors[0].new_empty(len(tensors[0]), sum(widths.values()))
+    _kernels.mirror_channels(view, tensors, channels)
+    if want is not Want.GRADIENTS:
+        return Emission(widths, channels)
+
+    @torch.no_grad()
+    def backward(grad_channels: Float[Tensor, "N C"], _: None, into: Gradients) -> None:
+        gradients = [torch.empty_like(tensor) for tensor in tensors]
+        moved = _kernels.mirror_gradient(view, tensors, grad_channels, gradients)
+        for name, gradient in zip(columns, gradients, strict=True):
+            if moved or name != "means":  # positions are left alone unless a depth had a gradient
+                into.add(COLUMNS + name, gradient)
+
+    return Emission(widths, channels, backward=backward)
+
+
+def mirror_channels_reference(columns: dict[str, Tensor], camera: Camera) -> Channels:
+    """What the kernel computes, in torch and in any precision, from the columns by name."""
+    return {
+        "rgb": columns[BASE].sigmoid(),
+        "normal": facing_normals(columns["means"], columns[NORMALS], camera),
+        "latents": columns[LATENTS],
+        "depth": camera.depths(columns["means"])[:, None],
+    }
+
+
+def facing_normals(means: Float[Tensor, "N 3"], normals: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
     """Unit normals in world coordinates, those that clearly look away from the camera turned round."""
-    normals = normalize(gaussians.appearance[NORMALS])
-    towards = -view_directions(gaussians.means.detach(), camera.position.to(gaussians.means))
+    normals = normalize(normals)
+    towards = -view_directions(means.detach(), camera.position.to(means))
     cosines = (normals.detach() * towards).sum(-1, keepdim=True)
     return torch.where(cosines >= FLIP_BELOW, normals, -normals)

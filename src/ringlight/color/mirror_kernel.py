@@ -1,12 +1,8 @@
-"""Autograd glue over the kernel that makes a Gaussian's channels for deferred shading, all of them in one tensor."""
-
-from typing import Any
+"""What the kernel that makes a mirror's channels takes."""
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
-from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.directions import SMALLEST_LENGTH
 
@@ -20,38 +16,6 @@ def kernel_takes(*columns: Tensor) -> bool:
     return kinds == {(torch.float32, "cpu")} and columns[-1].shape[1] <= MAX_LATENTS
 
 
-def mirror_channels(
-    means: Float[Tensor, "N 3"],
-    base: Float[Tensor, "N 3"],
-    normals: Float[Tensor, "N 3"],
-    latents: Float[Tensor, "N L"],
-    camera: Camera,
-    flip_below: float,
-) -> Float[Tensor, "N C"]:
-    """Base colour 3 from its logits, unit normal 3 towards the camera, latents L and depth 1, side by side."""
-    columns = (column.contiguous() for column in (means, base, normals, latents))
-    channels: Tensor = _MirrorChannels.apply(mirror_view(camera, flip_below), *columns)
-    return channels
-
-
 def mirror_view(camera: Camera, flip_below: float) -> list[float]:
     """The camera as the kernel takes it."""
     return [*camera.position.tolist(), *camera.world_to_camera[2].tolist(), flip_below, SMALLEST_LENGTH]
-
-
-class _MirrorChannels(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, view: list[float], *columns: Tensor) -> Tensor:
-        channels = columns[0].new_empty(len(columns[0]), 7 + columns[-1].shape[1])
-        _kernels.mirror_channels(view, columns, channels)
-        ctx.view = view
-        ctx.save_for_backward(*columns)
-        return channels
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
-        columns = ctx.saved_tensors
-        gradients = [torch.empty_like(column) for column in columns]
-        moved = _kernels.mirror_gradient(ctx.view, columns, upstream.contiguous(), gradients)
-        return None, gradients[0] if moved else None, *gradients[1:]

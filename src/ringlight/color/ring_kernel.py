@@ -1,7 +1,6 @@
-"""Autograd glue over the fused light-field kernel: tables and weights in, colours out, nothing kept in between."""
+"""The fused light-field kernel: tables and weights in, colours out, nothing kept in between."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from jaxtyping import Float, Int32
@@ -67,8 +66,8 @@ def ring_parameters(tables: RingTables, shading: RenderModule, layers: list[Tens
 class Workspace:
     """Memory for the backward pass that outlives a step: tens of megabytes that the system would clear every time.
 
-    ``many_hidden`` says whether the last step's view hid so many rows that colours had better be late; a matter of time
-    alone.
+    ``many_hidden`` says whether the last step's view hid so many rows that colours had better be lazy; a matter of
+    time alone.
     """
 
     def __init__(self) -> None:
@@ -80,32 +79,6 @@ class Workspace:
         if len(self._floats) < count:
             self._floats = self._floats.new_empty(count)
         return self._floats
-
-
-class _LightField(torch.autograd.Function):
-    @staticmethod
-    def forward(
-        ctx: Any,
-        rows: LitRows,
-        shape: list[int],
-        share: float,
-        workspace: Workspace,
-        base: Tensor,
-        latents: Tensor,
-        *parameters: Tensor,
-    ) -> Tensor:
-        color = torch.empty_like(base)
-        _kernels.ring_forward(shape, parameters, rows.means, base, latents, rows.visible, rows.frame, color)
-        ctx.rows, ctx.shape, ctx.share, ctx.workspace = rows, shape, share, workspace
-        ctx.save_for_backward(color, base, latents, *parameters)
-        return color
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx: Any, color_gradient: Tensor) -> tuple[Tensor | None, ...]:
-        color, base, latents, *parameters = ctx.saved_tensors
-        lit = Lit(ctx.rows, ctx.shape, base, latents, parameters, color)
-        return None, None, None, None, *light_gradients(lit, color_gradient.contiguous(), ctx.share, ctx.workspace)
 
 
 @dataclass(frozen=True)
@@ -120,36 +93,20 @@ class Lit:
     color: Float[Tensor, "N 3"]
 
 
-def light_gradients(lit: Lit, by_color: Float[Tensor, "N 3"], share: float, workspace: Workspace) -> list[Tensor]:
-    """Gradients of the base colours' logits, of the latents and of each parameter, in this order."""
-    rows, leaves = lit.rows, [lit.base, lit.latents, *lit.parameters]
-    by_base, by_latents, *by_parameters = gradients = [torch.empty_like(leaf) for leaf in leaves]
-    floats = workspace.floats(_kernels.ring_workspace(lit.shape, len(rows.visible)))
-    _kernels.ring_backward(
-        lit.shape, lit.parameters, rows.means, lit.base, lit.latents, rows.visible, rows.frame,
-        lit.color, by_color, share, by_parameters, by_base, by_latents, floats,
-    )  # fmt: skip
-    return gradients
-
-
-def light(
-    rows: LitRows,
-    base: Float[Tensor, "N 3"],
-    latents: Float[Tensor, "N L"],
-    parameters: RingParameters,
-    share: float,
-    workspace: Workspace,
-) -> Float[Tensor, "N 3"]:
-    """Colours in [0, 1], differentiable in the base colours' logits ``base``, the latents and all parameters.
+def light_gradients(lit: Lit, grad_color: Float[Tensor, "N 3"], share: float, workspace: Workspace) -> list[Tensor]:
+    """Gradients of the base colours' logits, of the latents and of each parameter, in this order.
 
     The same bits for any number of threads. The gradient of rows whose colour got none is not computed; of the others
     at most ``share`` are expected to be, see ``core/lot.py``.
     """
-    tensors = [tensor.contiguous() for tensor in parameters.tensors]
-    color: Tensor = _LightField.apply(
-        rows, parameters.shape, share, workspace, base.contiguous(), latents.contiguous(), *tensors
-    )
-    return color
+    rows, leaves = lit.rows, [lit.base, lit.latents, *lit.parameters]
+    grad_base, grad_latents, *grad_parameters = gradients = [torch.empty_like(leaf) for leaf in leaves]
+    floats = workspace.floats(_kernels.ring_workspace(lit.shape, len(rows.visible)))
+    _kernels.ring_backward(
+        lit.shape, lit.parameters, rows.means, lit.base, lit.latents, rows.visible, rows.frame,
+        lit.color, grad_color, share, grad_parameters, grad_base, grad_latents, floats,
+    )  # fmt: skip
+    return gradients
 
 
 @torch.no_grad()

@@ -1,37 +1,39 @@
 """The RingLight colour model: a base colour per Gaussian, and a residual from one shared light field."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.utils.checkpoint import checkpoint
 
-from ringlight.color.contract import LateColors
+from ringlight.color.by_torch import OPACITY_FACTOR, emitted_by_torch
 from ringlight.color.drawable import drawable_rows
 from ringlight.color.light_fields import light_field
 from ringlight.color.render_module import LitColor, RenderModule
+from ringlight.color.ring_emission import BASE, LATENTS, MASK, base_emission, ring_emission
 from ringlight.color.ring_kernel import (
     LitRows,
-    RingParameters,
     Workspace,
     kernel_takes,
-    late_light,
-    light,
     light_layers,
     ring_parameters,
     shading_layers,
 )
-from ringlight.color.ringlight_direct import BASE, LATENTS, MASK, DirectRingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.color.table_memory import TableMemory
-from ringlight.color.visibility_mask import straight_through_mask
+from ringlight.color.visibility_mask import straight_through_reference
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import COLOR
 from ringlight.core.lot import by_lot
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import OPACITY_FACTOR, Channels
+from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.triton_kernels import runs_triton
+from ringlight.core.want import Want
 from ringlight.fields.contract import LightField
 from ringlight.fields.ring_tables import RingTables
 
@@ -56,6 +58,7 @@ class RingLight(nn.Module):
 
     box: Tensor
     lit: Tensor
+    emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = (MASK,)
 
     def __init__(self, settings: RingLightSettings, box: Float[Tensor, "2 3"], seed: int = 0):
@@ -69,7 +72,9 @@ class RingLight(nn.Module):
         self._memory = TableMemory()
         # Kept, since to find them takes torch as long as a hundredth of a picture; modules keep their parameters.
         self._of_field = list(self.get_submodule(settings.field).parameters())
-        self._of_shading = shading_layers(self.shading)
+        self.layers_of_shading = shading_layers(self.shading)
+        names = {id(parameter): name for name, parameter in self.named_parameters()}
+        self.names_of_shading = [names[id(layer)] for layer in self.layers_of_shading]
         self.workspace = Workspace()
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
@@ -85,40 +90,17 @@ class RingLight(nn.Module):
             columns[LATENTS] = LATENT_SPREAD * noise.to(points.colors)
         return columns
 
-    def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
-        """ "rgb" [N 3] in [0, 1], and "opacity_factor" [N 1], zero or one, if masked.
+    def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
+        """ "rgb" [N 3] in [0, 1], and an opacity factor, zero or one, if masked.
 
         Rows that the camera cannot see get their base colour.
         """
-        channels: Channels = {"rgb": self._emitted(gaussians, camera) if self.lit else self._base(gaussians).sigmoid()}
-        if MASK in gaussians.appearance:
-            channels[OPACITY_FACTOR] = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)
-        return channels
-
-    @torch.no_grad()
-    def late(self, gaussians: Gaussians, camera: Camera) -> LateColors | None:
-        """The same as ``channels``, when the blend asks; None unlit, and where there is no kernel."""
-        parameters = self._kernel_parameters(gaussians) if self.lit else None
-        if parameters is None:
-            return None
-        factor = None
-        if MASK in gaussians.appearance:
-            factor = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)[:, 0]
-        base = self._base(gaussians)
-        kernel = late_light(gaussians.means, self._frame(camera), base, self._latents(gaussians), parameters)
-        return LateColors(base, kernel, factor)
-
-    def direct(self) -> DirectRingLight | None:
-        """The same without autograd, by the kernels; None where they do not apply."""
-        with torch.no_grad():
-            tables = None if self.settings.evaluation == "exact" else self.field.tables()
-        if tables is None or not self.settings.base_color or not kernel_takes(tables, self._of_shading, self.box):
-            return None
-        return DirectRingLight(self)
-
-    def field_parameters(self) -> list[nn.Parameter]:
-        """Those that the features are made of."""
-        return self._of_field
+        if not self.lit:
+            return base_emission(self, gaussians, want)
+        tables = self._native_tables(gaussians, want)
+        if tables is None:
+            return self._emission_by_torch(gaussians, camera, want)
+        return ring_emission(self, gaussians, camera, tables, want)
 
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
@@ -126,7 +108,7 @@ class RingLight(nn.Module):
 
         Residual and modulation are zero where the camera cannot see, and everywhere during the warm-up.
         """
-        base = self._base(gaussians)
+        base = self.base(gaussians)
         nothing = LitColor(base.sigmoid(), torch.zeros_like(base), torch.zeros_like(base[:, :1]))
         lit = self._layers(gaussians, camera) if self.lit else nothing
         return {"base": nothing.color, "residual": lit.residual, "modulation": lit.modulation}
@@ -137,6 +119,9 @@ class RingLight(nn.Module):
         if MASK not in gaussians.appearance:
             return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
         return gaussians.appearance[MASK].sigmoid() > self.settings.mask_threshold
+
+    def harmonics(self, gaussians: Gaussians) -> None:
+        """None: the colour is a network's."""
 
     def unit_points(self, means: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """World positions in the ring's coordinates: the box to [-1, 1]^3, clamped, detached."""
@@ -149,71 +134,76 @@ class RingLight(nn.Module):
         chosen: LightField = getattr(self, self.settings.field)
         return chosen
 
-    def tables(self) -> RingTables | None:
-        """The field's tables: made anew where gradients are recorded, else kept until a parameter's value changes.
+    def tables(self, want: Want) -> RingTables | None:
+        """The field's tables: made anew with a way back, else kept until a parameter's value changes.
 
         None for a field that is no ring.
         """
-        if torch.is_grad_enabled():
-            return self.field.tables()
-        return self._memory.recall(self.field_parameters(), self.field.tables)
+        if want is Want.GRADIENTS:
+            return self.field.tables(want)
+        return self._memory.recall(self._of_field, lambda: self.field.tables(want))
 
-    def _emitted(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "N 3"]:
-        parameters = self._kernel_parameters(gaussians)
-        if parameters is None:
-            return self.twin(gaussians, camera).color
-        base, latents = self._base(gaussians), self._latents(gaussians)
-        rows, share = self.lit_rows(gaussians, camera), self.settings.gradient_share
-        return light(rows, base, latents, parameters, share, self.workspace)
-
-    def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
-        parameters = self._kernel_parameters(gaussians)
-        if parameters is None:
-            return self.twin(gaussians, camera)
-        base, latents = self._base(gaussians), self._latents(gaussians)
-        return light_layers(self.lit_rows(gaussians, camera), base, latents, parameters)
-
-    def _base(self, gaussians: Gaussians) -> Float[Tensor, "N 3"]:
+    def base(self, gaussians: Gaussians) -> Float[Tensor, "N 3"]:
         """The table's; logits of grey where the settings want no base colour."""
         if not self.settings.base_color:
             return torch.zeros_like(gaussians.means)
         return gaussians.appearance[BASE]
 
-    def _latents(self, gaussians: Gaussians) -> Float[Tensor, "N L"]:
+    def latents(self, gaussians: Gaussians) -> Float[Tensor, "N L"]:
         """The table's; of width zero where the settings want none."""
         if not self.settings.latents:
             return gaussians.means.new_empty((len(gaussians), 0))
         return gaussians.appearance[LATENTS]
 
-    def _kernel_parameters(self, gaussians: Gaussians) -> RingParameters | None:
-        """What the kernel needs, or None where it does not apply: no ring, exact heads, another type, device or
-        size."""
-        if self.settings.evaluation == "exact":
-            return None
-        tables = self.tables()
-        if tables is None or not kernel_takes(tables, self._of_shading, gaussians.means):
-            return None
-        return ring_parameters(tables, self.shading, self._of_shading)
-
     def lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         """Which rows the light field reaches from there."""
-        return LitRows(gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera), self._frame(camera))
+        rows = drawable_rows(gaussians, camera)
+        return LitRows(gaussians.means.detach().contiguous(), rows, self.frame(camera))
 
-    def _frame(self, camera: Camera) -> Float[Tensor, "3 3"]:
+    def frame(self, camera: Camera) -> Float[Tensor, "3 3"]:
         """The camera's position and the box, see :class:`ringlight.color.ring_kernel.LitRows`."""
         return torch.cat([camera.position[None], self.box])
 
-    def twin(self, gaussians: Gaussians, camera: Camera, gradient_share: float = 1.0) -> LitColor:
+    @torch.no_grad()
+    def _native_tables(self, gaussians: Gaussians, want: Want) -> RingTables | None:
+        """What the kernel reads, or None where it does not apply: no ring, exact heads, another type, device or
+        size."""
+        if self.settings.evaluation == "exact" or not gaussians.means.is_cpu:
+            return None
+        tables = self.tables(want)
+        return tables if tables is not None and kernel_takes(tables, self.layers_of_shading, gaussians.means) else None
+
+    def _layers(self, gaussians: Gaussians, camera: Camera) -> LitColor:
+        tables = self._native_tables(gaussians, Want.EXACT)
+        if tables is None:
+            return self.reference(gaussians, camera)
+        base, latents = self.base(gaussians), self.latents(gaussians)
+        parameters = ring_parameters(tables, self.shading, self.layers_of_shading)
+        return light_layers(self.lit_rows(gaussians, camera), base, latents, parameters)
+
+    def _emission_by_torch(self, gaussians: Gaussians, camera: Camera, want: Want) -> Emission:
+        def channels(columns: dict[str, Tensor]) -> Channels:
+            table = replace(gaussians, appearance=columns)
+            color = self.reference(table, camera).color
+            if MASK not in columns:
+                return {"rgb": color}
+            factor = straight_through_reference(columns[MASK], self.settings.mask_threshold)
+            return {"rgb": color, OPACITY_FACTOR: factor[:, None]}
+
+        named = {COLOR + name: parameter for name, parameter in self.named_parameters()}
+        return emitted_by_torch(channels, gaussians.appearance, named, want)
+
+    def reference(self, gaussians: Gaussians, camera: Camera, gradient_share: float = 1.0) -> LitColor:
         """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.
 
         On a GPU field and networks are Triton's. Residual and modulation are zero where the camera cannot see. Here
         ``gradient_share`` saves no time.
         """
         visible = drawable_rows(gaussians, camera).long()
-        means, base = gaussians.means.detach()[visible], self._base(gaussians).sigmoid()
+        means, base = gaussians.means.detach()[visible], self.base(gaussians).sigmoid()
         directions = view_directions(means, camera.position.to(means))
-        points, latents = self.unit_points(means), self._latents(gaussians)[visible]
-        tables = None if self.settings.evaluation == "exact" else self.tables()
+        points, latents = self.unit_points(means), self.latents(gaussians)[visible]
+        tables = None if torch.is_grad_enabled() or self.settings.evaluation == "exact" else self.tables(Want.EXACT)
 
         def lit_rows() -> LitColor:
             if self.settings.evaluation == "exact":

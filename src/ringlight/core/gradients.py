@@ -1,4 +1,4 @@
-"""Gradients that are cheaper to use than to write down."""
+"""Gradients by parameter name, and those that are cheaper to use than to write down."""
 
 from typing import Protocol, runtime_checkable
 
@@ -6,6 +6,9 @@ from torch import Tensor
 
 AdamStep = tuple[float, float, float, float, int]
 """Rate, both betas, epsilon, and the number of the update, 1 for the first."""
+
+COLUMNS, COLOR, SHADER = "columns.", "color.", "shader."
+"""What names of a splat model's parameters begin with: the table's columns, the colour model's, the shader's own."""
 
 
 @runtime_checkable
@@ -25,3 +28,20 @@ class FactoredGradient(Protocol):
 
 
 Gradient = Tensor | FactoredGradient
+
+
+def dense(gradient: Gradient) -> Tensor:
+    """The gradient as one tensor."""
+    return gradient if isinstance(gradient, Tensor) else gradient.dense()
+
+
+class Gradients(dict[str, Gradient]):
+    """By full parameter name, as the optimizer, rates and model files know it: ``columns.means``, ``color.ring.core``.
+
+    On the way back each part adds its own; a parameter that had no part in the picture has no gradient.
+    """
+
+    def add(self, name: str, gradient: Gradient) -> None:
+        """Add to what is there under this name."""
+        known = self.get(name)
+        self[name] = gradient if known is None else dense(known) + dense(gradient)

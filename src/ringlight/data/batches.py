@@ -14,11 +14,18 @@ from ringlight.data.shrunk import shrunk
 
 @dataclass(frozen=True)
 class ImageBatch:
-    """One whole photograph and the background that it is composited over; ``index`` counts training views."""
+    """One photograph and the background that it is composited over; ``index`` counts training views."""
 
     index: int
     view: View
     background: Float[Tensor, "3"]
+    has_fixed_background: bool = True
+    """Whether every step lays this photograph over the same one."""
+
+    @property
+    def label(self) -> str:
+        """What a message calls it."""
+        return f"view {self.view.name}"
 
     @property
     def camera(self) -> Camera:
@@ -51,7 +58,7 @@ class ImageBatches:
             draw = generator(self.seed, epoch, "order of views")
             self._epoch, self._order = epoch, torch.randperm(len(self.scene.train), generator=draw).tolist()
         index = self._order[position]
-        return ImageBatch(index, self._view(index, step), self._background(step))
+        return ImageBatch(index, self._view(index, step), self._background(step), self.scene.background != "random")
 
     def _view(self, index: int, step: int) -> View:
         stage, view = (step - 1) // self.coarse_steps if self.coarse_steps else len(COARSE), self.scene.train[index]

@@ -5,27 +5,25 @@ from typing import Protocol, runtime_checkable
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.core.want import Want
 from ringlight.fields.ring_tables import RingTables
 
 
 @runtime_checkable
 class LightField(Protocol):
-    """An ``nn.Module`` from points in [-1, 1]^3 and unit directions to features; knows nothing of colour.
-
-    One that can may have a method ``gradients(by_tables: RingTables) -> dict[str, Tensor]``: what autograd makes of the
-    gradients of its float32 tables on the CPU, by parameter name, without autograd.
-    """
+    """An ``nn.Module`` from points in [-1, 1]^3 and unit directions to features; knows nothing of colour."""
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
         """The features, every network run at every point."""
         ...
 
-    def tables(self) -> RingTables | None:
-        """The field as a tensor ring's tables, differentiable, which a kernel reads; None for what is no such ring."""
+    def tables(self, want: Want) -> RingTables | None:
+        """The field as a tensor ring's tables, which a kernel reads; None for what is no such ring."""
         ...
 
     def tabulated(
         self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"], tables: RingTables | None = None
     ) -> Float[Tensor, "N C"]:
-        """The features by way of tables, made earlier by :meth:`tables` or anew; :meth:`exact` where there are none."""
+        """The features by way of tables, made earlier by :meth:`tables` or anew and then differentiable by autograd;
+        :meth:`exact` where there are none."""
         ...

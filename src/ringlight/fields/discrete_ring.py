@@ -4,14 +4,18 @@ What the paper's ablation calls "w/o neural module": the classical decomposition
 one by one, without networks that tie neighbours together.
 """
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ringlight.core.rendering import no_way_back
+from ringlight.core.want import Want
 from ringlight.fields.heads import AXES
 from ringlight.fields.octahedral import sewn
 from ringlight.fields.ring_settings import KnotSettings, RingSettings
-from ringlight.fields.ring_tables import RingTables, linear_core, ring_features
+from ringlight.fields.ring_tables import RingTables, core_gradient, linear_core, ring_features
 
 
 class DiscreteRing(nn.Module):
@@ -35,10 +39,21 @@ class DiscreteRing(nn.Module):
         self.core = noise(settings.features, rank, rank)
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        return ring_features(self.tables(), points, directions)
+        return ring_features(self._cores(), points, directions)
 
-    def tables(self) -> RingTables:
+    def tables(self, want: Want) -> RingTables:
         """The cores themselves; directions that the octahedral square shows twice get one matrix."""
+        with torch.no_grad():
+            tables = self._cores()
+        return replace(tables, backward=self._gradients if want is Want.GRADIENTS else no_way_back)
+
+    def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:
+        with torch.enable_grad():
+            view = sewn(self.view).flatten(0, 1)
+        (grad_view,) = torch.autograd.grad(view, self.view, grad_tables.view)
+        return {"axes": grad_tables.axes, "view": grad_view, "core": core_gradient(grad_tables.core)}
+
+    def _cores(self) -> RingTables:
         return RingTables(self.axes, sewn(self.view).flatten(0, 1), linear_core(self.core))
 
     def tabulated(
@@ -47,4 +62,4 @@ class DiscreteRing(nn.Module):
         directions: Float[Tensor, "N 3"],
         tables: RingTables | None = None,
     ) -> Float[Tensor, "N C"]:
-        return ring_features(tables or self.tables(), points, directions)
+        return ring_features(tables or self._cores(), points, directions)

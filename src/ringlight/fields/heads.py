@@ -37,12 +37,16 @@ class AxisHeads(nn.Module):
         return self.networks(fourier_features(points.T[..., None], self.bands))
 
     def table(self) -> Float[Tensor, "A K D"]:
-        """The matrices at the K nodes of each axis."""
+        """The matrices at the K nodes of each axis; no gradient is recorded."""
         return stack_at(self.networks, self.nodes)
 
-    def gradients(self, by_table: Float[Tensor, "A K D"]) -> dict[str, Tensor]:
-        """By parameter name, from that of :meth:`table`: what autograd gives, without it; by the kernel only."""
-        return _named(stack_gradients(self.networks, self.nodes, by_table))
+    def differentiable_table(self) -> Float[Tensor, "A K D"]:
+        """The same by torch."""
+        return self.networks(self.nodes)  # type: ignore[no-any-return]
+
+    def gradients(self, grad_table: Float[Tensor, "A K D"]) -> dict[str, Tensor]:
+        """By parameter name, from that of :meth:`table`."""
+        return _named(stack_gradients(self.networks, self.nodes, grad_table))
 
 
 class DirectionHead(nn.Module):
@@ -64,12 +68,21 @@ class DirectionHead(nn.Module):
         return self.networks(fourier_features(directions, self.bands)[None])[0]
 
     def table(self) -> Float[Tensor, "K D"]:
-        """The matrices at the nodes of the octahedral map, row j * side + i for node (i, j)."""
+        """The matrices at the nodes of the octahedral map, row j * side + i for node (i, j); without a graph."""
         return stack_at(self.networks, self.nodes)[0]
 
-    def gradients(self, by_table: Float[Tensor, "K D"]) -> dict[str, Tensor]:
-        """By parameter name, from that of :meth:`table`: what autograd gives, without it; by the kernel only."""
-        return _named(stack_gradients(self.networks, self.nodes, by_table[None]))
+    def differentiable_table(self) -> Float[Tensor, "K D"]:
+        """The same by torch."""
+        return self.networks(self.nodes)[0]  # type: ignore[no-any-return]
+
+    def gradients(self, grad_table: Float[Tensor, "K D"]) -> dict[str, Tensor]:
+        """By parameter name, from that of :meth:`table`."""
+        return _named(stack_gradients(self.networks, self.nodes, grad_table[None]))
+
+
+def head_names(**heads: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Gradients of several heads' parameters by name in the field that holds them."""
+    return {f"{head}.{name}": gradient for head, found in heads.items() for name, gradient in found.items()}
 
 
 def _named(of_networks: dict[str, Tensor]) -> dict[str, Tensor]:

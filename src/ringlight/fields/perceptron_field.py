@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ringlight.core.want import Want
 from ringlight.fields.encoding import encoded_width, fourier_features
 from ringlight.fields.heads import AXES
 from ringlight.fields.networks import perceptron
@@ -33,7 +34,7 @@ class PerceptronField(nn.Module):
         features: Tensor = self.network(torch.cat(encoded, -1))
         return features
 
-    def tables(self) -> None:
+    def tables(self, want: Want) -> None:
         """None: it is no function of one coordinate at a time."""
 
     def tabulated(

@@ -1,67 +1,49 @@
-"""Autograd glue over the kernel that runs a stack of perceptrons at fixed rows: the heads at their tables' nodes.
+"""The kernel that runs a stack of perceptrons at fixed rows: the heads at their tables' nodes.
 
 Some sixty small torch operations a step otherwise, which wake torch's own threads while ours wait for work.
 """
-
-from collections.abc import Sequence
-from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
+from ringlight.core.by_autograd import ByAutograd
 from ringlight.fields.networks import PerceptronStack
 
 LAYERS = 3
 
 
+@torch.no_grad()
 def stack_at(stack: PerceptronStack, rows: Float[Tensor, "H K inputs"]) -> Float[Tensor, "H K outputs"]:
-    """``stack(rows)`` by the kernel where it applies: three layers, float32, CPU. No gradient reaches ``rows``."""
-    if len(stack.weights) != LAYERS or rows.dtype != torch.float32 or rows.device.type != "cpu":
-        return stack(rows)
-    rows, parameters = rows.contiguous(), _parameters(stack)
-    if not torch.is_grad_enabled():
-        return _results(rows, parameters)
-    results: Tensor = _StackAt.apply(rows, *parameters)
+    """``stack(rows)`` without a graph; by the kernel where it applies: three layers, float32, CPU."""
+    if not _runs_native(stack, rows):
+        return stack(rows)  # type: ignore[no-any-return]
+    parameters = _parameters(stack)
+    results = rows.new_empty(*rows.shape[:2], parameters[-1].shape[-1])
+    _kernels.perceptron_forward(parameters, rows.contiguous(), results)
     return results
 
 
 def stack_gradients(
-    stack: PerceptronStack, rows: Float[Tensor, "H K inputs"], upstream: Float[Tensor, "H K outputs"]
+    stack: PerceptronStack, rows: Float[Tensor, "H K inputs"], grad_results: Float[Tensor, "H K outputs"]
 ) -> dict[str, Tensor]:
-    """What autograd makes of :func:`stack_at`, where the kernel applies: gradients by the stack's parameter names."""
-    gradients = _gradients(rows.contiguous(), _parameters(stack), upstream)
+    """The way back of :func:`stack_at`: gradients by the stack's parameter names; none for ``rows``."""
+    if not _runs_native(stack, rows):
+        recorded = ByAutograd(lambda _: {"results": stack(rows)}, {}, dict(stack.named_parameters()))
+        return recorded.backward({"results": grad_results})
+    parameters = _parameters(stack)
+    gradients = [torch.empty_like(parameter, requires_grad=False) for parameter in parameters]
+    _kernels.perceptron_backward(parameters, rows.contiguous(), grad_results.contiguous(), gradients)
     names = [f"{kind}.{layer}" for layer in range(LAYERS) for kind in ("weights", "biases")]
     return dict(zip(names, gradients, strict=True))
+
+
+def _runs_native(stack: PerceptronStack, rows: Tensor) -> bool:
+    return len(stack.weights) == LAYERS and rows.dtype == torch.float32 and rows.device.type == "cpu"
 
 
 def _parameters(stack: PerceptronStack) -> list[Tensor]:
     # Not by index: torch's list of parameters looks each number up as a name, four times over.
     layers = zip(stack.weights.parameters(False), stack.biases.parameters(False), strict=True)
     return [tensor.contiguous() for layer in layers for tensor in layer]
-
-
-def _results(rows: Tensor, parameters: Sequence[Tensor]) -> Tensor:
-    results = rows.new_empty(*rows.shape[:2], parameters[-1].shape[-1])
-    _kernels.perceptron_forward(parameters, rows, results)
-    return results
-
-
-def _gradients(rows: Tensor, parameters: Sequence[Tensor], upstream: Tensor) -> list[Tensor]:
-    gradients = [torch.empty_like(parameter, requires_grad=False) for parameter in parameters]
-    _kernels.perceptron_backward(parameters, rows, upstream.contiguous(), gradients)
-    return gradients
-
-
-class _StackAt(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, rows: Tensor, *parameters: Tensor) -> Tensor:
-        ctx.save_for_backward(rows, *parameters)
-        return _results(rows, parameters)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
-        rows, *parameters = ctx.saved_tensors
-        return None, *_gradients(rows, parameters, upstream)

@@ -4,12 +4,14 @@ reads.
 a_c(x, y, z, v) = Trace(H_x(x) H_y(y) H_z(z) H_v(v) G_c)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.directions import octahedral_from_directions
+from ringlight.core.rendering import no_way_back
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.fields.tables import between_map_nodes, between_nodes
 
@@ -27,6 +29,8 @@ class RingTables:
     core: Float[Tensor, "C D"]
     diagonal: bool = False
     """Whether rows are the D components of diagonal matrices instead, whose product is taken one by one."""
+    backward: Callable[["RingTables"], dict[str, Tensor]] = no_way_back
+    """From the gradients of these tables to those of the field's parameters, by name; with ``Want.GRADIENTS`` only."""
 
 
 WIDEST_RANK = 32
@@ -51,10 +55,10 @@ def linear_core(core: Float[Tensor, "C R R"]) -> Float[Tensor, "C D"]:
     return core.transpose(1, 2).flatten(1)
 
 
-def core_gradient(by_linear: Float[Tensor, "C D"]) -> Float[Tensor, "C R R"]:
+def core_gradient(grad_linear: Float[Tensor, "C D"]) -> Float[Tensor, "C R R"]:
     """The way back of :func:`linear_core`."""
-    rank = round(by_linear.shape[1] ** 0.5)
-    return by_linear.unflatten(1, (rank, rank)).transpose(1, 2).contiguous()
+    rank = round(grad_linear.shape[1] ** 0.5)
+    return grad_linear.unflatten(1, (rank, rank)).transpose(1, 2).contiguous()
 
 
 def contracted(
@@ -73,7 +77,7 @@ def contracted(
 def ring_features(
     tables: RingTables, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]
 ) -> Float[Tensor, "N C"]:
-    """Features at points in [-1, 1]^3 and unit directions: the slow twin of what the kernels make of the tables.
+    """Features at points in [-1, 1]^3 and unit directions: the reference of what the kernels make of the tables.
 
     On a GPU by Triton's, whose gradient reaches the tables only.
     """

@@ -9,7 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.fields.heads import AxisHeads, DirectionHead
+from ringlight.core.rendering import no_way_back
+from ringlight.core.want import Want
+from ringlight.fields.heads import AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.fields.ring_tables import RingTables, contracted, core_gradient, linear_core, ring_features
 
@@ -30,16 +32,14 @@ class TensorRing(nn.Module):
         x, y, z = self.axes(points).unbind()
         return contracted(x, y, z, self.view(directions), linear_core(self.core))
 
-    def tables(self) -> RingTables:
-        """The heads at their nodes; differentiable, so that gradients reach the heads through the tables."""
-        return RingTables(self.axes.table(), self.view.table(), linear_core(self.core))
+    def tables(self, want: Want) -> RingTables:
+        """The heads at their nodes."""
+        axes, view, core = self.axes.table(), self.view.table(), linear_core(self.core.detach())
+        return RingTables(axes, view, core, backward=self._gradients if want is Want.GRADIENTS else no_way_back)
 
-    def gradients(self, by_tables: RingTables) -> dict[str, Tensor]:
-        """By parameter name, from those of :meth:`tables`, without autograd: where its kernels apply."""
-        axes, view = self.axes.gradients(by_tables.axes), self.view.gradients(by_tables.view)
-        named = {f"axes.{name}": gradient for name, gradient in axes.items()}
-        named |= {f"view.{name}": gradient for name, gradient in view.items()}
-        return named | {"core": core_gradient(by_tables.core)}
+    def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:
+        axes, view = self.axes.gradients(grad_tables.axes), self.view.gradients(grad_tables.view)
+        return head_names(axes=axes, view=view) | {"core": core_gradient(grad_tables.core)}
 
     def tabulated(
         self,
@@ -48,4 +48,8 @@ class TensorRing(nn.Module):
         tables: RingTables | None = None,
     ) -> Float[Tensor, "N C"]:
         """The heads interpolated between their nodes; ``tables`` made earlier by :meth:`tables` are reused."""
-        return ring_features(tables or self.tables(), points, directions)
+        if tables is None:
+            tables = RingTables(
+                self.axes.differentiable_table(), self.view.differentiable_table(), linear_core(self.core)
+            )
+        return ring_features(tables, points, directions)

@@ -9,7 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.fields.heads import AXES, AxisHeads, DirectionHead
+from ringlight.core.rendering import no_way_back
+from ringlight.core.want import Want
+from ringlight.fields.heads import AXES, AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.fields.ring_tables import RingTables, contracted, ring_features
 
@@ -33,10 +35,18 @@ class TensorTrain(nn.Module):
         y, z = self.middle(points[:, 1:]).unbind()
         return contracted(x, y, z, self.view(directions), self._first_row(self.core))
 
-    def tables(self) -> RingTables:
-        """The heads at their nodes, differentiable."""
+    def tables(self, want: Want) -> RingTables:
+        """The heads at their nodes."""
         axes = torch.cat([self._first_row(self.first.table()), self.middle.table()])
-        return RingTables(axes, self.view.table(), self._first_row(self.core))
+        backward = self._gradients if want is Want.GRADIENTS else no_way_back
+        return RingTables(axes, self.view.table(), self._first_row(self.core.detach()), backward=backward)
+
+    def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:
+        rank = self.core.shape[1]
+        first = self.first.gradients(grad_tables.axes[:1, :, :rank])
+        middle, view = self.middle.gradients(grad_tables.axes[1:]), self.view.gradients(grad_tables.view)
+        named = head_names(first=first, middle=middle, view=view)
+        return named | {"core": grad_tables.core[:, :rank].contiguous()}
 
     def tabulated(
         self,
@@ -44,7 +54,11 @@ class TensorTrain(nn.Module):
         directions: Float[Tensor, "N 3"],
         tables: RingTables | None = None,
     ) -> Float[Tensor, "N C"]:
-        return ring_features(tables or self.tables(), points, directions)
+        if tables is None:
+            first, middle = self.first.differentiable_table(), self.middle.differentiable_table()
+            axes = torch.cat([self._first_row(first), middle])
+            tables = RingTables(axes, self.view.differentiable_table(), self._first_row(self.core))
+        return ring_features(tables, points, directions)
 
     def _first_row(self, vectors: Float[Tensor, "*rows R"]) -> Float[Tensor, "*rows D"]:
         """R x R matrices, rows first, with the vectors as their first row; the transpose of the first column of G_c."""

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight.core.directions import octahedral_from_directions
+from ringlight.core.want import Want
 from ringlight.fields.networks import fan_in_uniform
 from ringlight.fields.octahedral import sewn
 from ringlight.fields.ring_settings import VectorMatrixSettings
@@ -53,7 +54,7 @@ class VectorMatrix(nn.Module):
         view = between_map_nodes(sewn(self.view).flatten(0, 1), octahedral_from_directions(directions))
         return (torch.cat(products, -1) * view) @ self.basis.T
 
-    def tables(self) -> None:
+    def tables(self, want: Want) -> None:
         """None: planes are no ring's."""
 
     def tabulated(

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
+from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.files.false_color import (
     Range,
@@ -61,7 +62,7 @@ def layer_pictures(
     """
     pictures = {}
     if COLOR in wanted:
-        pictures[COLOR] = model.picture(camera, background).color.cpu().clamp(0, 1)
+        pictures[COLOR] = model.render(camera, background, Want.PICTURE).color.cpu().clamp(0, 1)
     parts = [name for name in wanted if name != COLOR]
     buffers = {name: values.cpu() for name, values in model.layers(camera).items()} if parts else {}
     for name in parts:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.core.gradients import AdamStep, Gradient
+from ringlight.core.gradients import AdamStep, Gradient, dense
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.fit.rates import Adam
 
@@ -75,8 +75,7 @@ def _adam_on_gpu_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None)
         if not all(tensor.is_contiguous() for tensor in tensors):
             kept += adam_reference_(update, radii)
             continue
-        gradient = update.gradient if isinstance(update.gradient, Tensor) else update.gradient.dense()
-        groups.append((update.value, gradient.contiguous(), update.mean, update.square, update.step))
+        groups.append((update.value, dense(update.gradient).contiguous(), update.mean, update.square, update.step))
     if groups:
         kept += int(adam_by_triton_(groups, radii))
         torch.autograd.graph.increment_version([group[0] for group in groups])
@@ -86,7 +85,7 @@ def _adam_on_gpu_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None)
 def adam_reference_(update: Update, radii: Float[Tensor, "N 2"] | None = None) -> int:
     """The slow twin of the kernel, for any device and type."""
     value, gradient, mean, square, group, rate, number = update
-    gradient = gradient if isinstance(gradient, Tensor) else gradient.dense()
+    gradient = dense(gradient)
     beta1, beta2 = group.betas
     if radii is not None:
         drawn = (radii[:, 0] > 0).to(value.device).nonzero()[:, 0]

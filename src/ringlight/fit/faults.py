@@ -6,19 +6,17 @@ parameter ever becomes NaN or infinite; a parameter or a moment that is (set so 
 at once.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 
-from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.core.camera import Camera
+from ringlight.core.batch import Batch
 from ringlight.core.finite import first_not_finite
-from ringlight.core.gradients import Gradient
+from ringlight.core.gradients import Gradient, dense
 from ringlight.core.rendering import Rendering
-from ringlight.data.batches import ImageBatch
+from ringlight.core.want import Want
 from ringlight.errors import BackendError, DivergedError
-from ringlight.models.splats import SplatModel
-from ringlight.rasterize.horizon import Horizon
+from ringlight.models.contract import Model
 
 MOST_IN_A_ROW = 10
 """Steps with a fault, one after the other, that a run bears: one photograph that is bad comes up once an epoch."""
@@ -33,7 +31,7 @@ class FaultCounter:
         self.in_a_row = 0
 
     def note(
-        self, model: SplatModel, moments: Mapping[str, Tensor], step: int, batch: ImageBatch, what: str | None
+        self, model: Model, moments: Mapping[str, Tensor], step: int, batch: Batch, what: str | None
     ) -> str | None:
         """``what`` went wrong, or None; returns the sentence that names it.
 
@@ -45,7 +43,7 @@ class FaultCounter:
         refuse_broken(model, step, batch)
         _refuse(moments, "Adam's", step, batch)
         self.in_a_row += 1
-        return f"step {step}, view {batch.view.name}: {what}"
+        return f"step {step}, {batch.label}: {what}"
 
     def refuse_too_many(self, fault: str | None) -> None:
         """Raise DivergedError after a step with a ``fault`` that is one too many in a row."""
@@ -53,32 +51,28 @@ class FaultCounter:
             raise DivergedError(f"{fault}; that was the {self.in_a_row}th bad step in a row; {REMEDY}")
 
 
-Render = Callable[[Camera, Float[Tensor, "3"], Horizon | None], Rendering]
-"""A model's picture over a background: its own ``render``, or that of its direct form."""
-
-
-def drawn(render: Render, model: SplatModel, step: int, batch: ImageBatch, horizon: Horizon | None = None) -> Rendering:
-    """The batch's view.
+def predicted(model: Model, step: int, batch: Batch, want: Want, buffers: Sequence[str]) -> Rendering:
+    """What the model shows of the batch.
 
     Raises DivergedError naming the parameter that cannot be drawn because it is not finite, else BackendError naming
-    the view, for what the rasterizer refuses: a pose that is not finite, more than the memory holds.
+    the batch, for what the back end refuses: a pose that is not finite, more than the memory holds.
     """
     try:
-        return render(batch.camera, batch.background, horizon)
+        return model.predict(batch, want, buffers)
     except BackendError as error:
         refuse_broken(model, step, batch)
-        raise BackendError(f"step {step}, view {batch.view.name}: {error}") from error
+        raise BackendError(f"step {step}, {batch.label}: {error}") from error
 
 
-def refuse_broken(model: SplatModel, step: int, batch: ImageBatch) -> None:
+def refuse_broken(model: Model, step: int, batch: Batch) -> None:
     """Raise DivergedError naming the first parameter that is not finite, if there is one."""
     _refuse(dict(model.named_parameters()), "parameter", step, batch)
 
 
-def _refuse(tensors: Mapping[str, Tensor], kind: str, step: int, batch: ImageBatch) -> None:
+def _refuse(tensors: Mapping[str, Tensor], kind: str, step: int, batch: Batch) -> None:
     broken = first_not_finite(tensors)
     if broken is not None:
-        raise DivergedError(f"step {step}, view {batch.view.name}: {kind} {broken}; {REMEDY}")
+        raise DivergedError(f"step {step}, {batch.label}: {kind} {broken}; {REMEDY}")
 
 
 def bad_loss(terms: Mapping[str, Tensor]) -> str | None:
@@ -88,7 +82,7 @@ def bad_loss(terms: Mapping[str, Tensor]) -> str | None:
 
 def bad_gradient(gradients: Mapping[str, Gradient], left: int) -> str:
     """Why ``left`` elements were left as they were."""
-    broken = first_not_finite({name: g if isinstance(g, Tensor) else g.dense() for name, g in gradients.items()})
+    broken = first_not_finite({name: dense(gradient) for name, gradient in gradients.items()})
     if broken is not None:
         return f"the gradient of {broken} ({left} elements left as they were)"
     return f"gradients too large to be squared ({left} elements left as they were)"

@@ -9,16 +9,16 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Int
 from torch import Tensor, nn
 
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.gradients import Gradient
+from ringlight.core.gradients import COLUMNS, Gradient, Gradients
+from ringlight.core.rendering import Footprint
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.faults import bad_gradient
 from ringlight.fit.rates import Adam
-from ringlight.models.splats import COLUMNS_PREFIX
 
 
 class Optimizer:
@@ -42,15 +42,12 @@ class Optimizer:
             self._attributes.setdefault(tuple(owner), []).append((name, attribute))
 
     @torch.no_grad()
-    def step(
-        self, step: int, radii: Float[Tensor, "N 2"] | None = None, gradients: Mapping[str, Gradient] | None = None
-    ) -> str | None:
-        """Update every parameter that has a gradient, and drop the gradients; returns what was wrong with them, if any.
+    def step(self, step: int, gradients: Gradients, footprint: Footprint | None = None) -> str | None:
+        """Update every parameter that has a gradient; returns what was wrong with them, if any.
 
-        ``radii`` are the footprint's of this step; RecipeError if ``visible_only`` wants them and there are none.
-        ``gradients`` are by column, of those columns alone; without them, what each parameter holds as ``grad``.
+        ``footprint`` is of this step's prediction; RecipeError if ``visible_only`` wants it and there is none.
         """
-        if self.visible_only and radii is None:
+        if self.visible_only and footprint is None:
             raise RecipeError(
                 "visible_only wants to know which Gaussians this step drew, and the rendering does not say; "
                 "switch visible_only off for this method"
@@ -59,8 +56,7 @@ class Optimizer:
         columns: list[Update] = []
         shared: list[Update] = []
         for name, parameter in self._parameters():
-            gradient = parameter.grad if gradients is None else gradients.get(name.removeprefix(COLUMNS_PREFIX))
-            parameter.grad = None
+            gradient = gradients.get(name)
             if gradient is None:
                 continue
             group = self.groups[name]
@@ -70,9 +66,9 @@ class Optimizer:
                 parameter, gradient, self._mean[name], self._square[name],
                 group, group.rate.at(progress), self._updates[name],
             )  # fmt: skip
-            (columns if self.visible_only and name.startswith(COLUMNS_PREFIX) else shared).append(update)
+            (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
             used[name] = gradient
-        left = adam_(shared) + (adam_(columns, radii) if columns else 0)
+        left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)
         return None if left == 0 else bad_gradient(used, left)
 
     @torch.no_grad()
@@ -87,7 +83,7 @@ class Optimizer:
         assert isinstance(columns, nn.ParameterDict)
         for column, old in list(columns.items()):
             tail = new[column] if new else old[:0]
-            name = COLUMNS_PREFIX + column
+            name = COLUMNS + column
             columns[column] = nn.Parameter(torch.cat([old.detach(), tail])[rows])
             for moments in (self._mean, self._square):
                 moments[name] = torch.cat([moments[name], torch.zeros_like(tail)])[rows]

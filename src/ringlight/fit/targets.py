@@ -26,14 +26,14 @@ class Targets:
         self.budget_bytes, self._bytes = default if budget_bytes is None else budget_bytes, 0
         self._kept: OrderedDict[tuple[int, int, int], Target] = OrderedDict()
 
-    def of(self, batch: ImageBatch, fixed_background: bool) -> Target:
+    def of(self, batch: ImageBatch) -> Target:
         """The batch's photograph over its background; a background that changes each step is never kept."""
         key = (batch.index, batch.camera.width, batch.camera.height)
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]
         target = Target(batch.view.image(batch.background).to(self.device))
-        if fixed_background:
+        if batch.has_fixed_background:
             self._keep(key, target, batch.camera.width * batch.camera.height * BYTES_PER_PIXEL)
         return target
 

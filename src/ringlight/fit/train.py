@@ -1,47 +1,57 @@
 """The training loop. Read this first."""
 
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.core.batch import Batch
+from ringlight.core.gradients import Gradients
 from ringlight.core.rendering import Rendering
-from ringlight.data.batches import ImageBatch, ImageBatches
-from ringlight.fit.faults import FaultCounter, bad_loss, drawn
-from ringlight.fit.losses import PhotometricLoss, Target, photometric_gradient
+from ringlight.core.want import Want
+from ringlight.data.contract import Batches
+from ringlight.fit.faults import FaultCounter, bad_loss, predicted
+from ringlight.fit.loss import Compared, Loss
 from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.regularizers.contract import Regularizer, Term
 from ringlight.fit.strategies.contract import Strategy
-from ringlight.fit.targets import Targets
-from ringlight.models.direct import DirectModel
-from ringlight.models.splats import SplatModel
-from ringlight.rasterize.horizon import Horizon
+from ringlight.models.contract import Model
 
-Penalty = Callable[[SplatModel], Float[Tensor, ""]]
-"""A term of the loss that looks at the model alone."""
+
+def alone(gradients: Gradients) -> Gradients:
+    """What one process makes of its gradients."""
+    return gradients
 
 
 @dataclass
 class Training:
-    """What a recipe builds and :func:`train` consumes. ``step`` counts the steps already done."""
+    """What a recipe builds and :func:`train` consumes. ``step`` counts the steps already done.
 
-    model: SplatModel
-    batches: ImageBatches
-    loss: PhotometricLoss
+    ``reduce`` is where several processes make one of their gradients. Raises RecipeError for a regularizer of a buffer
+    that the model does not blend.
+    """
+
+    model: Model
+    batches: Batches
+    loss: Loss
     optimizer: Optimizer
     strategies: tuple[Strategy, ...]
     steps: int
-    penalties: Mapping[str, Penalty] = field(default_factory=dict)
-    targets: Targets = field(default_factory=Targets)
+    regularizers: Mapping[str, Regularizer] = field(default_factory=dict)
+    reduce: Callable[[Gradients], Gradients] = alone
     faults: FaultCounter = field(default_factory=FaultCounter)
     step: int = 0
-    horizons: defaultdict[int, Horizon] | None = None
-    """By photograph, or None to draw everything. Not part of the state: they change no bit."""
 
     def __post_init__(self) -> None:
-        self.targets.device = self.model.device
+        for name, regularizer in self.regularizers.items():
+            self.model.refuse_unblended(regularizer.buffers, f"the {name} regularizer")
+
+    @property
+    def buffers(self) -> tuple[str, ...]:
+        """What regularizers look at of a prediction."""
+        return tuple({name: None for regularizer in self.regularizers.values() for name in regularizer.buffers})
 
     def state(self) -> dict[str, Tensor]:
         """Every tensor that a run needs to go on as if it had never stopped."""
@@ -60,12 +70,11 @@ class Training:
             "strategies": (tensor for strategy in self.strategies for tensor in strategy.state().values()),
         }
         sizes = {part: sum(t.numel() * t.element_size() for t in tensors) for part, tensors in held.items()}
-        return sizes | {"photographs": self.targets.bytes_kept}
+        return sizes | {"photographs": self.loss.bytes_kept}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
-        """Inverse of :meth:`state`; the table takes the saved number of rows."""
-        self.model.load_columns(_below(state, "model.columns."))
-        self.model.load_state_dict(_below(state, "model."))
+        """Inverse of :meth:`state`; the model takes the saved sizes."""
+        self.model.load_tensors(_below(state, "model."))
         self.optimizer.restore(_below(state, "optimizer."))
         for index, strategy in enumerate(self.strategies):
             strategy.restore(_below(state, f"strategy.{index}."))
@@ -74,16 +83,16 @@ class Training:
 
 @dataclass(frozen=True)
 class Progress:
-    """What happened in one step. ``rendering`` and ``target`` are what the loss compared, before the update.
+    """What happened in one step. ``prediction`` and ``truth`` are what the loss compared, before the update.
 
     ``fault`` is a sentence on a number that was not finite, and None in nearly all steps.
     """
 
     step: int
     losses: dict[str, Float[Tensor, ""]]
-    batch: ImageBatch
-    rendering: Rendering
-    target: Target
+    batch: Batch
+    prediction: Rendering
+    truth: Float[Tensor, "*pixels 3"]
     fault: str | None = None
 
     @property
@@ -92,50 +101,42 @@ class Progress:
         return float(sum(term.item() for term in self.losses.values()))
 
 
-def train(training: Training, direct: bool = True) -> Iterator[Progress]:
+def train(training: Training) -> Iterator[Progress]:
     """Fit the model in place, yielding after every step; to pause or stop is to stop asking.
 
-    Where the model can differentiate itself, autograd is left out: the same bits, sooner. ``direct`` False keeps it.
     Raises DivergedError by the rules of :mod:`ringlight.fit.faults`; where all parameters are finite, ``training`` is
     then as its last step left it, and that step is counted.
     """
     model, optimizer = training.model, training.optimizer
-    by_itself = direct_model(training) if direct else None
-    render = model.render if by_itself is None else by_itself.render
-    fixed_background = training.batches.scene.background != "random"
     while training.step < training.steps:
         step = training.step + 1
         batch = training.batches.at(step)
-        target = training.targets.of(batch, fixed_background)
-        horizon = None if training.horizons is None else training.horizons[batch.index]
-        rendering = drawn(render, model, step, batch, horizon)
-        value, by_color = photometric_gradient(rendering.color, target, training.loss)
-        penalties = {name: penalty(model) for name, penalty in training.penalties.items()}
-        terms = {"photometric": value} | {name: term.detach() for name, term in penalties.items()}
-        fault = bad_loss(terms)
+        prediction = predicted(model, step, batch, Want.GRADIENTS, training.buffers)
+        compared = training.loss.compare(prediction, batch)
+        terms = {name: r.term(step, model, prediction) for name, r in training.regularizers.items()}
+        losses = {"photometric": compared.value} | {name: term.value for name, term in terms.items()}
+        fault = bad_loss(losses)
         if fault is None:
-            gradients = None if by_itself is None else by_itself.differentiate(by_color)
-            if gradients is None:
-                _backward(rendering, by_color, penalties.values())
-            radii = None if rendering.raster is None else rendering.raster.footprint.radii
-            fault = optimizer.step(step, radii, gradients)
+            fault = optimizer.step(step, gradients_of(training, prediction, compared, terms), prediction.footprint)
         fault = training.faults.note(model, optimizer.moments, step, batch, fault)
         for strategy in training.strategies:
-            strategy.update(step, model, optimizer, rendering)
+            strategy.update(step, model, optimizer, prediction)
         training.step = step
-        yield Progress(step, terms, batch, rendering, target, fault)
+        yield Progress(step, losses, batch, prediction, compared.truth, fault)
         training.faults.refuse_too_many(fault)
 
 
-def direct_model(training: Training) -> DirectModel | None:
-    """The model without autograd, where it has that form and the loss has no term but the photometric one."""
-    return None if training.penalties else training.model.direct()
-
-
-def _backward(rendering: Rendering, by_color: Float[Tensor, "H W 3"], penalties: Iterable[Float[Tensor, ""]]) -> None:
-    """By autograd: the gradients lie in the parameters."""
-    sloped = [term for term in penalties if term.requires_grad]  # one that is constant counts all the same
-    torch.autograd.backward([rendering.color, *sloped], [by_color, *(None for _ in sloped)])
+def gradients_of(training: Training, prediction: Rendering, compared: Compared, terms: Mapping[str, Term]) -> Gradients:
+    """Of the loss and of all regularizers, by parameter name; reduced over the processes, if there are several."""
+    grad_buffers: dict[str, Tensor] = {}
+    for term in terms.values():
+        for name, gradient in term.grad_buffers.items():
+            grad_buffers[name] = grad_buffers[name] + gradient if name in grad_buffers else gradient
+    gradients = prediction.backward(compared.grad_color, grad_buffers)
+    for term in terms.values():
+        for name, gradient in term.grad_parameters.items():
+            gradients.add(name, gradient)
+    return training.reduce(gradients)
 
 
 def _below(state: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -98,10 +98,11 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
     points = points_on_hull(masks or guessed_masks(small), small, mirror.first_gaussians(small), seed)
     if points is None:
         return None
-    harmonics = _psnr_after(_harmonics(points, small, mirror, rasterize, seed), held)
+    behind = scene.background_color
+    harmonics = _psnr_after(_harmonics(points, small, mirror, rasterize, seed), held, behind)
     if not masks:  # a hull that is torn is worse than none, whatever is shaded on it
-        harmonics = max(harmonics, _psnr_after(_harmonics(small.points, small, mirror, rasterize, seed), held))
-    reflections = _psnr_after(mirror.build_on(points, small, rasterize, seed), held)
+        harmonics = max(harmonics, _psnr_after(_harmonics(small.points, small, mirror, rasterize, seed), held, behind))
+    reflections = _psnr_after(mirror.build_on(points, small, rasterize, seed), held, behind)
     return ReflectionTrial(mirror.steps, harmonics, reflections)
 
 
@@ -128,13 +129,14 @@ def _harmonics(
     return training
 
 
-def _psnr_after(training: Training, held: list[View]) -> float:
+def _psnr_after(training: Training, held: list[View], background: Float[Tensor, "3"]) -> float:
     """Train, then compare the views with their photographs."""
     for _ in train(training):
         pass
-    model, background = training.model, training.batches.scene.background_color
-    with torch.no_grad():
-        return fmean(
-            psnr(model.render(view.camera, background).color.cpu().clamp(0, 1), view.image(background).permute(1, 2, 0))
-            for view in held
+    return fmean(
+        psnr(
+            training.model.render(view.camera, background).color.cpu().clamp(0, 1),
+            view.image(background).permute(1, 2, 0),
         )
+        for view in held
+    )

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 
     from ringlight.core.gaussians import Gaussians
     from ringlight.core.scene import Scene
+    from ringlight.fit.regularizers.contract import Regularizer
     from ringlight.fit.strategies.contract import Strategy
-    from ringlight.fit.train import Penalty, Training
+    from ringlight.fit.train import Training
     from ringlight.models.splats import SplatModel
     from ringlight.rasterize.contract import Rasterizer
 
@@ -170,6 +171,7 @@ class RingLightRecipe:
             return settled.build(scene, rasterize, seed)
         from ringlight.color.ringlight import RingLight
         from ringlight.data.batches import ImageBatches
+        from ringlight.fit.loss import PhotographLoss
         from ringlight.fit.optimizer import Optimizer
         from ringlight.fit.train import Training
         from ringlight.models.initial import gaussians_from_points
@@ -180,11 +182,11 @@ class RingLightRecipe:
         return Training(
             model=model,
             batches=ImageBatches(scene, seed),
-            loss=self.loss,
+            loss=PhotographLoss(self.loss, rasterize.device),
             optimizer=Optimizer(model, self._groups(scene.extent), self.steps, self.visible_only),
             strategies=self._strategies(scene, seed),
             steps=self.steps,
-            penalties=self._penalties(),
+            regularizers=self._regularizers(),
         )
 
     @property
@@ -214,11 +216,12 @@ class RingLightRecipe:
             Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),
         )
 
-    def _penalties(self) -> "dict[str, Penalty]":
+    def _regularizers(self) -> "dict[str, Regularizer]":
+        from ringlight.fit.regularizers.mean_mask import MeanMask
+
         if not self.mask_penalty or not self.light.mask:
             return {}
-        weight = self.mask_penalty * self.loss.scale
-        return {"mask": lambda model: weight * model.columns["mask_logits"].sigmoid().mean()}
+        return {"mask": MeanMask(self.mask_penalty * self.loss.scale)}
 
 
 PAPER = dataclasses.replace(

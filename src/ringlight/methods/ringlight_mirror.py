@@ -139,6 +139,7 @@ class RingLightMirrorRecipe:
         """The same from a surface that is known already."""
         from ringlight.color.mirror import Mirror
         from ringlight.data.batches import ImageBatches
+        from ringlight.fit.loss import PhotographLoss
         from ringlight.fit.optimizer import Optimizer
         from ringlight.fit.train import Training
         from ringlight.models.initial import gaussians_from_points
@@ -146,12 +147,11 @@ class RingLightMirrorRecipe:
         densify = self.densify.within(most_gaussians(scene.pixels))
         gaussians = gaussians_from_points(points, Mirror(self.shader.latents, seed), self.opacity)
         model = self.model(gaussians, scene.box, rasterize, seed)
-        for part in ("color", "shader"):
-            model.get_buffer(f"{part}.lit").fill_(False)
+        model.get_buffer("shader.lit").fill_(False)
         return Training(
             model=model,
             batches=ImageBatches(scene, seed),
-            loss=self.loss,
+            loss=PhotographLoss(self.loss, rasterize.device),
             optimizer=Optimizer(model, self._groups(scene.extent), self.steps, self.visible_only),
             strategies=self._strategies(scene, densify, seed),
             steps=self.steps,
@@ -181,6 +181,6 @@ class RingLightMirrorRecipe:
         from ringlight.fit.strategies.unlock import Unlock
 
         return (
-            *(Unlock(f"{part}.lit", {self._first_lit_step: 1}) for part in ("color", "shader")),
+            Unlock("shader.lit", {self._first_lit_step: 1}),
             *density_control(densify, scene, self.steps, seed),
         )

@@ -79,6 +79,7 @@ class ThreeDGSRecipe:
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         from ringlight.color.harmonics import SphericalHarmonics
         from ringlight.data.batches import ImageBatches
+        from ringlight.fit.loss import PhotographLoss
         from ringlight.fit.optimizer import Optimizer
         from ringlight.fit.strategies.density_control import density_control
         from ringlight.fit.strategies.unlock import Unlock
@@ -97,7 +98,7 @@ class ThreeDGSRecipe:
         return Training(
             model=model,
             batches=ImageBatches(scene, seed, min(self.coarse_steps, self.steps // COARSE_SHARE)),
-            loss=self.loss,
+            loss=PhotographLoss(self.loss, rasterize.device),
             optimizer=Optimizer(model, groups, self.steps, self.visible_only),
             strategies=(
                 Unlock("color.active_degree", degrees),

@@ -1,27 +1,28 @@
 """A splat model: a table of Gaussians, a colour model that says what each emits, a shader, and a rasterizer."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.color.contract import ColorModel, LateColors
+from ringlight.color.contract import ColorModel, Harmonics
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import OPACITY_FACTOR, Channels, Raster, Rendering
-from ringlight.models.direct import DirectModel
-from ringlight.models.parts import joined, parted
+from ringlight.core.gradients import COLUMNS
+from ringlight.core.rendering import Channels, Emission, Rendering, no_way_back
+from ringlight.core.want import Want
+from ringlight.data.batches import ImageBatch
+from ringlight.errors import RecipeError
+from ringlight.models.way_back import ALPHA, WayBack, named_parts, ordered
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
-from ringlight.rasterize.horizon import Horizon
 from ringlight.shade.contract import Shader
 
 # Alpha below which a pixel shows no surface: blended depth and normals are divided by at least this.
 FAINTEST_SURFACE = 1e-4
 
-COLUMNS_PREFIX = "columns."
+COLUMNS_PREFIX = COLUMNS
 """Tensors below this name have one row a Gaussian."""
 
 
@@ -37,12 +38,6 @@ def move(model: nn.Module, device: torch.device) -> None:
         setattr(model.get_submodule(owner), attribute, buffer)
 
 
-def backgrounds(channels: Channels, background: Float[Tensor, "3"]) -> Float[Tensor, "C"]:
-    """What the channels side by side lie over: "rgb" over the background, the others over nothing."""
-    black = background.new_zeros
-    return torch.cat([background if name == "rgb" else black(c.shape[-1]) for name, c in channels.items()])
-
-
 class SplatModel(nn.Module):
     """Anything splatted. One name per tensor everywhere: ``columns.means``, ``color.ring...``, ``shader...``."""
 
@@ -54,10 +49,12 @@ class SplatModel(nn.Module):
         rasterize: Rasterizer,
         options: RasterOptions = RasterOptions(),
     ):
+        """Raises RecipeError where the shader needs a channel that the colour model does not emit."""
         super().__init__()
         self.columns = nn.ParameterDict({name: nn.Parameter(tensor) for name, tensor in gaussians.columns().items()})
         self.color, self.shader = color, shader
         self.rasterize, self.options = rasterize, options
+        _refuse_mismatch(color, shader)
         if self.device.type != "cpu":
             move(self, self.device)
 
@@ -80,60 +77,44 @@ class SplatModel(nn.Module):
         for name, tensor in columns.items():
             self.columns[name] = nn.Parameter(tensor.detach().to(self.device, copy=True))
 
-    def options_with(self, horizon: Horizon | None) -> RasterOptions:
-        """The model's options for a view that has been drawn before."""
-        return self.options if horizon is None else replace(self.options, horizon=horizon)
+    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take a whole ``state_dict``; the table gets its number of rows."""
+        self.load_columns({name.removeprefix(COLUMNS): t for name, t in tensors.items() if name.startswith(COLUMNS)})
+        self.load_state_dict(dict(tensors))
 
-    def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
-        """One image over ``background``; ``horizon`` is this view's own, if it is drawn more than once."""
-        gaussians = self.gaussians
-        raster = None if horizon else self._drawn_late(gaussians, camera, background)
-        if raster is not None:
-            return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
-        channels = dict(self.color.channels(gaussians, camera))
-        factor = channels.pop(OPACITY_FACTOR, None)
-        rendering = self.blend(gaussians, channels, factor, camera, background, horizon)
-        color = self.shader.shade(rendering.buffers, camera, background)
-        return Rendering(color, rendering.alpha, rendering.buffers, rendering.raster)
+    def predict(self, batch: ImageBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
+        """What a training step asks: the batch's photograph, or crop, over its background."""
+        return self.render(batch.camera, batch.background, want, buffers)
 
-    def _drawn_late(self, gaussians: Gaussians, camera: Camera, background: Float[Tensor, "3"]) -> Raster | None:
-        """Where nobody wants gradients, only rows that can be seen are coloured; None if a part cannot do so."""
-        late, draw = getattr(self.color, "late", None), getattr(self.rasterize, "draw_late", None)
-        if torch.is_grad_enabled() or late is None or draw is None or not getattr(self.shader, "passes_through", False):
-            return None
-        colors: LateColors | None = late(gaussians, camera)
-        if colors is None:
-            return None
-        drawn: Raster | None = draw(
-            gaussians, colors.checked, colors.kernel, camera, background, self.options, colors.opacity_factor
+    def render(
+        self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
+    ) -> Rendering:
+        """One image over ``background``, which applies to "rgb" only.
+
+        ``buffers`` are those that the caller looks at besides what the shader needs; see :meth:`refuse_unblended`.
+        """
+        needs = self.shader.needs
+        names = (*needs, *(name for name in buffers if name not in needs and name != ALPHA))
+        gaussians, widths = self.gaussians, [self.color.emits[name] for name in names]
+        emission = ordered(self.color.emit(gaussians, camera, names, want), names)
+        behind = torch.cat(
+            [background if name == "rgb" else background.new_zeros(self.color.emits[name]) for name in names]
         )
-        return drawn
+        # Where somebody looks at buffers they must be kept, which a picture that is shaded in tiles does not.
+        tiles = None if buffers else self.shader.tiles(camera, background, want)
+        raster = self.rasterize.draw(gaussians, emission, camera, behind, self.options, want, tiles)
+        read = sum(needs.values())
+        shaded = self.shader.shade(raster.image[..., :read], raster.alpha, camera, background, want, raster.shaded)
+        blended = {} if raster.image.shape[-1] == 0 else named_parts(raster, names, widths)
+        back = WayBack(emission, raster, shaded, names, widths) if want is Want.GRADIENTS else no_way_back
+        return Rendering(shaded.color, raster.alpha, blended, raster.footprint, back)
 
-    @torch.no_grad()
-    def picture(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
-        """As :meth:`render`, for who wants colour and alpha alone: shaded while it is blended, where parts can."""
-        shaded, tiles = (
-            getattr(part, name, None) for part, name in ((self.rasterize, "shaded"), (self.shader, "tiles"))
-        )
-        shader = None if shaded is None or tiles is None else tiles(camera, background)
-        if shaded is None or shader is None:
-            return self.render(camera, background, horizon)
-        gaussians = self.gaussians
-        channels = dict(self.color.channels(gaussians, camera))
-        factor = channels.pop(OPACITY_FACTOR, None)
-        opacity_factor, options = None if factor is None else factor[:, 0], self.options_with(horizon)
-        values, behind = joined(list(channels.values())), backgrounds(channels, background)
-        raster = shaded(gaussians, values, camera, behind, shader, options, opacity_factor)
-        return Rendering(raster.image, raster.alpha, raster=raster)
-
-    def direct(self) -> DirectModel | None:
-        """Pictures and gradients without autograd, or None where a part of this model has no such form."""
-        parts = (self.color, self.rasterize, self.shader)
-        color, rasterize, shader = (getattr(part, "direct", lambda: None)() for part in parts)
-        shades = not getattr(self.shader, "passes_through", False)
-        if color is None or rasterize is None or (shader is None and shades):
-            return None
-        return DirectModel(self, color, rasterize, shader)
+    def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
+        """Raise RecipeError where ``who`` looks at a buffer that this model does not blend."""
+        unknown = [name for name in buffers if name not in self.color.emits and name != ALPHA]
+        if unknown:
+            known = ", ".join([*self.color.emits, ALPHA])
+            raise RecipeError(f"{who} looks at {unknown[0]!r}, which this model does not blend; it blends {known}")
 
     @torch.no_grad()
     def layers(self, camera: Camera) -> Channels:
@@ -144,14 +125,17 @@ class SplatModel(nn.Module):
         the base colour); the colour model adds its own ("base", ...), or better ones.
         """
         gaussians = self.gaussians
-        factor = self.color.channels(gaussians, camera).get(OPACITY_FACTOR)
+        factor = self.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor
         channels = dict(self.color.layers(gaussians, camera))
         channels["depth"] = camera.depths(gaussians.means)[:, None]
         channels.setdefault("normal", shortest_axes(gaussians, camera.position.to(self.device)))
-        rendering = self.blend(gaussians, channels, factor, camera, torch.zeros(3))
-        buffers = dict(rendering.buffers)
-        surface = rendering.alpha > FAINTEST_SURFACE
-        buffers["depth"] = torch.where(surface, buffers["depth"] / rendering.alpha.clamp_min(FAINTEST_SURFACE), 0)
+        widths = {name: values.shape[-1] for name, values in channels.items()}
+        emission = Emission(widths, torch.cat(list(channels.values()), -1), factor)
+        black = torch.zeros(sum(widths.values()))
+        raster = self.rasterize.draw(gaussians, emission, camera, black, self.options)
+        buffers = named_parts(raster, list(widths), list(widths.values()))
+        surface = raster.alpha > FAINTEST_SURFACE
+        buffers["depth"] = torch.where(surface, buffers["depth"] / raster.alpha.clamp_min(FAINTEST_SURFACE), 0)
         buffers["normal"] = normalize(buffers["normal"])
         if "residual" not in buffers:
             shown = self.render(camera, torch.zeros(3))
@@ -161,24 +145,20 @@ class SplatModel(nn.Module):
     @torch.no_grad()
     def emitted(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "n 3"]:
         """The colour that each of these rows would show alone."""
-        return self.shader.emitted(self.color.channels(gaussians, camera), gaussians.means, camera)
+        emission = self.color.emit(gaussians, camera, tuple(self.shader.needs), Want.EXACT)
+        return self.shader.emitted(emission.named(), gaussians.means, camera)
 
-    def blend(
-        self,
-        gaussians: Gaussians,
-        channels: Channels,
-        factor: Float[Tensor, "N 1"] | None,
-        camera: Camera,
-        background: Float[Tensor, "3"],
-        horizon: Horizon | None = None,
-    ) -> Rendering:
-        """Blend all channels, and "alpha", in one pass; the background applies to "rgb" only."""
-        opacity_factor, options = None if factor is None else factor[:, 0], self.options_with(horizon)
-        if list(channels) == ["rgb"]:
-            raster = self.rasterize(gaussians, channels["rgb"], camera, background, options, opacity_factor)
-            return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
-        widths = [values.shape[-1] for values in channels.values()]
-        values, behind = joined(list(channels.values())), backgrounds(channels, background)
-        raster = self.rasterize(gaussians, values, camera, behind, options, opacity_factor)
-        buffers = dict(zip(channels, parted(raster.image, widths), strict=True)) | {"alpha": raster.alpha}
-        return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)
+    def harmonics(self, gaussians: Gaussians) -> Harmonics | None:
+        """The colours of these rows as harmonics, if they are exactly that: no shader adds light."""
+        return None if self.shader.adds_light else self.color.harmonics(gaussians)
+
+
+def _refuse_mismatch(color: ColorModel, shader: Shader) -> None:
+    """Raise RecipeError unless the colour model emits what the shader needs."""
+    for name, width in shader.needs.items():
+        if color.emits.get(name) != width:
+            emitted = ", ".join(f"{other} {count}" for other, count in color.emits.items())
+            raise RecipeError(
+                f"the shader needs channel {name!r} of width {width}, and the colour model emits {emitted}; "
+                "put together parts that agree"
+            )

@@ -1,4 +1,4 @@
-"""The socket: Gaussians and channels in, a blended image out."""
+"""The socket: Gaussians and what they emit in, a blended image out."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -9,9 +9,9 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import Raster
+from ringlight.core.rendering import Emission, Raster
+from ringlight.core.want import Want
 from ringlight.rasterize import convention
-from ringlight.rasterize.horizon import Horizon
 
 if TYPE_CHECKING:
     from ringlight import _kernels
@@ -31,8 +31,6 @@ class RasterOptions:
     """Scale the opacity by sqrt(det / det_blurred), so that the low-pass filter keeps the energy (Mip-Splatting)."""
     absgrad: bool = False
     """Also accumulate the absolute screen-space gradients (AbsGS)."""
-    horizon: Horizon | None = None
-    """What this view hid the last time, to be renewed: saves time and changes no bit."""
 
 
 @runtime_checkable
@@ -43,99 +41,26 @@ class Rasterizer(Protocol):
     device: torch.device
     """Where a model must lie to be drawn; a model moves there when it is built."""
 
-    def __call__(
-        self,
-        gaussians: Gaussians,
-        channels: Float[Tensor, "N C"],
-        camera: Camera,
-        background: Float[Tensor, "C"],
-        options: RasterOptions = RasterOptions(),
-        opacity_factor: Float[Tensor, "N"] | None = None,
-    ) -> Raster:
-        """Blend front to back by camera depth. Finite input gives a finite image and finite gradients.
-
-        Raises BackendError naming column and rows where a value is not finite, whether or not the row can be seen.
-        ``opacity_factor`` is in [0, 1]: a footprint ends where an opacity of at most 1 falls below 1/255.
-        """
+    @property
+    def note(self) -> str | None:
+        """A sentence on what this back end draws otherwise than the others, if anything."""
         ...
-
-
-@runtime_checkable
-class LateRasterizer(Protocol):
-    """A back end that asks for better colours where the picture shows a row, and for no others."""
-
-    def draw_late(
-        self,
-        gaussians: Gaussians,
-        checked: Float[Tensor, "N 3"],
-        late: "_kernels.LateColors",
-        camera: Camera,
-        background: Float[Tensor, "3"],
-        options: RasterOptions = RasterOptions(),
-        opacity_factor: Float[Tensor, "N"] | None = None,
-    ) -> Raster | None:
-        """The picture of :class:`Rasterizer` with ``late`` colours, without gradients; None where that would refuse.
-
-        The last 1/64 of a pixel's light may be what lies in front of it, with alpha 1. ``checked`` is what colours are
-        made of: it is not shown, but refused where it is not finite, like all else whether it is seen or not.
-        """
-        ...
-
-
-@runtime_checkable
-class ShadingRasterizer(Protocol):
-    """A back end that hands tiles to a shader as soon as they are blended, for pictures without gradients."""
-
-    def shaded(
-        self,
-        gaussians: Gaussians,
-        channels: Float[Tensor, "N C"],
-        camera: Camera,
-        background: Float[Tensor, "C"],
-        shader: "_kernels.PictureShader",
-        options: RasterOptions = RasterOptions(),
-        opacity_factor: Float[Tensor, "N"] | None = None,
-    ) -> Raster:
-        """As :class:`Rasterizer`, but ``image`` [H W 3] holds the colours that ``shader`` makes; it is what a shader's
-        ``tiles`` gave. The last 1/64 of a pixel's light may be taken for what lies in front of it, with alpha 1."""
-        ...
-
-
-@runtime_checkable
-class DirectRasterizer(Protocol):
-    """A picture and its gradient without autograd; a back end that can has a method ``direct()`` that makes one."""
 
     def draw(
         self,
         gaussians: Gaussians,
-        channels: Float[Tensor, "N C"],
+        emission: Emission,
         camera: Camera,
         background: Float[Tensor, "C"],
-        options: RasterOptions,
-        opacity_factor: Float[Tensor, "N"] | None = None,
-        late: "_kernels.LateColors | None" = None,
+        options: RasterOptions = RasterOptions(),
+        want: Want = Want.EXACT,
+        tiles: "_kernels.PictureShader | None" = None,
     ) -> Raster:
-        """As :class:`Rasterizer`. ``late`` colours, which are kept, go before the channels, and without a horizon; one
-        that is asked for and is not finite is a ValueError."""
-        ...
+        """Blend front to back by camera depth. Finite input gives a finite image and finite gradients.
 
-    def draw_shaded(
-        self,
-        gaussians: Gaussians,
-        channels: Float[Tensor, "N C"],
-        camera: Camera,
-        background: Float[Tensor, "C"],
-        shader: "_kernels.PictureShader",
-        options: RasterOptions,
-        opacity_factor: Float[Tensor, "N"] | None = None,
-    ) -> tuple[Raster, Float[Tensor, "H W 3"]]:
-        """As :meth:`draw`, and the colours that ``shader`` makes of the image while it is blended. The gradients asked
-        for later are still those by the image."""
-        ...
-
-    def differentiate(
-        self, by_image: Float[Tensor, "H W C"], by_alpha: Float[Tensor, "H W 1"] | None = None
-    ) -> tuple[dict[str, Tensor], Float[Tensor, "N C"]]:
-        """Gradients of the geometry's columns, and of "opacity_factor" if there was one, by name, and of the channels;
-        fills in the footprint."""
+        The way back adds the gradients of the geometry, by column, and fills in the footprint. Hints that a back end
+        may ignore: ``emission.lazy``, and ``tiles``, which shades while it is blended. The opacity factor is in [0, 1]:
+        a footprint ends where an opacity of at most 1 falls below 1/255.
+        Raises BackendError naming column and rows where a value is not finite, whether or not the row can be seen.
+        """
         ...

@@ -1,29 +1,29 @@
 """One view for the compiled kernels: what they are given, and the sentence where they refuse it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight import _kernels
 from ringlight.core.camera import Camera
-from ringlight.core.gaussians import GEOMETRY
+from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.core.rendering import Footprint
 from ringlight.errors import BackendError
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.finite import refuse_if_not_finite
 
-try:
-    from ringlight import _kernels
-except ImportError:  # the rasterizer's constructor says what to do about it
-    _kernels = None  # type: ignore[assignment]
+Table = dict[str, Tensor | None]
+"""The columns of the geometry by name, "opacity_factor", which may be None, and "channels"."""
 
 
-def check(columns: Sequence[Tensor | None], camera: Camera) -> None:
-    """Refuse in a sentence what the kernels would refuse in a signature."""
-    for column in columns:
+def table_of(gaussians: Gaussians, channels: Tensor, opacity_factor: Tensor | None, camera: Camera) -> Table:
+    """The table as the kernels take it; refuses in a sentence what they would refuse in a signature."""
+    columns: Table = {name: getattr(gaussians, name) for name in GEOMETRY}
+    columns |= {"opacity_factor": opacity_factor, "channels": channels}
+    for column in columns.values():
         if column is not None and (column.dtype != torch.float32 or not column.is_cpu):
             raise BackendError(
                 f"the cpu rasterizer draws float32 tensors on the CPU, not {column.dtype} on {column.device}; "
@@ -34,16 +34,16 @@ def check(columns: Sequence[Tensor | None], camera: Camera) -> None:
             f"the cpu rasterizer draws images of 1 to {_kernels.MAX_IMAGE_SIDE} pixels a side, "
             f"not {camera.width} x {camera.height}; downscale the camera"
         )
+    return {name: None if column is None else column.contiguous().resolve_neg() for name, column in columns.items()}
 
 
 @contextmanager
-def refusals_named(columns: Sequence[Tensor | None], camera: Camera, background: Tensor) -> Iterator[None]:
+def refusals_named(table: Mapping[str, Tensor | None], camera: Camera, background: Tensor) -> Iterator[None]:
     """The kernels only count what is not finite, in passing; this says where it is."""
     try:
         yield
     except ValueError:
-        names = (*GEOMETRY, "opacity_factor", "channels")
-        refuse_if_not_finite(dict(zip(names, columns, strict=True)), camera, background)
+        refuse_if_not_finite(table, camera, background)
         raise
 
 
@@ -57,35 +57,33 @@ class Job:
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
         self.absgrad = options.absgrad
-        self.horizon = None if options.horizon is None else options.horizon.sized(camera.width, camera.height)
         self.size = (camera.height, camera.width)
         self.background = background.detach().float().contiguous()
         # Type and device are the background's: torch's defaults may be others.
         self.footprint = Footprint(self.background.new_empty(count, 2), self.background.new_empty(count, 2))
 
-    def table(self, columns: Sequence[Any]) -> "_kernels.SplatTable":
-        """The columns as the kernels take them: means, log_scales, quats, opacity_logits, opacity_factor, channels."""
-        means, log_scales, quats, opacity_logits, opacity_factor, channels = columns
-        return _kernels.SplatTable(means, log_scales, quats, opacity_logits, opacity_factor, channels, self.background)
+    def native(self, table: Table) -> "_kernels.SplatTable":
+        """The table for one call."""
+        return _kernels.SplatTable(**table, background=self.background)  # type: ignore[arg-type]
 
     def draw(
         self,
         workspace: "_kernels.Workspace",
-        table: "_kernels.SplatTable",
+        table: Table,
         late: "_kernels.LateColors | None" = None,
         shader: "_kernels.PictureShader | None" = None,
-        blended: Tensor | None = None,
-    ) -> tuple[Tensor, Tensor]:
-        """The planar image [C H W], or of a ``shader``'s colours [3 H W], and alpha [H W]; fills in the footprint.
+        blended: Float[Tensor, "C H W"] | None = None,
+    ) -> tuple[Float[Tensor, "P H W"], Float[Tensor, "H W"]]:
+        """The planar image, or of a ``shader``'s colours, and alpha; fills in the footprint.
 
-        ``late`` goes before the table's channels. ``blended`` [C H W] keeps what the shader was given.
+        ``late`` goes before the table's channels. ``blended`` keeps what the shader was given.
         """
         planes = len(self.background) if shader is None else 3
         image, alpha = self.background.new_empty(planes, *self.size), self.background.new_empty(self.size)
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
             workspace.forward(
-                table, self.camera, self.settings, image, alpha, *marks, self.horizon, late, shader, blended
+                self.native(table), self.camera, self.settings, image, alpha, *marks, None, late, shader, blended
             )
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
@@ -94,16 +92,3 @@ class Job:
                 "they cover too much of the image: make the scales, the image or their number smaller"
             ) from error
         return image, alpha
-
-    def note(self, gradient: Tensor, absolute: Tensor | None) -> None:
-        """Add what one backward pass found to the footprint, as torch adds to ``grad``."""
-        footprint = self.footprint
-        known, known_absolute = footprint.means2d_gradient, footprint.absolute_gradient
-        footprint.means2d_gradient = gradient if known is None else known + gradient
-        if absolute is not None:
-            footprint.absolute_gradient = absolute if known_absolute is None else known_absolute + absolute
-
-
-def as_raster(image: Float[Tensor, "C H W"], alpha: Float[Tensor, "H W"]) -> tuple[Tensor, Tensor]:
-    """The same memory as the contract has it."""
-    return image.permute(1, 2, 0), alpha.unsqueeze(-1)

@@ -13,9 +13,11 @@ from torch.autograd.function import once_differentiable
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
-from ringlight.core.rendering import Footprint, Raster
+from ringlight.core.rendering import Emission, Footprint, Raster
+from ringlight.core.want import Want
 from ringlight.errors import BackendError
 from ringlight.rasterize import convention
+from ringlight.rasterize.by_torch import drawn_by_torch
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.finite import refuse_if_not_finite
 from ringlight.rasterize.gsplat_seam import WIDTHS, Ellipses, Gsplat
@@ -44,37 +46,46 @@ class CudaRasterizer:
             "dense surfaces look a little otherwise on the CPU; gsplat 1.5.3 draws alike"
         )
 
-    def __call__(
+    def draw(
         self,
         gaussians: Gaussians,
-        channels: Float[Tensor, "N C"],
+        emission: Emission,
         camera: Camera,
         background: Float[Tensor, "C"],
         options: RasterOptions = RasterOptions(),
-        opacity_factor: Float[Tensor, "N"] | None = None,
+        want: Want = Want.EXACT,
+        tiles: object = None,
     ) -> Raster:
-        """Blend front to back by camera depth; see :class:`ringlight.rasterize.contract.Rasterizer`."""
-        columns = dict(zip(GEOMETRY, (getattr(gaussians, name) for name in GEOMETRY), strict=True))
-        columns |= {"channels": channels} if opacity_factor is None else {
-            "channels": channels, "opacity_factor": opacity_factor
-        }  # fmt: skip
-        self._check(columns, options)
-        _refuse_if_not_finite(columns, camera, background)
-        active = active_form(gaussians, camera, options.near, opacity_factor)
+        """See :class:`ringlight.rasterize.contract.Rasterizer`; ignores both hints."""
+
+        def blend(columns: dict[str, Tensor | None]) -> tuple[Tensor, Tensor, Footprint]:
+            return self._blended(columns, camera, background, options)
+
+        return drawn_by_torch(blend, gaussians, emission, want)
+
+    def _blended(
+        self, columns: dict[str, Tensor | None], camera: Camera, background: Float[Tensor, "C"], options: RasterOptions
+    ) -> tuple[Tensor, Tensor, Footprint]:
+        given = {name: column for name, column in columns.items() if column is not None}
+        self._check(given, options)
+        _refuse_if_not_finite(given, camera, background)
+        gaussians, channels = Gaussians.from_columns({name: given[name] for name in GEOMETRY}), given["channels"]
+        active = active_form(gaussians, camera, options.near, given.get("opacity_factor"))
         size = (camera.width, camera.height)
         seen = self.gsplat.project(
             gaussians.means, active.quats, active.scales, active.opacities, *self._pinhole(camera), size, options
         )
         footprint = _footprint(seen, len(gaussians))
         if not len(seen.rows):
-            return _nothing(columns, camera, background.to(self.device), seen, footprint, options.absgrad)
+            image, alpha = _nothing(given, camera, background.to(self.device), seen, footprint, options.absgrad)
+            return image, alpha, footprint
         opacities, values = _Gathered.apply(seen.rows, active.opacities, channels)
         opacities = _compensated(opacities, seen.compensations, self.gsplat.numbers.least_compensation)
         lists = self.gsplat.tiles(seen, size)
         image, alpha = self.gsplat.blend(seen, _padded(values), opacities, size, lists, options.absgrad)
         if seen.means2d.requires_grad:
             seen.means2d.register_hook(_Notes(seen, footprint, options.absgrad))
-        return Raster(_over(image[0, ..., : channels.shape[1]], alpha[0], background), alpha[0], footprint)
+        return _over(image[0, ..., : channels.shape[1]], alpha[0], background), alpha[0], footprint
 
     def _check(self, columns: dict[str, Tensor], options: RasterOptions) -> None:
         for name, column in columns.items():
@@ -145,15 +156,15 @@ def _nothing(
     seen: Ellipses,
     footprint: Footprint,
     absolute: bool,
-) -> Raster:
-    """The background, with a gradient of zero to every column and centre."""
+) -> tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"]]:
+    """The background and alpha, with a gradient of zero to every column and centre."""
     zero = sum((column[:0].sum() for column in columns.values()), background.new_zeros(()))
     if zero.requires_grad:
         note = _Notes(seen, footprint, absolute)
         seen.means2d.absgrad = seen.means2d  # type: ignore[attr-defined]
         zero.register_hook(lambda _: note(seen.means2d.detach()))
     shape = (camera.height, camera.width)
-    return Raster(background.expand(*shape, -1) + zero, zero.expand(*shape, 1), footprint)
+    return background.expand(*shape, -1) + zero, zero.expand(*shape, 1)
 
 
 class _Notes:

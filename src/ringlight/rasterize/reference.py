@@ -4,7 +4,7 @@ Alpha blending of 3DGS (Kerbl et al. 2023, equations 2 to 4) with gsplat's cut-o
 against this file.
 """
 
-from dataclasses import replace
+from collections.abc import Mapping
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -12,9 +12,11 @@ from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
 from ringlight.core.camera import Camera
-from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import Footprint, Raster
+from ringlight.core.gaussians import GEOMETRY, Gaussians
+from ringlight.core.rendering import Emission, Footprint, Raster
+from ringlight.core.want import Want
 from ringlight.rasterize import convention
+from ringlight.rasterize.by_torch import drawn_by_torch
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.finite import refuse_if_not_finite
 from ringlight.rasterize.projection import Projection, project
@@ -24,43 +26,61 @@ BAND_PIXELS = 512
 
 
 class ReferenceRasterizer:
-    """Blends every pixel over all Gaussians that reach it, nearest first. Also differentiable in the camera pose."""
+    """Blends every pixel over all Gaussians that reach it, nearest first."""
 
     name = "reference"
     device = torch.device("cpu")
+    note: str | None = None
 
-    def __call__(
+    def draw(
         self,
         gaussians: Gaussians,
-        channels: Float[Tensor, "N C"],
+        emission: Emission,
         camera: Camera,
         background: Float[Tensor, "C"],
         options: RasterOptions = RasterOptions(),
-        opacity_factor: Float[Tensor, "N"] | None = None,
+        want: Want = Want.EXACT,
+        tiles: object = None,
     ) -> Raster:
-        geometry = replace(gaussians, appearance={})
-        columns = {**geometry.columns(), "opacity_factor": opacity_factor, "channels": channels}
-        refuse_if_not_finite(columns, camera, background)
-        factor = torch.ones_like(gaussians.opacity_logits) if opacity_factor is None else opacity_factor
-        rows = _rows_to_draw(geometry, camera, options, factor)
-        # Gathering the rows before any arithmetic gives all others a gradient of exactly zero, whatever overflowed.
-        splats = project(geometry.rows(rows), camera, options, factor[rows])
-        centers = _CenterGradients(splats, rows, len(gaussians), options.absgrad)
-        colors = channels[rows]
+        """See :class:`ringlight.rasterize.contract.Rasterizer`; ignores both hints."""
 
-        def band(top: int, bottom: int) -> Float[Tensor, "h W D"]:
-            touching = _touching(splats, top, bottom).nonzero()[:, 0]
-            pixels = _pixel_centers(camera.width, top, bottom, like=colors)
-            pair_centers = centers.copied_per_pixel(len(pixels), touching)
-            alphas = pair_alphas(splats.rows(touching), pair_centers, pixels, options.max_alpha)
-            return _blend(alphas, colors[touching], background).unflatten(0, (bottom - top, camera.width))
+        def blend(columns: Mapping[str, Tensor | None]) -> tuple[Tensor, Tensor, Footprint]:
+            return blended(columns, camera, background, options)
 
-        height = max(1, BAND_PIXELS // camera.width)
-        tops = range(0, camera.height, height)
-        # checkpoint: the backward pass computes a band again instead of keeping all its pairs.
-        bands = [checkpoint(band, y, min(y + height, camera.height), use_reentrant=False) for y in tops]
-        blended = torch.cat(bands)
-        return Raster(blended[..., :-1], blended[..., -1:], centers.footprint)
+        return drawn_by_torch(blend, gaussians, emission, want)
+
+
+def blended(
+    columns: Mapping[str, Tensor | None], camera: Camera, background: Float[Tensor, "C"], options: RasterOptions
+) -> tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"], Footprint]:
+    """Image, alpha and footprint of the geometry's columns, "channels" and "opacity_factor", by plain torch.
+
+    Also differentiable in the camera's pose.
+    """
+    refuse_if_not_finite(columns, camera, background)
+    channels, factor = columns["channels"], columns["opacity_factor"]
+    assert channels is not None
+    geometry = Gaussians.from_columns({name: columns[name] for name in GEOMETRY})  # type: ignore[misc]
+    factor = torch.ones_like(geometry.opacity_logits) if factor is None else factor
+    rows = _rows_to_draw(geometry, camera, options, factor)
+    # Gathering the rows before any arithmetic gives all others a gradient of exactly zero, whatever overflowed.
+    splats = project(geometry.rows(rows), camera, options, factor[rows])
+    centers = _CenterGradients(splats, rows, len(geometry), options.absgrad)
+    colors = channels[rows]
+
+    def band(top: int, bottom: int) -> Float[Tensor, "h W D"]:
+        touching = _touching(splats, top, bottom).nonzero()[:, 0]
+        pixels = _pixel_centers(camera.width, top, bottom, like=colors)
+        pair_centers = centers.copied_per_pixel(len(pixels), touching)
+        alphas = pair_alphas(splats.rows(touching), pair_centers, pixels, options.max_alpha)
+        return _blend(alphas, colors[touching], background).unflatten(0, (bottom - top, camera.width))
+
+    height = max(1, BAND_PIXELS // camera.width)
+    tops = range(0, camera.height, height)
+    # checkpoint: the backward pass computes a band again instead of keeping all its pairs.
+    bands = [checkpoint(band, y, min(y + height, camera.height), use_reentrant=False) for y in tops]
+    image = torch.cat(bands)
+    return image[..., :-1], image[..., -1:], centers.footprint
 
 
 def pair_alphas(

@@ -12,6 +12,7 @@ import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene
+from ringlight.core.want import Want
 from ringlight.errors import OutputError, RecipeError, RunError, SceneError
 from ringlight.files.model_file import SceneFacts, write_model_file
 from ringlight.files.packed import pack_tensors, unpack_tensors
@@ -125,7 +126,7 @@ def _picture_loss(before: StoredModel, after: StoredModel) -> list[float]:
 
 
 def _picture(model: SplatModel, camera: Camera) -> torch.Tensor:
-    return model.picture(camera, torch.ones(3)).color.clamp(0, 1)
+    return model.render(camera, torch.ones(3), Want.PICTURE).color.clamp(0, 1)
 
 
 def _test_loss(before: SplatModel, after: SplatModel, scene: Scene, tell: Tell | None) -> tuple[float, float]:
@@ -134,7 +135,7 @@ def _test_loss(before: SplatModel, after: SplatModel, scene: Scene, tell: Tell |
 
     def measured(model: SplatModel, done_before: int) -> float:
         def render(camera: Camera) -> Rendering:
-            return model.picture(camera, background)
+            return model.render(camera, background, Want.PICTURE)
 
         def progress(done: int, _: int) -> None:
             if tell is not None:

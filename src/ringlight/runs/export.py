@@ -11,7 +11,7 @@ from torch import Tensor
 import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import OPACITY_FACTOR
+from ringlight.core.want import Want
 from ringlight.errors import ModelFileError, OutputError
 from ringlight.files.bake import bake_to_sh
 from ringlight.files.ply import write_gaussian_ply
@@ -144,11 +144,11 @@ def _folded(model: SplatModel, cameras: tuple[Camera, ...]) -> Gaussians:
 
 
 def _mean_factor(model: SplatModel, gaussians: Gaussians, cameras: tuple[Camera, ...]) -> Float[Tensor, "N"] | None:
-    found = (model.color.channels(gaussians, camera).get(OPACITY_FACTOR) for camera in cameras)
+    found = (model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor for camera in cameras)
     total = torch.zeros(len(gaussians))
     for factor in found:
         # A model that has no factor for one camera has none for any.
         if factor is None:
             return None
-        total += factor[:, 0]
+        total += factor
     return total / len(cameras) if cameras else None

@@ -13,6 +13,7 @@ import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene, View
+from ringlight.core.want import Want
 from ringlight.errors import ModelFileError, RunError, SceneError
 from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
@@ -72,7 +73,7 @@ def measure(
     background = scene.background_color
 
     def render(camera: Camera) -> Rendering:
-        return model.picture(camera, background)
+        return model.render(camera, background, Want.PICTURE)
 
     keep = None if pictures is None else _keeper(*pictures)
     scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)

@@ -13,7 +13,9 @@ from torch import nn
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import COLUMNS, dense
 from ringlight.core.randomness import generator
+from ringlight.core.want import Want
 from ringlight.models.splats import SplatModel
 from ringlight.shade.passthrough import PassThrough
 
@@ -43,17 +45,15 @@ def fitted_to_pictures(model: SplatModel, harmonics: Gaussians, cameras: Sequenc
     baked, white = with_harmonics(model, replace(harmonics, appearance=own)), torch.ones(3)
     columns = baked.columns
     assert isinstance(columns, nn.ParameterDict)
-    for name, column in columns.items():
-        column.requires_grad_(name in RATES)
     groups = [{"params": [columns[name]], "lr": rate} for name, rate in RATES.items()]
     optimizer = torch.optim.Adam(groups, eps=1e-15)
     decay = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: LAST_RATE ** (step / steps))
     for camera in _rounds(cameras, steps):
-        with torch.no_grad():
-            wanted = model.render(camera, white).color.clamp(0, 1)
-        difference = baked.render(camera, white).color - wanted
-        optimizer.zero_grad()
-        difference.square().mean().backward()
+        wanted = model.render(camera, white).color.clamp(0, 1)
+        shown = baked.render(camera, white, Want.GRADIENTS)
+        gradients = shown.backward((shown.color - wanted) * (2 / wanted.numel()), {})
+        for name in RATES:
+            columns[name].grad = dense(gradients[COLUMNS + name])
         optimizer.step()
         decay.step()
     return replace(harmonics, appearance={name: columns[name].detach() for name in harmonics.appearance})

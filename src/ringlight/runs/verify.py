@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.scene import Scene
+from ringlight.core.want import Want
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.fit.train import Training, train
 from ringlight.rasterize.choose import rasterizer_for
@@ -69,7 +70,7 @@ def verify(
         use_threads(threads)
     yield _compared(
         f"stopped after step {steps // 2} and resumed, a view drawn after each step",
-        _interrupted(begin(), begin(), steps),
+        _interrupted(begin(), begin(), scene, steps),
         first,
     )
 
@@ -96,11 +97,10 @@ def _finish(training: Training, steps: int, after_step: Callable[[], object] = l
     return _Outcome(losses, training.state())
 
 
-def _interrupted(training: Training, fresh: Training, steps: int) -> _Outcome:
+def _interrupted(training: Training, fresh: Training, scene: Scene, steps: int) -> _Outcome:
     def draw() -> None:
-        scene = training.batches.scene
         with torch.no_grad():
-            training.model.render((*scene.test, *scene.train)[0].camera, scene.background_color)
+            training.model.render((*scene.test, *scene.train)[0].camera, scene.background_color, Want.PICTURE)
 
     before = _finish(training, steps // 2, draw)
     with tempfile.TemporaryDirectory(prefix="ringlight-") as folder:

@@ -1,12 +1,14 @@
 """The socket: blended channels in, colour out, per pixel."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
-from ringlight.core.rendering import Channels
+from ringlight.core.rendering import Channels, Shaded
+from ringlight.core.want import Want
 
 if TYPE_CHECKING:
     from ringlight import _kernels
@@ -14,51 +16,38 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Shader(Protocol):
-    """May be an ``nn.Module`` with shared parameters."""
+    """An ``nn.Module`` with shared parameters, named ``shader.…``."""
 
-    def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
-        """Colour of each pixel from the blended channels, [H W c] by name; memory may be planar.
+    adds_light: bool
+    """Whether it shows anything but the blended "rgb": then no export of the Gaussians' colours alone is exact."""
+
+    @property
+    def needs(self) -> Mapping[str, int]:
+        """The channels that it reads now, by name and width, in the order in which ``shade`` gets them. All of them
+        until training switches something off."""
+        ...
+
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> "_kernels.PictureShader | None":
+        """A hint for the compiled rasterizer: what shades tiles as soon as they are blended, from exactly the channels
+        in ``needs``. None where there is no such thing."""
+        ...
+
+    def shade(
+        self,
+        image: Float[Tensor, "H W C"],
+        alpha: Float[Tensor, "H W 1"],
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        want: Want,
+        shaded: Float[Tensor, "H W 3"] | None = None,
+    ) -> Shaded:
+        """Colour of each pixel from the channels in ``needs``, side by side in that order; memory may be planar.
 
         "rgb" lies over ``background``. All others are sums over the Gaussians in front, so that a pixel's mean is the
-        sum over "alpha" [H W 1], which is always there.
+        sum over ``alpha``. ``shaded`` is the colour already, where a rasterizer took the hint of :meth:`tiles`.
         """
         ...
 
     def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
-        """What single Gaussians at ``points`` would show, each alone and opaque, from their channels [N c]."""
-        ...
-
-
-@runtime_checkable
-class TileShader(Protocol):
-    """A shader that may also work inside the compiled rasterizer; a shader that can has this method."""
-
-    def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> "_kernels.PictureShader | None":
-        """What shades a picture's tiles as they are blended; None where that cannot be."""
-        ...
-
-
-@runtime_checkable
-class DirectShader(Protocol):
-    """Shading and its gradient without autograd; a shader that can has a method ``direct()`` that makes one or None."""
-
-    def draw(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
-        """As :meth:`Shader.shade`."""
-        ...
-
-    def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> "_kernels.PictureShader | None":
-        """What gives the bits of :meth:`draw` while a picture is blended; None where there is no use for it."""
-        ...
-
-    def keep(self, buffers: Channels) -> None:
-        """The blended channels [H W c] and "alpha" [H W 1] of the picture that :meth:`tiles` shaded, as :meth:`draw`
-        would have got them; to be called before :meth:`differentiate`."""
-        ...
-
-    def differentiate(
-        self, by_color: Float[Tensor, "H W 3"]
-    ) -> tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None, dict[str, Tensor]]:
-        """Gradients for the last picture drawn: of the blended channels side by side, as the colour model has them, of
-        "alpha", and of the shader's own parameters by name. None for alpha, and no parameters, where they had no part.
-        """
+        """What single Gaussians at ``points`` would show, each alone and opaque, from their channels [N c] by name."""
         ...

@@ -5,16 +5,21 @@ Shading blended normals instead of blending shaded colours is what makes splatte
 which a learned sphere corrects for parallax.
 """
 
+from collections.abc import Mapping
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight import _kernels
+from ringlight.core.by_autograd import ByAutograd, add_to
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
+from ringlight.core.gradients import SHADER, Gradients
 from ringlight.core.lot import by_lot
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import Channels
+from ringlight.core.rendering import Channels, ImageGradients, Shaded
+from ringlight.core.want import Want
 from ringlight.fields.axis_factors import AxisFactors
 from ringlight.fields.diagonal_ring import DiagonalRing
 from ringlight.fields.networks import perceptron
@@ -22,14 +27,16 @@ from ringlight.fields.octahedral import OctahedralMaps
 from ringlight.fields.parallax import sphere_exits
 from ringlight.fields.tensor_ring import TensorRing
 from ringlight.shade.covered import CoveredPixels, covered_pixels
-from ringlight.shade.reflection_direct import DirectReflection
+from ringlight.shade.passthrough import unchanged
 from ringlight.shade.reflection_kernel import (
     ReflectionJob,
     kernel_takes,
-    reflect_by_kernel,
+    plane_gradients,
+    planes_of,
+    reads_depth,
     reflection_job,
+    shaded_planes,
     shading_of,
-    sizes_fit,
 )
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
 
@@ -43,7 +50,8 @@ FIRST_LAST_LAYER = 0.3
 class ReflectionShader(nn.Module):
     """color = rgb + alpha * mlp(cosine, latents, base, features, direction), at pixels that are opaque enough.
 
-    ``shade`` takes "rgb" 3, "normal" 3 (world, outwards, blended unit vectors), "latents" L and "depth" 1 (camera z).
+    Channels: "rgb" 3, "normal" 3 (world, outwards, blended unit vectors), "latents" L and, if it is read, "depth" 1
+    (camera z).
     Parameters: ``mlp``; ``maps.s``, the octahedral maps of shell s; ``sphere`` [shells 4] if there is parallax, see
     ``fields/parallax.py``, in a frame where the longest side of the scene's box is [-1, 1]; ``places``, factors of the
     features in the same frame, and ``ring``, if there are such.
@@ -52,6 +60,7 @@ class ReflectionShader(nn.Module):
 
     box: Tensor
     lit: Tensor
+    adds_light = True
 
     def __init__(self, settings: ReflectionSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()
@@ -76,28 +85,102 @@ class ReflectionShader(nn.Module):
             last.bias.zero_()
         self.register_buffer("box", box.clone().float())
         self.register_buffer("lit", torch.tensor(True))
+        names = {id(parameter): name for name, parameter in self.named_parameters()}
+        self._kernel_names = [names[id(parameter)] for parameter in self.kernel_parameters()]
 
-    def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
-        """Planar memory, as the rasterizer's; differentiable in "rgb", "normal", "latents", "alpha", parameters, and
+    @property
+    def needs(self) -> Mapping[str, int]:
+        """Base colours alone during the warm-up; depth where the settings look at it."""
+        if not self.lit:
+            return {"rgb": 3}
+        depth = {"depth": 1} if reads_depth(self.settings) else {}
+        return {"rgb": 3, "normal": 3, "latents": self.settings.latents, **depth}
+
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> _kernels.PictureShader | None:
+        """See :class:`ringlight.shade.contract.Shader`; wide layers may multiply bytes where a picture is wanted."""
+        parameters = self.kernel_parameters()
+        if not self.lit or not reads_depth(self.settings) or not kernel_takes(self.settings, *parameters):
+            return None
+        return shading_of(self.job(camera, background), parameters, exact=want is not Want.PICTURE)
+
+    def shade(
+        self,
+        image: Float[Tensor, "H W C"],
+        alpha: Float[Tensor, "H W 1"],
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        want: Want,
+        shaded: Float[Tensor, "H W 3"] | None = None,
+    ) -> Shaded:
+        """Planar memory, as the rasterizer's; differentiable in "rgb", "normal", "latents", alpha, parameters, and
         in "depth" where the settings say so."""
         if not self.lit:
-            return buffers["rgb"]
-        if not kernel_takes(self.settings, buffers):
-            return self.twin(buffers, camera, background)
-        return reflect_by_kernel(self.job(camera, background), buffers, self.kernel_parameters())
+            return Shaded(image, unchanged)
+        if shaded is not None and want is not Want.GRADIENTS:
+            return Shaded(shaded)
+        if not kernel_takes(self.settings, image, alpha):
+            return self.shaded_by_torch(image, alpha, camera, background, want)
+        return self._shaded_by_kernel(image, alpha, camera, background, want, shaded)
 
-    def tiles(self, camera: Camera, background: Float[Tensor, "3"]) -> _kernels.PictureShader | None:
-        """See :class:`ringlight.shade.contract.TileShader`; the channels are those of ``color/mirror.py``, in order."""
-        parameters = self.kernel_parameters()
-        if not self.lit or not kernel_takes(self.settings, dict(enumerate(parameters))):
-            return None
-        return shading_of(self.job(camera, background), parameters)
+    @torch.no_grad()
+    def _shaded_by_kernel(
+        self,
+        image: Float[Tensor, "H W C"],
+        alpha: Float[Tensor, "H W 1"],
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        want: Want,
+        color: Float[Tensor, "H W 3"] | None,
+    ) -> Shaded:
+        job, parameters = self.job(camera, background), self.kernel_parameters()
+        planes = planes_of(job, image, alpha)
+        if color is None:
+            color = shaded_planes(job, planes, parameters)
+        if want is not Want.GRADIENTS:
+            return Shaded(color)
 
-    def direct(self) -> DirectReflection | None:
-        """The same without autograd, by the kernel; None where it does not take the sizes."""
-        return DirectReflection(self) if sizes_fit(self.settings) else None
+        @torch.no_grad()
+        def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
+            gradients = [torch.empty_like(parameter) for parameter in parameters]
+            block, grad_alpha = plane_gradients(job, planes, parameters, grad_color, gradients)
+            names = (SHADER + name for name in self._kernel_names)
+            add_to(into, dict(zip(names, gradients, strict=True)))
+            return block.permute(1, 2, 0), grad_alpha.permute(1, 2, 0)
 
-    def twin(
+        return Shaded(color, backward)
+
+    def shaded_by_torch(
+        self,
+        image: Float[Tensor, "H W C"],
+        alpha: Float[Tensor, "H W 1"],
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        want: Want,
+    ) -> Shaded:
+        """As :meth:`shade`, by :meth:`reference` and torch's autograd."""
+        names, widths = zip(*self.needs.items(), strict=True)
+
+        def shade(inputs: Channels) -> Channels:
+            parts = inputs["image"].split(widths, -1)
+            buffers = dict(zip(names, parts, strict=True)) | {"alpha": inputs["alpha"]}
+            return {"color": self.reference(buffers, camera, background)}
+
+        inputs = {"image": image, "alpha": alpha}
+        if want is not Want.GRADIENTS:
+            with torch.no_grad():
+                return Shaded(shade(inputs)["color"])
+        recorded = ByAutograd(shade, inputs, {SHADER + name: p for name, p in self.named_parameters()})
+
+        def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
+            found = recorded.backward({"color": grad_color})
+            grad_image = found.pop("image")
+            grad_alpha = found.pop("alpha", None)
+            add_to(into, found)
+            return grad_image, grad_alpha
+
+        return Shaded(recorded.outputs["color"], backward)
+
+    def reference(
         self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"], gradient_share: float = 1.0
     ) -> Float[Tensor, "H W 3"]:
         """What the kernel computes, in torch and in any precision. Here ``gradient_share`` saves no time."""

@@ -14,7 +14,7 @@ from ringlight.models.splats import SplatModel
 class Strategy(Protocol):
     """Called after each optimizer step. Keeps whatever it counts in ``state``, so that a run can resume."""
 
-    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         """Look at the rendering of ``step`` and maybe change the model, through the optimizer's verbs."""
         ...
 

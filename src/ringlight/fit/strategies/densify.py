@@ -37,10 +37,10 @@ class Densify:
         self.white = white
         self._pull, self._views = torch.zeros(0), torch.zeros(0)
 
-    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step > self.last_step:
             return
-        self._observe(model, rendering)
+        self._observe(model, prediction)
         if step > self.settings.begin and step % self.settings.every == 0:
             self._edit(step, model, optimizer)
         if self._resets(step):
@@ -61,18 +61,16 @@ class Densify:
             return False
         return step % every == 0 or (self.white and step == WHITE_RESET_STEP)
 
-    def _observe(self, model: SplatModel, rendering: Rendering) -> None:
+    def _observe(self, model: SplatModel, prediction: Rendering) -> None:
         if len(self._pull) != len(model):
             self._pull, self._views = torch.zeros(2, len(model), device=model.device)
         self._pull, self._views = self._pull.to(model.device), self._views.to(model.device)
-        raster = rendering.raster
-        if raster is None or raster.footprint.means2d_gradient is None:
+        footprint = prediction.footprint
+        if footprint is None or footprint.means2d_gradient is None:
             return
-        height, width = rendering.alpha.shape[:2]
+        height, width = prediction.alpha.shape[:2]
         # Half the size in pixels turns a gradient in pixels into one in normalized device coordinates.
-        accumulate_pull_(
-            raster.footprint.means2d_gradient, raster.footprint.radii, (width / 2, height / 2), self._pull, self._views
-        )
+        accumulate_pull_(footprint.means2d_gradient, footprint.radii, (width / 2, height / 2), self._pull, self._views)
 
     def _edit(self, step: int, model: SplatModel, optimizer: Optimizer) -> None:
         table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})

@@ -8,7 +8,9 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import Rendering
+from ringlight.core.gradients import Gradients
+from ringlight.core.rendering import Emission, Rendering
+from ringlight.core.want import Want
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.models.splats import SplatModel
@@ -26,7 +28,7 @@ class DropLeast:
         self.rounds, self.cameras = settings.drop_rounds(steps), cameras
         self.kept = (1 - settings.drop_share) ** (1 / max(len(self.rounds), 1))
 
-    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step not in self.rounds:
             return
         order = blending_weights(model, self.cameras).argsort(descending=True, stable=True)
@@ -45,12 +47,12 @@ def blending_weights(model: SplatModel, cameras: Sequence[Camera]) -> Float[Tens
     A row's weight is what the picture's sum gains by its colour: a gradient, which any rasterizer gives.
     """
     table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
-    factor = model.color.wanted(table).to(table.means)[:, None]
-    total, black = torch.zeros_like(table.opacity_logits), torch.zeros(3)
+    factor, total = model.color.wanted(table).to(table.means), torch.zeros_like(table.opacity_logits)
+    emission, black = Emission({"rgb": 3}, torch.zeros_like(table.means), factor), torch.zeros(3)
     for camera in cameras:
-        colors = torch.zeros_like(table.means, requires_grad=True)
-        with torch.enable_grad():
-            image = model.blend(table, {"rgb": colors}, factor, camera, black).color
-            (by_color,) = torch.autograd.grad(image[..., 0].sum(), colors)
-        total += by_color[:, 0]
+        raster = model.rasterize.draw(table, emission, camera, black, model.options, Want.GRADIENTS)
+        first = torch.zeros_like(raster.image)
+        first[..., 0] = 1
+        grad_channels, _ = raster.backward(first, None, Gradients())
+        total += grad_channels[:, 0]
     return total

@@ -15,7 +15,7 @@ class Prune:
     def __init__(self, begin: int, every: int, opacity: float):
         self.begin, self.every, self.opacity = begin, every, opacity
 
-    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step <= self.begin or step % self.every:
             return
         table = model.gaussians

@@ -16,7 +16,7 @@ class Unlock:
     def __init__(self, buffer: str, schedule: Mapping[int, int]):
         self.buffer, self.schedule = buffer, dict(schedule)
 
-    def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
+    def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step in self.schedule:
             with torch.no_grad():
                 model.get_buffer(self.buffer).fill_(self.schedule[step])

@@ -1,0 +1,13 @@
+"""The socket: which batch each training step looks at."""
+
+from typing import Protocol
+
+from ringlight.core.batch import Batch
+
+
+class Batches(Protocol):
+    """A pure function of (seed, step), so that a resumed run sees what it would have seen."""
+
+    def at(self, step: int) -> Batch:
+        """The batch of ``step`` (1 is the first)."""
+        ...

@@ -1,0 +1,71 @@
+"""From the gradient of a picture to those of all parameters: the seams between colour model, rasterizer and shader."""
+
+from collections.abc import Mapping, Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.gradients import Gradients
+from ringlight.core.rendering import Channels, Emission, Raster, Shaded
+
+ALPHA = "alpha"
+"""The buffer that is always there."""
+
+
+def named_parts(raster: Raster, names: Sequence[str], widths: Sequence[int]) -> Channels:
+    """What was blended, by name, sharing memory, and "alpha"."""
+    return dict(zip(names, raster.image.split(list(widths), -1), strict=True)) | {ALPHA: raster.alpha}
+
+
+def ordered(emission: Emission, names: Sequence[str]) -> Emission:
+    """The same with exactly the channels ``names`` in this order; itself where it is that already."""
+    if tuple(emission.widths) == tuple(names):
+        return emission
+    count = sum(emission.widths.values())
+    numbers = torch.arange(count, device=emission.channels.device).split(list(emission.widths.values()))
+    places = dict(zip(emission.widths, numbers, strict=True))
+    index = torch.cat([places[name] for name in names])
+
+    def backward(grad_channels: Tensor, grad_opacity_factor: Tensor | None, into: Gradients) -> None:
+        whole = grad_channels.new_zeros(len(grad_channels), count).index_copy_(1, index, grad_channels)
+        emission.backward(whole, grad_opacity_factor, into)
+
+    widths = {name: emission.widths[name] for name in names}
+    return Emission(widths, emission.channels[:, index], emission.opacity_factor, backward)
+
+
+class WayBack:
+    """See :class:`ringlight.core.rendering.Rendering`. Once gone it lets go of what it needed."""
+
+    def __init__(self, emission: Emission, raster: Raster, shaded: Shaded, names: Sequence[str], widths: Sequence[int]):
+        self._parts: tuple[Emission, Raster, Shaded] | None = (emission, raster, shaded)
+        self._names, self._widths = names, widths
+
+    @torch.no_grad()
+    def __call__(self, grad_color: Float[Tensor, "H W 3"], grad_buffers: Mapping[str, Tensor]) -> Gradients:
+        if self._parts is None:
+            raise RuntimeError("the way back of this picture has been gone already; render it again")
+        into, (emission, raster, shaded) = Gradients(), self._parts
+        self._parts = None
+        grad_image, grad_alpha = shaded.backward(grad_color, into)
+        unread = sum(self._widths) - grad_image.shape[-1]
+        if unread:
+            grad_image = torch.nn.functional.pad(grad_image, (0, unread))
+        if grad_buffers:
+            grad_image, grad_alpha = self._with_buffers(grad_image, grad_alpha, grad_buffers)
+        emission.backward(*raster.backward(grad_image, grad_alpha, into), into)
+        return into
+
+    def _with_buffers(
+        self, grad_image: Float[Tensor, "H W C"], grad_alpha: Tensor | None, grad_buffers: Mapping[str, Tensor]
+    ) -> tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None]:
+        total = grad_image.clone()
+        parts = dict(zip(self._names, total.split(list(self._widths), -1), strict=True))
+        for name, gradient in grad_buffers.items():
+            if name != ALPHA:
+                parts[name] += gradient
+        of_alpha = grad_buffers.get(ALPHA)
+        if of_alpha is None or grad_alpha is None:
+            return total, of_alpha if grad_alpha is None else grad_alpha
+        return total, grad_alpha + of_alpha
