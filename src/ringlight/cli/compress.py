@@ -23,8 +23,8 @@ class CompressArguments:
     """Write a model in fewer bytes: colours and opacities in 8 bit, rotations in 32, positions in 48 or 72, networks
     and tables in 8 bit a value.
 
-    The file is a model like any other: eval, render, export, compare and info take it. What it costs is measured on the
-    test views of SCENE or of the run, stored in the file, and shown by 'ringlight info'.
+    The file is a model like any other: eval, render, export, compare and info take it. The loss in PSNR is measured on
+    the test views of SCENE or of the run. It is stored in the file and shown by 'ringlight info'.
     """
 
     model: ModelPath

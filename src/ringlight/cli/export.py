@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 class ExportArguments:
     """Write a model as the PLY file that viewers of 3D Gaussians open.
 
-    Spherical harmonics are written as they are. A neural colour is baked: harmonics of degree 3 are fitted to what each
-    Gaussian shows to the training cameras, then to the model's pictures from there, and the error that remains is
-    printed. The second takes seconds to a minute.
+    Spherical harmonics are written as they are. A neural colour is baked to harmonics of degree 3. They are fitted to
+    what each Gaussian shows to the training cameras, then to the model's pictures from these cameras, which takes
+    seconds to a minute. The error that remains is printed.
     """
 
     model: ModelPath
@@ -31,7 +31,7 @@ class ExportArguments:
     overwrite: bool = False
     """Replace the file if it exists."""
     fit_steps: int = 200
-    """Pictures of the model that baked harmonics are fitted to; 0 for none."""
+    """Number of the model's pictures to which harmonics are fitted; 0 for none."""
     threads: int = 0
     """Threads of the kernels; 0 takes every core."""
     json: bool = False

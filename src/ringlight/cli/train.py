@@ -44,11 +44,11 @@ class TrainArguments:
     seed: int = 0
     """Same seed, same machine kind: the same bits."""
     device: Device = "auto"
-    """Rasterizer: auto is the fastest that this machine has; reference is slow, plain torch."""
+    """Rasterizer. auto is the fastest of this machine; reference is plain torch, and slow."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
-    """Go on with this run, in place of SCENE and METHOD; it keeps its recipe, scene and seed."""
+    """Go on with this run, in place of SCENE and METHOD. It keeps its recipe, scene and seed."""
     verify: int | None = None
-    """Write nothing: do this many steps four times, in other circumstances each time, and compare all bits."""
+    """Do this many steps four times, in other circumstances each time, and compare all bits. Nothing is written."""
 
 
 @dataclass(frozen=True)
