@@ -1,4 +1,4 @@
-"""Everything that is plugged in, by socket: the product's tables and the five plugs of tests/plugs. A new plug is a line.
+"""Everything that is plugged in, by socket: the product's tables and the five plugs of tests/plugs. A plug is a line.
 
 Small sizes: contracts are about what must hold, not about how well it looks.
 """
