@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import torch
 
@@ -21,6 +20,7 @@ from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.fit.train import Training, train
+from ringlight.methods.recipe import Recipe
 from ringlight.models.parts import joined
 from ringlight.models.splats import COLUMNS_PREFIX
 from ringlight.rasterize.contract import Rasterizer
@@ -72,7 +72,7 @@ class Subject:
     step: int
 
 
-def subject_of_workload(method: str, recipe: Any, size: Size, rasterize: Rasterizer, seed: int = 0) -> Subject:
+def subject_of_workload(method: str, recipe: Recipe, size: Size, rasterize: Rasterizer, seed: int = 0) -> Subject:
     """The method on the standard workload, with every schedule at its end: all harmonics, the light field on."""
     if size.channels != 3:
         raise RecipeError(f"a training step draws 3 channels, not {size.channels}; leave --channels away")
@@ -104,7 +104,9 @@ class Photographs:
     gaussians: int = 0
 
 
-def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasterize: Rasterizer, seed: int) -> Subject:
+def subject_of_scene(
+    method: str, recipe: Recipe, photographs: Photographs, rasterize: Rasterizer, seed: int
+) -> Subject:
     """The method on photographs. Raises SceneError, and RecipeError, also for more Gaussians than the bound."""
     if photographs.steps:
         recipe = dataclasses.replace(recipe, steps=photographs.steps)
@@ -113,8 +115,7 @@ def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasteri
     scene = load_scene(photographs.path, SceneOptions())
     settled, _ = recipe.settled(scene, rasterize, seed)
     if photographs.gaussians:
-        bounded = dataclasses.replace(settled.densify, max_gaussians=photographs.gaussians, drop_share=0.0)
-        settled = dataclasses.replace(settled, densify=bounded)
+        settled = settled.ending_with(photographs.gaussians, dropping=False)
     training = settled.build(scene, rasterize, seed)
     for _ in islice(train(training), photographs.after):
         pass

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -17,6 +17,7 @@ from ringlight.cli.parse import parse, refuse
 from ringlight.cli.verifying import check_verify, verify_run
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
+from ringlight.methods.recipe import Recipe
 from ringlight.methods.table import METHODS, method_named
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def _start(arguments: list[str]) -> int:
             refuse("train", str(error))
     asked = parse(TrainArguments, "train", arguments, in_pairs=True)
     preset = preset_of(arguments, asked.method)
-    recipe: Any = asked.method
+    recipe: Recipe = asked.method
     check_steps(asked.reader, recipe.steps)
     from ringlight.cli.threads import use_threads
     from ringlight.runs.folder import free_folder

@@ -1,18 +1,18 @@
 """Whether a file's tensors fit its recipe, found out before memory is asked for what the recipe promises."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import torch
 from torch import Tensor
 
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
+from ringlight.methods.recipe import Recipe
 from ringlight.models.splats import COLUMNS_PREFIX
 from ringlight.rasterize.contract import Rasterizer
 
 
-def refuse_misfits(recipe: Any, box: Tensor, rasterize: Rasterizer, tensors: Mapping[str, Tensor]) -> None:
+def refuse_misfits(recipe: Recipe, box: Tensor, rasterize: Rasterizer, tensors: Mapping[str, Tensor]) -> None:
     """Raise KeyError or ValueError unless ``tensors`` are what the recipe's model holds, with any number of rows.
 
     The model is built on torch's meta device, where tensors have shapes and no memory.

@@ -16,6 +16,7 @@ from ringlight.fields.ring_settings import RingSettings
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.grown import GrownByDensityControl
 from ringlight.methods.ringlight_mirror import FAST_SCALES, RingLightMirrorRecipe
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ small table: 0.3 dB over ten. Networks of width 32 and 16 take a tenth less time
 
 
 @dataclass(frozen=True)
-class RingLightRecipe:
+class RingLightRecipe(GrownByDensityControl):
     """RingLight-GS: Gaussians lit by one shared neural tensor-ring light field."""
 
     steps: int = 30_000

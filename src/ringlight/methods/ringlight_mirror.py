@@ -15,6 +15,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.grown import GrownByDensityControl
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def most_gaussians(pixels: int) -> int:
 
 
 @dataclass(frozen=True)
-class RingLightMirrorRecipe:
+class RingLightMirrorRecipe(GrownByDensityControl):
     """Deferred reflection shading on an opaque surface: for mirrors, chrome and clear coats."""
 
     steps: int = 30_000

@@ -4,7 +4,6 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from jaxtyping import Bool
@@ -20,8 +19,8 @@ from ringlight.errors import DivergedError, ModelFileError, RecipeError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
 from ringlight.measure.size import bytes_by_part
 from ringlight.methods.outline import refuse_misfits
-from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
-from ringlight.methods.table import kind_of_method, method_of
+from ringlight.methods.recipe import Recipe, recipe_to_dict
+from ringlight.methods.table import method_of, recipe_of_method
 from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
@@ -59,7 +58,7 @@ def scene_facts(scene: Scene, options: SceneOptions | None = None) -> SceneFacts
 
 
 def model_header(
-    preset: str, recipe: Any, step: int, scene: SceneFacts, metrics: dict[str, object] | None = None
+    preset: str, recipe: Recipe, step: int, scene: SceneFacts, metrics: dict[str, object] | None = None
 ) -> ModelHeader:
     """The header of a model file; ``metrics`` are those of the test views, if measured."""
     return ModelHeader(
@@ -131,11 +130,10 @@ def model_of_tensors(
     if broken is not None:
         raise ModelFileError(f"{path}: {broken}; copy the file again, or train again")
     try:
-        kind = kind_of_method(header.method)
+        recipe = recipe_of_method(header.method, header.recipe, str(path))
     except KeyError:
         sentence = f"{path}: method {header.method!r} is unknown to this version of ringlight; update it"
         raise ModelFileError(sentence) from None
-    recipe = recipe_from_dict(kind, header.recipe, str(path))
     columns = {
         name.removeprefix(COLUMNS_PREFIX): tensor for name, tensor in tensors.items() if name.startswith(COLUMNS_PREFIX)
     }

@@ -11,8 +11,10 @@ from typing import Any
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import PerceptronSettings
 from ringlight.fit.photometric import PhotometricLoss
+from ringlight.methods.recipe import Recipe
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import method_named
+from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 FULL = "full"
 """Name of the unchanged base in every study, so that studies in one folder share its runs."""
@@ -38,7 +40,7 @@ class Variant:
 
     name: str
     preset: str
-    recipe: Any
+    recipe: Recipe
     about: str
     at: float | None = None
     """The number that the study varies, where it varies one."""
@@ -81,7 +83,7 @@ def _ablation(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
 
 def _controls(recipe: RingLightRecipe) -> tuple[Variant, ...]:
     """3DGS as it is; with the base's pixel term; and that with no more Gaussians than the base ends with."""
-    plain = method_named("3dgs")
+    plain = ThreeDGSRecipe()
     loss = PhotometricLoss(pixel=recipe.loss.pixel, ssim_weight=recipe.loss.ssim_weight)
     same_loss = replace(plain, loss=loss)
     eager = replace(same_loss, densify=replace(plain.densify, threshold=EAGER_THRESHOLD))
@@ -94,16 +96,16 @@ def _controls(recipe: RingLightRecipe) -> tuple[Variant, ...]:
 
 def _fields(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
     """The ring beside other decompositions, which the paper does not compare; the base's own is not run twice."""
-    variants = (
-        Variant("ring", base, _lit(recipe, field="ring"), "neural tensor ring"),
-        Variant("discrete-grid-rate", base, _grid_rates(_lit(recipe, field="discrete")), "discrete ring, grid's rate"),
-        Variant("cp", base, _lit(recipe, field="cp"), "diagonal ring (CP), the ring's size"),
-        Variant("tt", base, _lit(recipe, field="tt"), "open ring (tensor train)"),
-        Variant("vm", base, _grid_rates(_lit(recipe, field="vm")), "planes and lines (VM), grid's rate"),
-        Variant("mlp-matched", base, _matched(recipe), "one network of the ring's size"),
+    fields = (
+        ("ring", _lit(recipe, field="ring"), "neural tensor ring"),
+        ("discrete-grid-rate", _grid_rates(_lit(recipe, field="discrete")), "discrete ring, grid's rate"),
+        ("cp", _lit(recipe, field="cp"), "diagonal ring (CP), the ring's size"),
+        ("tt", _lit(recipe, field="tt"), "open ring (tensor train)"),
+        ("vm", _grid_rates(_lit(recipe, field="vm")), "planes and lines (VM), grid's rate"),
+        ("mlp-matched", _matched(recipe), "one network of the ring's size"),
     )
-    own = next((v.about for v in variants if v.recipe.light == recipe.light), f"field {recipe.light.field}")
-    others = [variant for variant in variants if variant.recipe.light != recipe.light]
+    own = next((about for _, same, about in fields if same.light == recipe.light), f"field {recipe.light.field}")
+    others = [Variant(name, base, other, about) for name, other, about in fields if other.light != recipe.light]
     return (Variant(FULL, base, recipe, own), *others)
 
 

@@ -11,6 +11,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.grown import GrownByDensityControl
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -31,7 +32,7 @@ them reached 20.38 dB and SSIM 0.854 on a toaster at 400 pixels, with 71 at each
 
 
 @dataclass(frozen=True)
-class ThreeDGSRecipe:
+class ThreeDGSRecipe(GrownByDensityControl):
     """3D Gaussian Splatting (Kerbl et al. 2023): colour as spherical harmonics of each Gaussian."""
 
     steps: int = 30_000

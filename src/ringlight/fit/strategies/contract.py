@@ -14,6 +14,11 @@ from ringlight.models.splats import SplatModel
 class Strategy(Protocol):
     """Called after each optimizer step. Keeps whatever it counts in ``state``, so that a run can resume."""
 
+    @property
+    def most(self) -> int | None:
+        """Rows to which it lets the model grow; None for one that adds none. Memory is planned by it."""
+        ...
+
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, rendering: Rendering) -> None:
         """Look at the rendering of ``step`` and maybe change the model, through the optimizer's verbs."""
         ...
