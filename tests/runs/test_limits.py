@@ -83,7 +83,7 @@ def test_the_bound_is_said_recorded_and_kept_when_resumed(
     assert "200 of the 300 points" in told
     record = json.loads((tmp_path / "run" / "recipe.json").read_text())
     assert record["recipe"]["densify"]["max_gaussians"] == 200
-    assert json.loads((tmp_path / "run" / "report.json").read_text())["n_gaussians"] <= 200
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["counted"] <= 200
 
 
 def test_verify_keeps_within_the_same_bound(

@@ -16,7 +16,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.randomness import generator
 from ringlight.core.scene import PointCloud
 from ringlight.errors import RecipeError
-from ringlight.methods.ringlight import OURS, PAPER
+from ringlight.methods.ringlight_ring import OURS, PAPER
 from ringlight.models.splats import move
 
 PIXELS = 400

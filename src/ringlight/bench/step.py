@@ -78,10 +78,11 @@ def subject_of_workload(method: str, recipe: Recipe, size: Size, rasterize: Rast
         raise RecipeError(f"a training step draws 3 channels, not {size.channels}; leave --channels away")
     work = workload(size, seed)
     scene = workload_scene(work, seed)
+    recipe, _ = recipe.settled(scene, rasterize, seed)
     training = recipe.build(scene, rasterize, seed)
     training.model.load_columns({name: getattr(work.gaussians, name) for name in GEOMETRY})
     # A model made for rendering has everything switched on; only a build for training starts with less.
-    finished = recipe.model(training.model.gaussians, scene.box, rasterize)
+    finished = recipe.model(scene.box, rasterize)
     shown = finished.state_dict()
     for name, buffer in training.model.named_buffers():
         if name in shown:

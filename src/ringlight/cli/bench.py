@@ -137,7 +137,7 @@ class StepArguments:
 class FpsArguments:
     """Frames per second of whole renderings, of models with everything switched on."""
 
-    methods: tuple[str, ...] = ("3dgs", "ringlight")
+    methods: tuple[str, ...] = ("3dgs", "ringlight-ring")
     """Methods whose models are shown."""
     sizes: tuple[str, ...] = ("100k@400", "300k@800")
     """Gaussians@pixels on a side."""

@@ -17,6 +17,14 @@ if TYPE_CHECKING:
     from ringlight import _kernels
 
 
+@dataclass(frozen=True)
+class Harmonics:
+    """Spherical harmonics of degree 3 as 3DGS stores them: the constant coefficient and the other fifteen."""
+
+    sh_dc: Float[Tensor, "N 3"]
+    sh_rest: Float[Tensor, "N 15 3"]
+
+
 @runtime_checkable
 class ColorModel(Protocol):
     """May be an ``nn.Module`` with shared parameters; per-Gaussian parameters live in the table's appearance."""
@@ -38,6 +46,10 @@ class ColorModel(Protocol):
 
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Rows that this colour model still shows; densifiers remove the others."""
+        ...
+
+    def harmonics(self, gaussians: Gaussians) -> Harmonics | None:
+        """The colours as harmonics, exactly; None where they are anything else."""
         ...
 
 

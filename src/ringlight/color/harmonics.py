@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
+from ringlight.color.contract import Harmonics
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
@@ -66,6 +67,10 @@ class SphericalHarmonics(nn.Module):
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row is shown."""
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
+
+    def harmonics(self, gaussians: Gaussians) -> Harmonics:
+        """The columns."""
+        return Harmonics(gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"])
 
     def direct(self) -> "DirectHarmonics | None":
         """The same without autograd, by the kernels; None where these are missing."""

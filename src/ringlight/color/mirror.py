@@ -95,6 +95,9 @@ class Mirror(nn.Module):
         """Every row."""
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
+    def harmonics(self, gaussians: Gaussians) -> None:
+        """There are none: the shader makes the colour."""
+
 
 class DirectMirror:
     """One view at a time: :meth:`draw`, then :meth:`differentiate`. Arrays are used again by the next view."""

@@ -138,6 +138,9 @@ class RingLight(nn.Module):
             return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
         return gaussians.appearance[MASK].sigmoid() > self.settings.mask_threshold
 
+    def harmonics(self, gaussians: Gaussians) -> None:
+        """There are none: colours come from a shared field."""
+
     def unit_points(self, means: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """World positions in the ring's coordinates: the box to [-1, 1]^3, clamped, detached."""
         low, high = self.box.to(means)

@@ -64,8 +64,7 @@ class Training:
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Inverse of :meth:`state`; the table takes the saved number of rows."""
-        self.model.load_columns(_below(state, "model.columns."))
-        self.model.load_state_dict(_below(state, "model."))
+        self.model.load_tensors(_below(state, "model."))
         self.optimizer.restore(_below(state, "optimizer."))
         for index, strategy in enumerate(self.strategies):
             strategy.restore(_below(state, f"strategy.{index}."))

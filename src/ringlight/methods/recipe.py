@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from ringlight.core.gaussians import Gaussians
     from ringlight.core.scene import Scene
     from ringlight.fit.train import Training
-    from ringlight.models.splats import SplatModel
+    from ringlight.models.contract import Model
     from ringlight.rasterize.contract import Rasterizer
 
 
@@ -65,8 +64,8 @@ class Recipe(Protocol):
         """The same with no more than ``most`` at any step, be some dropped later or not; itself where nothing grows."""
         ...
 
-    def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
-        """The model of this recipe around a given table; ``box`` is the scene's."""
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "Model":
+        """The model of this recipe with everything switched on, to load tensors into; ``box`` is the scene's."""
         ...
 
 

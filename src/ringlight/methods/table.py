@@ -5,16 +5,21 @@ from typing import Any
 
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe, recipe_from_dict
-from ringlight.methods.ringlight import PAPER, RingLightRecipe
+from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 METHODS: dict[str, Recipe] = {
     "ringlight": RingLightRecipe(),
+    "ringlight-ring": RingLightRingRecipe(),
     "ringlight-mirror": RingLightMirrorRecipe(),
     "ringlight-paper": PAPER,
     "3dgs": ThreeDGSRecipe(),
 }
+
+CHOOSERS = ("ringlight",)
+"""Those that settle on another method by the scene: no run and no file is of theirs."""
 
 
 def method_of(recipe: Recipe) -> str:
@@ -27,7 +32,8 @@ def recipe_of_method(name: str, values: Any, where: str) -> Recipe:
 
     Raises KeyError for any other name, RecipeError as :func:`recipe_from_dict`.
     """
-    return recipe_from_dict({method_of(recipe): type(recipe) for recipe in METHODS.values()}[name], values, where)
+    kinds = {method_of(recipe): type(recipe) for preset, recipe in METHODS.items() if preset not in CHOOSERS}
+    return recipe_from_dict(kinds[name], values, where)
 
 
 def method_named(name: str) -> Recipe:

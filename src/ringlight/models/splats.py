@@ -4,14 +4,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ringlight.color.contract import ColorModel, LateColors
+from ringlight.color.contract import ColorModel, Harmonics, LateColors
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.raw_bytes import raw_bytes
 from ringlight.core.rendering import OPACITY_FACTOR, Channels, Raster, Rendering
+from ringlight.models.contract import Count
 from ringlight.models.direct import DirectModel
 from ringlight.models.parts import joined, parted
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
@@ -23,6 +25,9 @@ FAINTEST_SURFACE = 1e-4
 
 COLUMNS_PREFIX = "columns."
 """Tensors below this name have one row a Gaussian."""
+
+NOUN = "Gaussians"
+"""What a table's rows are called in reports."""
 
 
 def move(model: nn.Module, device: torch.device) -> None:
@@ -182,3 +187,55 @@ class SplatModel(nn.Module):
         raster = self.rasterize(gaussians, values, camera, behind, options, opacity_factor)
         buffers = dict(zip(channels, parted(raster.image, widths), strict=True)) | {"alpha": raster.alpha}
         return Rendering(buffers.get("rgb", raster.image[..., :3]), raster.alpha, buffers, raster)
+
+    row_prefixes: tuple[str, ...] = (COLUMNS_PREFIX,)
+
+    @property
+    def renderer(self) -> str:
+        """What draws it, in words."""
+        return f"{self.rasterize.name} rasterizer"
+
+    @property
+    def note(self) -> str | None:
+        """What this back end draws otherwise than the others."""
+        return getattr(self.rasterize, "note", None)
+
+    def counted(self) -> Count:
+        """All rows, masked ones too."""
+        return Count(len(self), NOUN)
+
+    def bytes_each(self) -> int:
+        """Bytes of a row."""
+        return sum(column[0].numel() * column.element_size() for column in self.columns.values())
+
+    def rendering_tensors(self) -> dict[str, Tensor]:
+        """What a model file holds: no unwanted rows, no columns that only training looks at."""
+        return self._needed(self.color.wanted(self.gaussians))
+
+    def rendering_size(self) -> tuple[Count, int]:
+        """Of :meth:`rendering_tensors`, without its copies: rows, and bytes with floats at 32 bit."""
+        count = int(self.color.wanted(self.gaussians).sum())
+        return Count(count, NOUN), sum(raw_bytes(tensor) for tensor in self._needed(slice(count)).values())
+
+    def _needed(self, keep: Bool[Tensor, "N"] | slice) -> dict[str, Tensor]:
+        left_out = {COLUMNS_PREFIX + name for name in self.color.training_columns}
+        tensors = {name: tensor for name, tensor in self.state_dict().items() if name not in left_out}
+        return {name: t[keep] if name.startswith(COLUMNS_PREFIX) else t for name, t in tensors.items()}
+
+    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take these tensors; the table becomes theirs, without the columns that they leave out."""
+        columns = {
+            name.removeprefix(COLUMNS_PREFIX): t for name, t in tensors.items() if name.startswith(COLUMNS_PREFIX)
+        }
+        for name in self.columns.keys() - columns.keys():
+            self.columns.pop(name)
+        self.load_columns(columns)
+        self.load_state_dict(dict(tensors))
+
+    def splats(self) -> "SplatModel":
+        """Itself."""
+        return self
+
+    def harmonics(self, gaussians: Gaussians) -> Harmonics | None:
+        """The colours of these rows as harmonics, exactly; None where there is no such thing."""
+        return None if self.shader.adds_light else self.color.harmonics(gaussians)

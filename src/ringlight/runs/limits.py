@@ -44,14 +44,13 @@ def planned(scene: Scene, recipe: Recipe, seed: int, device: str) -> Planned:
     recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
-    note = getattr(training.model.rasterize, "note", None)  # what this back end draws otherwise than the others
+    note = training.model.note
     return Planned(recipe, scene, training, decided, (*warnings, note) if note else warnings)
 
 
 def most_gaussians(training: Training, memory: int | None = None) -> int:
     """As many as fit into their share of ``memory`` bytes, by default this machine's, or its GPU's if that draws."""
-    columns = training.model.columns.values()
-    row = sum(column[0].numel() * column.element_size() for column in columns)
+    row = training.model.bytes_each()
     if memory is None:
         device = training.model.device
         on_gpu = device.type == "cuda"

@@ -102,7 +102,7 @@ class Session:
         scene = load_scene(record.scene, record.options)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         try:
-            refuse_misfits(stored.tensors, training.state())
+            refuse_misfits(stored.tensors, training)
             training.restore(stored.tensors)
             if training.step > training.steps:
                 raise ValueError(f"step {training.step} of {training.steps}")

@@ -77,7 +77,7 @@ class StudyRun:
         if other is None:
             return recipe
         folder = self.folder.parents[1] / other / self.folder.name
-        count = read_report(folder).n_gaussians
+        count = read_report(folder).counted
         return recipe.ending_with(count)
 
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 class Shader(Protocol):
     """May be an ``nn.Module`` with shared parameters."""
 
+    adds_light: bool
+    """Whether it shows anything but the blended "rgb": then no export of the Gaussians' colours alone is exact."""
+
     def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
         """Colour of each pixel from the blended channels, [H W c] by name; memory may be planar.
 

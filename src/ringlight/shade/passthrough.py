@@ -13,6 +13,8 @@ class PassThrough(nn.Module):
     passes_through = True
     """Nothing to differentiate: what a loop without autograd asks before it leaves the shader out."""
 
+    adds_light = False
+
     def shade(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> Float[Tensor, "H W 3"]:
         return buffers["rgb"]
 

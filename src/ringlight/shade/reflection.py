@@ -52,6 +52,7 @@ class ReflectionShader(nn.Module):
 
     box: Tensor
     lit: Tensor
+    adds_light = True
 
     def __init__(self, settings: ReflectionSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()

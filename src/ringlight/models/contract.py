@@ -1,0 +1,92 @@
+"""The socket: what the loop, runs and measuring know of a model."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Channels, Rendering
+
+if TYPE_CHECKING:
+    from ringlight.models.splats import SplatModel
+
+
+class Count(NamedTuple):
+    """What a model is made of: (59125, "Gaussians"), (262144, "voxels")."""
+
+    number: int
+    noun: str
+
+    def __str__(self) -> str:
+        return f"{self.number:,} {self.noun}"
+
+
+@runtime_checkable
+class Model(Protocol):
+    """An ``nn.Module``; a model file holds its tensors under their names here."""
+
+    row_prefixes: tuple[str, ...]
+    """Names of tensors that begin so have one row for each of what :meth:`counted` counts, and as many rows as there
+    are; empty where that number never changes."""
+
+    @property
+    def device(self) -> torch.device:
+        """Where it lies."""
+        ...
+
+    @property
+    def renderer(self) -> str:
+        """What draws it, in words: "cpu rasterizer"."""
+        ...
+
+    @property
+    def note(self) -> str | None:
+        """What is drawn otherwise here than elsewhere, in a sentence."""
+        ...
+
+    def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+        """One exact image over ``background``."""
+        ...
+
+    def picture(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+        """As :meth:`render`, for who wants colour and alpha alone, and soon."""
+        ...
+
+    def layers(self, camera: Camera) -> Channels:
+        """What the picture is made of, over black, [H W c] by name; "alpha" 1 is among them."""
+        ...
+
+    def counted(self) -> Count:
+        """What it is made of now."""
+        ...
+
+    def bytes_each(self) -> int:
+        """Bytes of the parameters of one of these."""
+        ...
+
+    def rendering_tensors(self) -> dict[str, Tensor]:
+        """What a model file holds: no rows that are never shown, nothing that only training looks at."""
+        ...
+
+    def rendering_size(self) -> tuple[Count, int]:
+        """Of :meth:`rendering_tensors`, without its copies: what is counted, and bytes with floats at 32 bit."""
+        ...
+
+    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take the tensors of a file or of a checkpoint, of any number of rows, in place of the present ones."""
+        ...
+
+    def splats(self) -> "SplatModel | None":
+        """Itself if it is a table of Gaussians, for formats that hold one; else None."""
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """All tensors by name."""
+        ...
+
+    def eval(self) -> Any:
+        """Itself, for rendering."""
+        ...
