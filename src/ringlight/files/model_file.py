@@ -1,8 +1,9 @@
 """A trained model in one file: tensors by name and a header of plain facts; knows no method.
 
 Metadata of the safetensors file, all strings: ``program`` "ringlight", ``format`` a number, ``method``, ``preset``,
-``step``, ``counted``, ``noun``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``. A packed file (format 2) has
-besides, as JSON, ``packing``: how each packed tensor is stored, by name; and ``storage``: what packing cost.
+``step``, ``counted``, ``noun``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``. A packed
+file (format 2) has besides, as JSON, ``packing``: how each packed tensor is stored, by name; and ``storage``: what
+packing cost.
 """
 
 import json
