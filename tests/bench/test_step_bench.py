@@ -22,7 +22,7 @@ def subject(method):
     return subject_of_workload(method, METHODS[method], TINY, rasterizer_for("cpu"))
 
 
-@pytest.mark.parametrize("method", ["3dgs", "ringlight", "ringlight-mirror"])
+@pytest.mark.parametrize("method", ["3dgs", "ringlight-ring", "ringlight-mirror"])
 def test_stages_do_what_the_loop_does(method):
     looped, staged = subject(method), subject(method)
     next(train(looped.training))
@@ -45,6 +45,10 @@ def test_stages_take_a_constant_penalty_as_the_loop_does():
 
 def test_the_workload_has_every_schedule_at_its_end():
     assert int(subject("3dgs").training.model.color.active_degree) == 3
+    assert bool(subject("ringlight-ring").training.model.color.lit)
+
+
+def test_what_a_chooser_settles_on_is_timed():
     assert bool(subject("ringlight").training.model.color.lit)
 
 

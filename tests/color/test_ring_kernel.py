@@ -22,7 +22,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.methods.ringlight import OURS
+from ringlight.methods.ringlight_ring import OURS
 
 BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 KINK = 0.02 if BF16 else 2e-6

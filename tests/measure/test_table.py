@@ -14,7 +14,7 @@ from ringlight.measure.table import ResultsTable
 
 RUNS = (
     ("3dgs", sample_report()),
-    ("ringlight", sample_report(psnr=25.9, ssim_same=0.931, bytes_raw=950_000, n_gaussians=10_000, fps=55.04)),
+    ("ringlight", sample_report(psnr=25.9, ssim_same=0.931, bytes_raw=950_000, counted=10_000, fps=55.04)),
     ("3dgs", sample_report(scene="carpaint_200", psnr=24.42)),
     ("ringlight", sample_report(scene="carpaint_200", psnr=25.95)),
 )

@@ -49,6 +49,8 @@ def test_base_and_residual_lie_over_black(disc: SplatModel):
 class Brighter:
     """A deferred shader that adds a constant where there is a surface."""
 
+    adds_light = True
+
     def shade(self, buffers: Channels, camera: Camera, background: torch.Tensor) -> torch.Tensor:
         return buffers["rgb"] + 0.1 * buffers["alpha"]
 

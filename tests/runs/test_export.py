@@ -38,6 +38,9 @@ class Dimmed(nn.Module):
     def wanted(self, gaussians):
         return torch.ones(len(gaussians), dtype=torch.bool)
 
+    def harmonics(self, gaussians):
+        return None
+
 
 def test_opacity_factors_become_part_of_the_opacity(tmp_path):
     scene, color = tiny_scene(views=4, size=8), Dimmed()

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import torch
 
@@ -17,11 +17,14 @@ from ringlight.bench.timing import SHORTEST_MS, TOTAL, Budget, Contestant, Timin
 from ringlight.bench.workload import Size, workload, workload_scene
 from ringlight.core.gaussians import GEOMETRY
 from ringlight.core.want import Want
+from ringlight.data.batches import ImageBatch
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
+from ringlight.fit.loss import PhotographLoss
 from ringlight.fit.train import Training, train
-from ringlight.models.splats import COLUMNS_PREFIX
+from ringlight.methods.recipe import Recipe
+from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
 SCHEDULED_STEP = 7_501
@@ -68,19 +71,39 @@ class Subject:
     training: Training
     step: int
 
+    @property
+    def model(self) -> SplatModel:
+        """What is trained."""
+        return splats_of(self.training, self.method)
 
-def subject_of_workload(method: str, recipe: Any, size: Size, rasterize: Rasterizer, seed: int = 0) -> Subject:
+    @property
+    def batch(self) -> ImageBatch:
+        """The photograph of the step."""
+        return cast(ImageBatch, self.training.batches.at(self.step))
+
+
+def splats_of(training: Training, method: str) -> SplatModel:
+    """The model that is trained. Raises RecipeError where it is no table of Gaussians, whose parts could be timed."""
+    model = training.model.splats()
+    if model is None:
+        raise RecipeError(f"{method} has no Gaussians, and this benchmark times their parts; name another method")
+    return model
+
+
+def subject_of_workload(method: str, recipe: Recipe, size: Size, rasterize: Rasterizer, seed: int = 0) -> Subject:
     """The method on the standard workload, with every schedule at its end: all harmonics, the light field on."""
     if size.channels != 3:
         raise RecipeError(f"a training step draws 3 channels, not {size.channels}; leave --channels away")
     work = workload(size, seed)
     scene = workload_scene(work, seed)
+    recipe, _ = recipe.settled(scene, rasterize, seed)
     training = recipe.build(scene, rasterize, seed)
-    training.model.load_columns({name: getattr(work.gaussians, name) for name in GEOMETRY})
+    model = splats_of(training, method)
+    model.load_columns({name: getattr(work.gaussians, name) for name in GEOMETRY})
     # A model made for rendering has everything switched on; only a build for training starts with less.
-    finished = recipe.model(training.model.gaussians, scene.box, rasterize)
+    finished = recipe.model(scene.box, rasterize)
     shown = finished.state_dict()
-    for name, buffer in training.model.named_buffers():
+    for name, buffer in model.named_buffers():
         if name in shown:
             buffer.copy_(shown[name])
     training.step = min(SCHEDULED_STEP, recipe.steps) - 1
@@ -101,7 +124,9 @@ class Photographs:
     gaussians: int = 0
 
 
-def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasterize: Rasterizer, seed: int) -> Subject:
+def subject_of_scene(
+    method: str, recipe: Recipe, photographs: Photographs, rasterize: Rasterizer, seed: int
+) -> Subject:
     """The method on photographs. Raises SceneError, and RecipeError, also for more Gaussians than the bound."""
     if photographs.steps:
         recipe = dataclasses.replace(recipe, steps=photographs.steps)
@@ -110,14 +135,14 @@ def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasteri
     scene = load_scene(photographs.path, SceneOptions())
     settled, _ = recipe.settled(scene, rasterize, seed)
     if photographs.gaussians:
-        bounded = dataclasses.replace(settled.densify, max_gaussians=photographs.gaussians, drop_share=0.0)
-        settled = dataclasses.replace(settled, densify=bounded)
+        settled = settled.ending_with(photographs.gaussians, dropping=False)
     training = settled.build(scene, rasterize, seed)
     for _ in islice(train(training), photographs.after):
         pass
-    if photographs.gaussians and len(training.model) > photographs.gaussians:
+    count = len(splats_of(training, method))
+    if photographs.gaussians and count > photographs.gaussians:
         raise RecipeError(
-            f"{method} has {len(training.model):,} Gaussians after {photographs.after} steps, more than --gaussians "
+            f"{method} has {count:,} Gaussians after {photographs.after} steps, more than --gaussians "
             f"{photographs.gaussians}; give a later --after, or more"
         )
     where = f"{scene.name} after {photographs.after} steps of {recipe.steps}"
@@ -128,7 +153,7 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
     """Repeat one step of each, whole and cut into stages, all in turns; everything is put back before each round, off
     the clock. ``budget`` is each method's. Raises RecipeError where methods are given photographs of different sizes,
     as at the beginning of a run of 3dgs."""
-    cameras = [subject.training.batches.at(subject.step).camera for subject in subjects]
+    cameras = [subject.batch.camera for subject in subjects]
     images = [f"{camera.width}x{camera.height}" for camera in cameras]
     if len(set(images)) > 1:
         sizes = ", ".join(f"{subject.method} {image}" for subject, image in zip(subjects, images, strict=True))
@@ -144,7 +169,7 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
     return StepBench(
         circumstances=now,
         scene=first.scene,
-        rasterizer=first.training.model.rasterize.name,
+        rasterizer=first.model.rasterize.name,
         image=images[0],
         rows=tuple(_row(subject, watch, timings) for subject, watch in zip(subjects, watches, strict=True)),
     )
@@ -159,7 +184,7 @@ def _contestants_of(subject: Subject, watch: Stopwatch) -> dict[str, Contestant]
         watch.end_round()
 
     contestants = {WHOLE: Contestant({WHOLE: one_step}, put_back)}
-    if training.model.rasterize.name == NATIVE:
+    if subject.model.rasterize.name == NATIVE:
         # Put back as well, though nothing has changed: caches are then as cold for both.
         contestants[KERNELS] = Contestant(_kernels_alone(subject), put_back)
     return contestants
@@ -171,7 +196,7 @@ def _row(subject: Subject, watch: Stopwatch, timings: dict[tuple[str, str], dict
     floor = kernels.get(TOTAL)
     return StepRow(
         method=subject.method,
-        gaussians=len(subject.training.model),
+        gaussians=len(subject.model),
         whole=whole,
         stages=watch.timings(),
         kernels=kernels,
@@ -183,15 +208,15 @@ def _row(subject: Subject, watch: Stopwatch, timings: dict[tuple[str, str], dict
 def _kernels_alone(subject: Subject) -> dict[str, Callable[[], object]]:
     """The step's kernels on the step's inputs; Adam updates every parameter of the model."""
     training = subject.training
-    batch = training.batches.at(subject.step)
-    model, table = training.model, training.model.gaussians
+    batch, model = subject.batch, subject.model
+    table, compare = model.gaussians, cast(PhotographLoss, training.loss)
     emission = model.color.emit(table, batch.camera, tuple(model.shader.needs), Want.EXACT)
     channels = emission.channels
     behind = torch.nn.functional.pad(batch.background, (0, channels.shape[1] - len(batch.background)))
     raster = RasterKernel(table, channels, batch.camera, behind, model.options, emission.opacity_factor)
     # For channels that the loss does not see any number will do: what a gradient costs does not depend on it.
     by_image = torch.ones_like(raster.image)
-    loss = LossKernel(raster.image[:3], training.loss.targets.of(batch), training.loss.settings, by_image[:3])
+    loss = LossKernel(raster.image[:3], compare.targets.of(batch), compare.settings, by_image[:3])
     parameters = dict(model.named_parameters())
     known = {COLUMNS_PREFIX + name: gradient for name, gradient in raster.gradients.items()}
     groups = [training.optimizer.groups[name] for name in parameters]

@@ -135,7 +135,7 @@ class StepArguments:
 class FpsArguments:
     """Pictures per second of whole models with the light switched on."""
 
-    methods: tuple[str, ...] = ("3dgs", "ringlight")
+    methods: tuple[str, ...] = ("3dgs", "ringlight-ring")
     """Methods whose models are shown."""
     sizes: tuple[str, ...] = ("100k@400", "300k@800")
     """Gaussians@pixels on a side."""

@@ -40,7 +40,7 @@ class StudyArguments:
     ]
     """Folders of photographs with cameras. toaster and carpaint are bundled."""
     options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
-    base: Literal["ringlight-paper", "ringlight"] = "ringlight-paper"
+    base: Literal["ringlight-paper", "ringlight-ring"] = "ringlight-paper"
     """What the variants change: the paper's settings, or ours."""
     steps: int | None = None
     """Training steps of each run; by default the method's 30000."""

@@ -57,7 +57,8 @@ class SphericalHarmonics(nn.Module):
             return _native_emission(columns, camera.position, degree, want)
 
         def colors(columns: dict[str, Tensor]) -> Channels:
-            return {"rgb": sh_colors(*columns.values(), camera.position, degree)}
+            means, dc, rest = columns.values()
+            return {"rgb": sh_colors(means, dc, rest, camera.position, degree)}
 
         return emitted_by_torch(colors, columns, {}, want)
 
@@ -91,7 +92,7 @@ def sh_colors_reference(
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
-    """The reference of the native kernel: colour towards a camera at ``position``, clamped at black, any float dtype."""
+    """What the kernels compute, in any float dtype: colour towards a camera at ``position``, clamped at black."""
     basis = sh_basis(view_directions(means, position.to(means)), degree)[:, 1:]
     seen = torch.einsum("nk,nkc->nc", basis, rest[:, : basis.shape[1]])
     return (GREY + C0 * dc + seen).clamp_min(0)
@@ -126,7 +127,7 @@ def _native_emission(columns: dict[str, Tensor], position: Float[Tensor, "3"], d
         return Emission({"rgb": 3}, colors)
 
     @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N 3"], _: None, into: Gradients) -> None:
+    def backward(grad_channels: Float[Tensor, "N 3"], _: Tensor | None, into: Gradients) -> None:
         grad_dc, known = torch.empty_like(colors), into.get(COLUMNS + "means")
         grad_means = known if isinstance(known, Tensor) else torch.empty_like(means)
         _kernels.sh_gradient(grad_channels, colors, factors, grad_means, grad_dc, known is not None)

@@ -92,7 +92,7 @@ def _base_emission(base: Float[Tensor, "N 3"], want: Want) -> Emission:
         return Emission({"rgb": 3}, colors)
 
     @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N 3"], _: None, into: Gradients) -> None:
+    def backward(grad_channels: Float[Tensor, "N 3"], _: Tensor | None, into: Gradients) -> None:
         into.add(COLUMNS + BASE, torch.ops.aten.sigmoid_backward(grad_channels, colors))
 
     return Emission({"rgb": 3}, colors, backward=backward)
@@ -108,7 +108,7 @@ def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping
         return Emission(widths, channels)
 
     @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N C"], _: None, into: Gradients) -> None:
+    def backward(grad_channels: Float[Tensor, "N C"], _: Tensor | None, into: Gradients) -> None:
         gradients = [torch.empty_like(tensor) for tensor in tensors]
         moved = _kernels.mirror_gradient(view, tensors, grad_channels, gradients)
         for name, gradient in zip(columns, gradients, strict=True):

@@ -1,8 +1,9 @@
 """A trained model in one file: tensors by name and a header of plain facts; knows no method.
 
 Metadata of the safetensors file, all strings: ``program`` "ringlight", ``format`` a number, ``method``, ``preset``,
-``step``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``. A packed file (format 2) has
-besides, as JSON, ``packing``: how each packed tensor is stored, by name; and ``storage``: what packing cost.
+``step``, ``counted``, ``noun``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``. A packed
+file (format 2) has besides, as JSON, ``packing``: how each packed tensor is stored, by name; and ``storage``: what
+packing cost.
 """
 
 import json
@@ -62,6 +63,9 @@ class ModelHeader:
     metrics: dict[str, object] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     created: str = ""
+    counted: int = 0
+    """How many Gaussians, or what ``noun`` says, rendering needs."""
+    noun: str = ""
     storage: dict[str, object] = field(default_factory=dict)
     """What packing cost, a JSON object; empty for files that are not packed."""
 
@@ -139,21 +143,21 @@ def _refuse_newer(path: Path, metadata: dict[str, str]) -> None:
 
 def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
     """Raises ModelFileError that names the first field that is missing or not what it should be."""
-    texts = {name: _text(path, metadata, name) for name in ("method", "preset", "created")}
+    texts = {name: _text(path, metadata, name) for name in ("method", "preset", "created", "noun")}
     objects = {name: _object(path, metadata, name) for name in ("recipe", "scene", "metrics", "versions")}
-    step = _text(path, metadata, "step")
-    if not re.fullmatch(r"[0-9]{1,18}", step):
-        raise _damaged(path, "step")
+    numbers = {name: _number(path, metadata, name) for name in ("step", "counted")}
     versions = {name: str(version) for name, version in objects["versions"].items()}
     return ModelHeader(
         method=texts["method"],
         preset=texts["preset"],
         recipe=objects["recipe"],
-        step=int(step),
+        step=numbers["step"],
         scene=_scene_from(path, objects["scene"]),
         metrics=objects["metrics"],
         versions=versions,
         created=texts["created"],
+        counted=numbers["counted"],
+        noun=texts["noun"],
         storage=_object(path, metadata, "storage", "{}"),
     )
 
@@ -189,6 +193,13 @@ def _text(path: Path, metadata: dict[str, str], name: str) -> str:
     if name not in metadata:
         raise _damaged(path, name)
     return metadata[name]
+
+
+def _number(path: Path, metadata: dict[str, str], name: str) -> int:
+    text = _text(path, metadata, name)
+    if not re.fullmatch(r"[0-9]{1,18}", text):
+        raise _damaged(path, name)
+    return int(text)
 
 
 def _object(path: Path, metadata: dict[str, str], name: str, default: str | None = None) -> dict[str, object]:

@@ -26,8 +26,10 @@ class Compared:
 class Loss(Protocol):
     """Knows the kind of batch that it is given."""
 
-    bytes_kept: int
-    """What lies in memory from step to step, of photographs as this loss wants them."""
+    @property
+    def bytes_kept(self) -> int:
+        """What lies in memory from step to step, of photographs as this loss wants them."""
+        ...
 
     def compare(self, prediction: Rendering, batch: Any) -> Compared:
         """Value and gradient, without a graph."""

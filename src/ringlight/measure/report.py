@@ -71,7 +71,10 @@ class Report:
     lpips_note: str
     """Why a LPIPS is missing and how to get it; empty if the wanted ones were measured."""
 
-    n_gaussians: int
+    counted: int
+    """What rendering needs of what the model is made of: Gaussians, voxels."""
+    noun: str
+    """What these are."""
     bytes_raw: int
     """Everything rendering needs, floats at 32 bit: the sum of ``bytes_by_part``."""
     bytes_by_part: dict[str, int]
