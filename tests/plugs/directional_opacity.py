@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
-from ringlight.methods.assembly import Course, Parts, assembled
-from ringlight.methods.grown import GrownByDensityControl
 from torch import Tensor, nn
 
 from ringlight.color.by_torch import OPACITY_FACTOR, emitted_by_torch
@@ -22,6 +20,8 @@ from ringlight.core.want import Want
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.assembly import Course, Parts, assembled
+from ringlight.methods.grown import GrownByDensityControl
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.shade.passthrough import PassThrough

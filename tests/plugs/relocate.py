@@ -25,6 +25,8 @@ class Relocate:
         self.every, self.noise, self.seed = every, noise, seed
         self._moved = torch.zeros((), dtype=torch.int64)
 
+    most: int | None = None
+
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step % self.every == 0:
             self._relocate(step, model, optimizer)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float
-from ringlight.core.raw_bytes import raw_bytes
 from torch import Tensor, nn
 
 from ringlight.core.by_autograd import ByAutograd
@@ -18,6 +17,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.core.gradients import Gradients
 from ringlight.core.randomness import generator
+from ringlight.core.raw_bytes import raw_bytes
 from ringlight.core.rendering import Channels, Rendering
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
