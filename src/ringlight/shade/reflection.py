@@ -84,7 +84,8 @@ class ReflectionShader(nn.Module):
             last.weight.mul_(FIRST_LAST_LAYER)
             last.bias.zero_()
         self.register_buffer("box", box.clone().float())
-        self.register_buffer("lit", torch.tensor(True))
+        # Python reads it, also of a model that is an outline on torch's meta device.
+        self.register_buffer("lit", torch.tensor(True, device="cpu"))
         names = {id(parameter): name for name, parameter in self.named_parameters()}
         self._kernel_names = [names[id(parameter)] for parameter in self.kernel_parameters()]
 
