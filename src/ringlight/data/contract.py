@@ -1,10 +1,11 @@
 """The socket: which batch each training step looks at."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from ringlight.core.batch import Batch
 
 
+@runtime_checkable
 class Batches(Protocol):
     """A pure function of (seed, step), so that a resumed run sees what it would have seen."""
 

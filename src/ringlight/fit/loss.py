@@ -1,7 +1,7 @@
 """What a prediction is compared with: the loss of a step and the gradient with which its way back begins."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -23,6 +23,7 @@ class Compared:
     truth: Float[Tensor, "*pixels 3"]
 
 
+@runtime_checkable
 class Loss(Protocol):
     """Knows the kind of batch that it is given."""
 

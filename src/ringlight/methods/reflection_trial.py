@@ -11,6 +11,8 @@ from statistics import fmean
 from typing import Literal
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data.border_masks import on_even_background

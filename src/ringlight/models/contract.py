@@ -1,7 +1,7 @@
 """The socket: whatever learns to show a scene. The loop, runs and measurements know no more of a model than this."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -12,6 +12,7 @@ from ringlight.core.rendering import Channels, Rendering
 from ringlight.core.want import Want
 
 
+@runtime_checkable
 class Model(Protocol):
     """An ``nn.Module``, whose parameters have one name each in optimizer, rates, checkpoints and model files."""
 

@@ -52,7 +52,8 @@ class Job:
 
     def __init__(self, camera: Camera, background: Tensor, options: RasterOptions, count: int) -> None:
         pose = camera.world_to_camera.detach().float().contiguous()
-        self.camera = _kernels.Pinhole(pose, camera.focal, camera.center, camera.width, camera.height)
+        with refusals_named({}, camera, background):
+            self.camera = _kernels.Pinhole(pose, camera.focal, camera.center, camera.width, camera.height)
         self.settings = _kernels.RasterSettings(
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )

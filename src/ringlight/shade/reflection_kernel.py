@@ -130,8 +130,8 @@ def plane_gradients(
     grad_alpha = torch.empty_like(planes[ALPHA])
     grad_planes = [grad_rgb, grad_normal, grad_latents, grad_alpha]
     _kernels.reflection_backward(
-        job.shape, parameters, job.view, planes, grad_color.permute(2, 0, 1).contiguous(), job.gradient_share, gradients,
-        [*grad_planes, *grad_depth] if job.depth_gradient else grad_planes,
+        job.shape, parameters, job.view, planes, grad_color.permute(2, 0, 1).contiguous(), job.gradient_share,
+        gradients, [*grad_planes, *grad_depth] if job.depth_gradient else grad_planes,
     )  # fmt: skip
     if grad_depth and not job.depth_gradient:
         grad_depth[0].zero_()
