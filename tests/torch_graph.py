@@ -104,7 +104,7 @@ def image_of(shader: Shader, buffers: Channels) -> Tensor:
 
 
 def shaded(shader: Shader, buffers: Channels, camera: Camera, background: Tensor) -> Tensor:
-    """Colours [H W 3] of buffers by name, "alpha" among them, in any order; differentiable in them and the parameters."""
+    """Colours [H W 3] of buffers by name, in any order, with "alpha"; differentiable in all and the parameters."""
     image, alpha = image_of(shader, buffers), buffers[ALPHA]
     record = shader.shade(image, alpha, camera, background, Want.GRADIENTS)
     sources = {"image": image, ALPHA: alpha}

@@ -4,6 +4,9 @@ import dataclasses
 
 import pytest
 import torch
+from ringlight.color.ringlight_direct import DirectRingLight
+from ringlight.models.direct import DirectModel
+from ringlight.rasterize.horizon import Horizon
 from torch import Tensor
 
 from ringlight import _kernels
@@ -11,16 +14,13 @@ from ringlight.bench.step import subject_of_workload
 from ringlight.bench.workload import Size, workload_camera
 from ringlight.color.ring_kernel import late_light, ring_parameters, shading_layers
 from ringlight.color.ringlight import RingLight
-from ringlight.color.ringlight_direct import DirectRingLight
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import BackendError
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
-from ringlight.models.direct import DirectModel
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.rasterize.horizon import Horizon
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 

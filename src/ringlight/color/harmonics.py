@@ -91,7 +91,7 @@ def sh_colors_reference(
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
-    """The reference of the native kernel in any precision: colour towards a camera at ``position``, clamped at black."""
+    """The reference of the native kernel, in any precision: colour towards ``position``, clamped at black."""
     basis = sh_basis(view_directions(means, position.to(means)), degree)[:, 1:]
     seen = torch.einsum("nk,nkc->nc", basis, rest[:, : basis.shape[1]])
     return (GREY + C0 * dc + seen).clamp_min(0)
