@@ -7,7 +7,9 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import Footprint, Raster
+from ringlight.core.gradients import Gradients, dense
+from ringlight.core.rendering import Emission, EmissionGradients, Footprint, Raster
+from ringlight.core.want import Want
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import RasterOptions
 
@@ -22,19 +24,35 @@ class RasterizerOnGpu:
         self.there = rasterizer_for("cuda")
         self.gsplat = self.there.gsplat
 
-    def __call__(
+    @property
+    def note(self) -> str | None:
+        return self.there.note
+
+    def draw(
         self,
         gaussians: Gaussians,
-        channels: Tensor,
+        emission: Emission,
         camera: Camera,
         background: Tensor,
         options: RasterOptions = RasterOptions(),
-        opacity_factor: Tensor | None = None,
+        want: Want = Want.EXACT,
+        tiles: object = None,
     ) -> Raster:
         columns = {name: column.cuda() for name, column in gaussians.columns().items()}
-        factor = None if opacity_factor is None else opacity_factor.cuda()
-        raster = self.there(Gaussians.from_columns(columns), channels.cuda(), camera, background, options, factor)
-        return replace(raster, image=raster.image.cpu(), alpha=raster.alpha.cpu(), footprint=_Here(raster.footprint))
+        factor = None if emission.opacity_factor is None else emission.opacity_factor.cuda()
+        moved = Emission(emission.widths, emission.channels.cuda(), factor)
+        there = self.there.draw(Gaussians.from_columns(columns), moved, camera, background, options, want)
+
+        def backward(grad_image: Tensor, grad_alpha: Tensor | None, into: Gradients) -> EmissionGradients:
+            found = Gradients()
+            by_alpha = None if grad_alpha is None else grad_alpha.cuda()
+            by_channels, by_factor = there.backward(grad_image.cuda(), by_alpha, found)
+            for name, gradient in found.items():
+                into.add(name, dense(gradient).cpu())
+            return by_channels.cpu(), None if by_factor is None else by_factor.cpu()
+
+        image, alpha, footprint = there.image.cpu(), there.alpha.cpu(), _Here(there.footprint)
+        return replace(there, image=image, alpha=alpha, footprint=footprint, backward=backward)
 
 
 class _Here(Footprint):

@@ -2,8 +2,8 @@
 
 import pytest
 import torch
-
 from ringlight.bench.staged_step import StagedStep
+
 from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
 from ringlight.bench.timing import TOTAL, Budget
 from ringlight.bench.workload import Size

@@ -1,4 +1,4 @@
-"""Spherical-harmonic colour: the native kernels equal their torch twin, and the twin its finite differences."""
+"""Spherical-harmonic colour: the native kernels equal the torch reference, and that its finite differences."""
 
 import pytest
 import torch
@@ -6,12 +6,15 @@ from torch import Tensor
 
 from ringlight.color import harmonics
 from ringlight.color.contract import ColorModel
-from ringlight.color.harmonics import DirectHarmonics, RestGradient, SphericalHarmonics, sh_colors_reference
+from ringlight.color.harmonics import RestGradient, SphericalHarmonics, sh_colors_reference
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradients, dense
 from ringlight.core.scene import PointCloud
+from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.rates import Adam, Rate
+from torch_graph import channels
 
 DEGREES = (0, 1, 2, 3)
 # One full block of 16 lanes, a tail, less than a block, several pieces for several threads, nothing.
@@ -48,9 +51,9 @@ def colors_and_gradients(table: Gaussians, camera: Camera, degree: int, upstream
     ]
     means, dc, rest = leaves
     moved = Gaussians(means, table.log_scales, table.quats, table.opacity_logits, {"sh_dc": dc, "sh_rest": rest})
-    rgb = SphericalHarmonics(degree).channels(moved, camera)["rgb"]
+    rgb = channels(SphericalHarmonics(degree), moved, camera)["rgb"]
     rgb.backward(upstream)
-    # At degree 0 the twin does not touch all columns; the native kernel writes zeros.
+    # At degree 0 the reference does not touch all columns; the native kernel writes zeros.
     return [rgb.detach(), *(torch.zeros_like(leaf) if leaf.grad is None else leaf.grad for leaf in leaves)]
 
 
@@ -60,7 +63,7 @@ def as_double(table: Gaussians) -> Gaussians:
 
 @pytest.mark.parametrize("degree", DEGREES)
 @pytest.mark.parametrize("count", COUNTS)
-def test_native_equals_the_twin_in_value_and_gradient(kernels, degree: int, count: int):
+def test_native_equals_the_reference_in_value_and_gradient(kernels, degree: int, count: int):
     table = random_table(count)
     upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(1))
     native = colors_and_gradients(table, CAMERA, degree, upstream)
@@ -109,7 +112,7 @@ def test_a_camera_at_the_gaussians_centre_sees_finite_values(dtype: torch.dtype)
     torch.testing.assert_close(results[0][5], base[5])
 
 
-def test_gradients_of_the_twin_equal_finite_differences():
+def test_gradients_of_the_reference_equal_finite_differences():
     table = random_table(6, torch.float64)
     # Far enough from black that a difference step never reaches the clamp.
     dc = 0.1 * table.appearance["sh_dc"] + 8
@@ -136,7 +139,7 @@ def test_new_columns_show_the_points_colors_from_every_side():
     points = PointCloud(torch.randn(5, 3), torch.rand(5, 3))
     model = SphericalHarmonics()
     table = Gaussians(points.positions, torch.zeros(5, 3), torch.ones(5, 4), torch.zeros(5), model.new_columns(points))
-    torch.testing.assert_close(model.channels(table, CAMERA)["rgb"], points.colors)
+    torch.testing.assert_close(channels(model, table, CAMERA)["rgb"], points.colors)
     assert model.layers(table, CAMERA)["residual"].abs().max() < 1e-6
     assert model.wanted(table).all()
 
@@ -150,12 +153,20 @@ def test_is_a_color_model_whose_degree_is_saved():
     assert int(again.active_degree) == 2
 
 
-def test_without_the_compiled_module_the_twin_is_used(monkeypatch):
-    monkeypatch.setattr(harmonics, "_kernels", None)
+@pytest.mark.parametrize("count", COUNTS)
+def test_any_wish_gives_the_same_bits(count: int):
+    for table in (random_table(count), as_double(random_table(count))):
+        colors = [SphericalHarmonics().emit(table, CAMERA, ("rgb",), want).channels for want in Want]
+        assert all(torch.equal(other, colors[0]) for other in colors[1:])
+
+
+def test_columns_that_the_kernel_cannot_read_are_the_references():
     table = random_table(7)
-    rgb = SphericalHarmonics().channels(table, CAMERA)["rgb"]
+    table.appearance["sh_dc"] = table.appearance["sh_dc"].T.contiguous().T
     columns = table.means, table.appearance["sh_dc"], table.appearance["sh_rest"]
-    assert torch.equal(rgb, sh_colors_reference(*columns, CAMERA.position, 3))
+    for want in Want:
+        rgb = SphericalHarmonics().emit(table, CAMERA, ("rgb",), want).channels
+        assert torch.equal(rgb, sh_colors_reference(*columns, CAMERA.position, 3))
 
 
 @pytest.mark.parametrize("degree", DEGREES)
@@ -177,21 +188,21 @@ def test_adam_by_factors_equals_adam_by_the_gradient_written_down(kernels, degre
 
 
 @pytest.mark.parametrize("degree", DEGREES)
-def test_the_gradient_in_factors_is_autograds(kernels, degree: int):
+def test_the_way_back_adds_to_the_gradient_of_the_means(kernels, degree: int):
     table, upstream = random_table(37), torch.randn(37, 3, generator=torch.Generator().manual_seed(1))
-    _, by_means, by_dc, by_rest = colors_and_gradients(table, CAMERA, degree, upstream)
-    model, before = DirectHarmonics(torch.tensor(degree)), torch.ones(37, 3)
-    colors = model.draw(table, CAMERA)
-    found = model.differentiate(upstream, {"means": before})
-    assert torch.equal(colors, colors_and_gradients(table, CAMERA, degree, upstream)[0])
-    assert torch.equal(before, 1 + by_means)
-    assert torch.equal(found["sh_dc"], by_dc)
-    assert torch.equal(found["sh_rest"].dense(), by_rest)
+    _, by_means, *others = colors_and_gradients(table, CAMERA, degree, upstream)
+    into = Gradients({"columns.means": torch.ones(37, 3)})
+    SphericalHarmonics(degree).emit(table, CAMERA, ("rgb",), Want.GRADIENTS).backward(upstream, None, into)
+    assert into.keys() == {"columns.means", "columns.sh_dc", "columns.sh_rest"}
+    assert torch.equal(into["columns.means"], 1 + by_means)
+    assert isinstance(into["columns.sh_rest"], RestGradient)
+    for name, expected in zip(("columns.sh_dc", "columns.sh_rest"), others, strict=True):
+        assert torch.equal(dense(into[name]), expected)
 
 
 def rest_gradient(table: Gaussians, degree: int, upstream: Tensor) -> RestGradient:
-    model = DirectHarmonics(torch.tensor(degree))
-    model.draw(table, CAMERA)
-    found = model.differentiate(upstream, {"means": torch.zeros(len(table), 3)})["sh_rest"]
+    into = Gradients()
+    SphericalHarmonics(degree).emit(table, CAMERA, ("rgb",), Want.GRADIENTS).backward(upstream, None, into)
+    found = into["columns.sh_rest"]
     assert isinstance(found, RestGradient)
     return found

@@ -1,5 +1,6 @@
 """What the mirror's Gaussians emit, before and after the shader is switched on."""
 
+import pytest
 import torch
 
 from ringlight.color.contract import ColorModel
@@ -8,7 +9,9 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
+from ringlight.core.want import Want
 from ringlight.models.initial import gaussians_from_points
+from torch_graph import channels
 
 CAMERA = Camera(torch.eye(4), (30.0, 30.0), (12.5, 8.5), 24, 16)
 
@@ -28,17 +31,21 @@ def table(count: int = 200) -> tuple[Mirror, Gaussians]:
 def test_channels_have_the_shaders_names_widths_and_units():
     color, gaussians = table()
     assert isinstance(color, ColorModel)
-    channels = color.channels(gaussians, CAMERA)
+    channels = color.emit(gaussians, CAMERA, tuple(color.emits), Want.EXACT).named()
     widths = {name: values.shape[-1] for name, values in channels.items()}
-    assert widths == {"rgb": 3, "normal": 3, "latents": 4, "depth": 1}
+    assert widths == color.emits == {"rgb": 3, "normal": 3, "latents": 4, "depth": 1}
     torch.testing.assert_close(channels["normal"].norm(dim=-1), torch.ones(200))
     torch.testing.assert_close(channels["depth"][:, 0], gaussians.means[:, 2])
 
 
-def test_the_warm_up_emits_base_colours_only():
+@pytest.mark.parametrize("want", Want)
+def test_base_colours_alone_are_those_among_all(want: Want):
     color, gaussians = table()
-    color.lit.fill_(False)
-    assert list(color.channels(gaussians, CAMERA)) == ["rgb"]
+    alone = color.emit(gaussians, CAMERA, ("rgb",), want)
+    assert alone.widths == {"rgb": 3}
+    every = color.emit(gaussians, CAMERA, ("rgb", "normal"), want).named()["rgb"]
+    torch.testing.assert_close(alone.channels, every, rtol=0, atol=1e-6)
+    assert torch.equal(alone.channels, gaussians.appearance["base"].sigmoid())
 
 
 def test_base_colours_start_as_the_points():
@@ -65,7 +72,7 @@ def test_only_normals_that_clearly_look_away_are_turned():
     _, gaussians = table()
     towards = -view_directions(gaussians.means, CAMERA.position)
     own = normalize(gaussians.appearance["normals"])
-    shown = facing_normals(gaussians, CAMERA)
+    shown = facing_normals(gaussians.means, gaussians.appearance["normals"], CAMERA)
     before, after = (own * towards).sum(-1), (shown * towards).sum(-1)
     away = before < FLIP_BELOW
     assert away.any()
@@ -77,9 +84,9 @@ def test_only_normals_that_clearly_look_away_are_turned():
 def test_gradients_reach_normals_latents_and_places():
     color, gaussians = table(10)
     leaves = {name: column.requires_grad_() for name, column in gaussians.columns().items()}
-    channels = color.channels(Gaussians.from_columns(leaves), CAMERA)
+    emitted = channels(color, Gaussians.from_columns(leaves), CAMERA)
     weights = torch.randn(10, 11, generator=torch.Generator().manual_seed(3))
-    (torch.cat(list(channels.values()), -1) * weights).sum().backward()
+    (torch.cat(list(emitted.values()), -1) * weights).sum().backward()
     assert all(leaves[name].grad.abs().sum() > 0 for name in ("base", "normals", "latents", "means"))
     # A normal's length is free: its gradient is across it.
     across = (leaves["normals"].grad * leaves["normals"]).sum(-1)
@@ -90,5 +97,7 @@ def test_layers_are_base_and_normal():
     color, gaussians = table()
     layers = color.layers(gaussians, CAMERA)
     torch.testing.assert_close(layers["base"], gaussians.appearance["base"].sigmoid())
-    torch.testing.assert_close(layers["normal"], facing_normals(gaussians, CAMERA))
+    torch.testing.assert_close(
+        layers["normal"], facing_normals(gaussians.means, gaussians.appearance["normals"], CAMERA)
+    )
     assert color.wanted(gaussians).all()

@@ -1,4 +1,4 @@
-"""The fused light field against its torch twin in float64, in value and in every gradient.
+"""The fused light field against its torch reference in float64, in value and in every gradient.
 
 ReLU and clamp have kinks where float32 and float64 may take different sides; examples that come within KINK of one
 are left out, so that the comparison is between equal functions. Where layers multiply in bfloat16, tolerances are wider
@@ -21,8 +21,10 @@ from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
+from ringlight.core.want import Want
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.methods.ringlight_ring import OURS
+from torch_graph import channels
 
 BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 KINK = 0.02 if BF16 else 2e-6
@@ -85,34 +87,34 @@ def model_and_table(chosen: RingLightSettings, count: int, seed: int) -> tuple[R
 
 
 def evaluate(model: RingLight, gaussians: Gaussians, upstream: Tensor) -> Result:
-    """Colour and gradients in the table's own precision: float32 takes the kernel, float64 the twin."""
+    """Colour and gradients in the table's own precision: float32 takes the kernel, float64 the reference."""
     model.zero_grad()
     columns = {
         name: column.clone().requires_grad_() for name, column in gaussians.appearance.items() if name != "mask_logits"
     }
     table = replace(gaussians, appearance=columns)
-    color = model.channels(table, camera())["rgb"]
+    color = channels(model, table, camera())["rgb"]
     color.backward(upstream.to(color))
     gradients = {name: parameter.grad.clone() for name, parameter in model.named_parameters()}
     return Result(color.detach(), gradients | {name: column.grad for name, column in columns.items()})
 
 
 def doubled(model: RingLight, gaussians: Gaussians) -> tuple[RingLight, Gaussians]:
-    twin = RingLight(model.settings, BOX).double()
-    twin.load_state_dict(model.state_dict())
-    return twin, Gaussians.from_columns({name: column.double() for name, column in gaussians.columns().items()})
+    double = RingLight(model.settings, BOX).double()
+    double.load_state_dict(model.state_dict())
+    return double, Gaussians.from_columns({name: column.double() for name, column in gaussians.columns().items()})
 
 
-def nearest_kink(twin: RingLight, gaussians: Gaussians) -> float:
+def nearest_kink(double: RingLight, gaussians: Gaussians) -> float:
     """Smallest distance of a hidden unit behind the tables from zero, and of a colour from its clamp."""
     distances: list[Tensor] = []
 
     def note(_: nn.Module, inputs: tuple[Tensor, ...]) -> None:
         distances.append(inputs[0].detach().abs().min())
 
-    hooks = [m.register_forward_pre_hook(note) for m in twin.shading.modules() if isinstance(m, nn.ReLU)]
+    hooks = [m.register_forward_pre_hook(note) for m in double.shading.modules() if isinstance(m, nn.ReLU)]
     with torch.no_grad():
-        lit = twin.twin(gaussians, camera())
+        lit = double.reference(gaussians, camera())
     for hook in hooks:
         hook.remove()
     total = gaussians.appearance["base"].sigmoid() + lit.residual
@@ -125,10 +127,10 @@ def is_smooth(chosen: RingLightSettings, count: int, seed: int) -> bool:
 
 def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     model, gaussians = model_and_table(chosen, count, seed)
-    twin, table = doubled(model, gaussians)
-    assert kernel_takes(model.tables(), shading_layers(model.shading), gaussians.means)
+    double, table = doubled(model, gaussians)
+    assert kernel_takes(model.tables(Want.EXACT), shading_layers(model.shading), gaussians.means)
     upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(seed + 1))
-    fast, slow = evaluate(model, gaussians, upstream), evaluate(twin, table, upstream)
+    fast, slow = evaluate(model, gaussians, upstream), evaluate(double, table, upstream)
     torch.testing.assert_close(fast.color.double(), slow.color, rtol=0, atol=VALUE_TOLERANCE)
     assert fast.gradients.keys() == slow.gradients.keys()
     assert ("latents" in fast.gradients) == (chosen.latents > 0)
@@ -149,7 +151,7 @@ def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     count=st.integers(1, 70),
     seed=st.integers(0, 10_000),
 )
-def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, field, latents, count, seed):
+def test_kernel_equals_reference(rank, features, hidden, modulated, nodes, field, latents, count, seed):
     ring = RingSettings(
         rank=rank, features=features, bands=3, view_bands=2, head_hidden=8, position_nodes=nodes, view_nodes=nodes
     )
@@ -160,17 +162,17 @@ def test_kernel_equals_twin(rank, features, hidden, modulated, nodes, field, lat
 
 @settings(max_examples=10, deadline=None, derandomize=True)
 @given(share=st.floats(0.02, 0.98), count=st.integers(1, 300), seed=st.integers(0, 10_000))
-def test_rows_drawn_by_lot_are_the_twins(share, count, seed):
+def test_importance_sampled_rows_are_the_references(share, count, seed):
     """The same lots, for they are made of the same bits; all rows keep the gradient that does not go by the light."""
     chosen = replace(LATENT, gradient_share=share)
     assume(is_smooth(chosen, count, seed))
     model, gaussians = model_and_table(chosen, count, seed)
-    twin, table = doubled(model, gaussians)
+    double, table = doubled(model, gaussians)
     upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(seed + 1)) ** 3
     fast = evaluate(model, gaussians, upstream)
     appearance = {name: column.requires_grad_() for name, column in table.appearance.items()}
-    twin.twin(replace(table, appearance=appearance), camera(), share).color.backward(upstream.double())
-    slow = {name: p.grad for name, p in twin.named_parameters()}
+    double.reference(replace(table, appearance=appearance), camera(), share).color.backward(upstream.double())
+    slow = {name: p.grad for name, p in double.named_parameters()}
     slow |= {name: appearance[name].grad for name in ("base", "latents")}
     for name, expected in slow.items():
         error = (fast.gradients[name].double() - expected).abs().max()
@@ -183,7 +185,7 @@ def test_rows_drawn_by_lot_are_the_twins(share, count, seed):
     [(8, 24, 64, 0), (16, 24, 64, 4), (16, 48, 128, 0), (16, 48, 128, 3), (24, 60, 96, 4), (32, 64, 128, 0)],
 )
 @pytest.mark.parametrize("field", ["ring", "cp"])
-def test_kernel_equals_twin_at_the_papers_sizes(rank, features, hidden, latents, field):
+def test_kernel_equals_reference_at_the_papers_sizes(rank, features, hidden, latents, field):
     ring = RingSettings(
         rank=rank, features=features, head_hidden=16, bands=4, view_bands=3, position_nodes=32, view_nodes=8
     )
@@ -199,12 +201,12 @@ BARE = {"light_modulation": False, "latents": 0}
     ("rank", "features", "other"),
     [(8, 24, {}), *((rank, 23, ODD) for rank in (4, 6, 8, 16)), (8, 33, BARE), (8, 5, ODD | {"latents": 16})],
 )
-def test_fields_differ_from_their_exact_twin_by_less_than_a_thousandth_of_the_range(rank, features, other, monkeypatch):
+def test_fields_differ_from_exact_ones_by_less_than_a_thousandth_of_the_range(rank, features, other, monkeypatch):
     monkeypatch.setattr(sys.modules[__name__], "BF16", False)  # units near their kinks, as models have them
     chosen = replace(OURS, ring=replace(OURS.ring, rank=rank, features=features), **other)
     model, gaussians = model_and_table(chosen, 2000, 0)
-    twin, table = doubled(model, gaussians)
-    fast, slow = model.layers(gaussians, camera()), twin.layers(table, camera())
+    double, table = doubled(model, gaussians)
+    fast, slow = model.layers(gaussians, camera()), double.layers(table, camera())
     assert slow["residual"].square().mean().sqrt() > 0.02
     assert (fast["residual"] - slow["residual"]).square().mean().sqrt() <= 1e-3
 
@@ -225,10 +227,9 @@ both = pytest.mark.parametrize(
 @pytest.mark.parametrize("count", [1, 31, 33, 63, 65])
 def test_a_row_has_the_same_color_whoever_is_lit_with_it(chosen, count):
     model, gaussians = model_and_table(chosen, 70, 3)
-    with torch.no_grad():
-        everyone = model.channels(gaussians, camera())["rgb"]
-        some = torch.arange(70).flip(0)[:count]
-        assert torch.equal(model.channels(gaussians.rows(some), camera())["rgb"], everyone[some])
+    everyone = model.emit(gaussians, camera(), ("rgb",), Want.EXACT).channels
+    some = torch.arange(70).flip(0)[:count]
+    assert torch.equal(model.emit(gaussians.rows(some), camera(), ("rgb",), Want.EXACT).channels, everyone[some])
 
 
 @both
@@ -288,10 +289,10 @@ def test_rows_behind_the_camera_or_broken_stay_away_from_the_tables():
 
 
 @both
-def test_layers_of_kernel_and_twin_agree(chosen):
+def test_layers_of_kernel_and_reference_agree(chosen):
     model, gaussians = model_and_table(chosen, 60, 7)
-    twin, table = doubled(model, gaussians)
-    fast, slow = model.layers(gaussians, camera()), twin.layers(table, camera())
+    double, table = doubled(model, gaussians)
+    fast, slow = model.layers(gaussians, camera()), double.layers(table, camera())
     assert fast["residual"].abs().max() > 0.01
     for name, layer in slow.items():
         torch.testing.assert_close(fast[name].double(), layer, rtol=0, atol=VALUE_TOLERANCE)

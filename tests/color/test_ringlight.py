@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from ringlight import _kernels
+from ringlight.color.drawable import drawable_rows
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
@@ -12,9 +13,11 @@ from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import GREY, sh_basis
+from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import PerceptronSettings, RingSettings, VectorMatrixSettings
 from ringlight.files.bake import bake_to_sh
+from torch_graph import channels
 
 RING = RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8)
 SMALL = RingLightSettings(ring=RING, render_hidden=16, modulation_hidden=12)
@@ -72,9 +75,9 @@ def test_warm_up_shows_the_base_colour_and_leaves_the_field_alone():
     model = RingLight(LATENT, BOX)
     model.lit.fill_(False)
     gaussians = table(model)
-    channels = model.channels(gaussians, camera())
-    assert torch.equal(channels["rgb"], gaussians.appearance["base"].sigmoid())
-    channels["rgb"].sum().backward()
+    rgb = channels(model, gaussians, camera())["rgb"]
+    assert torch.equal(rgb, gaussians.appearance["base"].sigmoid())
+    rgb.sum().backward()
     assert gaussians.appearance["latents"].grad is None
     assert all(parameter.grad is None for parameter in model.parameters())
     layers = model.layers(gaussians, camera())
@@ -85,7 +88,7 @@ def test_warm_up_shows_the_base_colour_and_leaves_the_field_alone():
 def test_rows_outside_the_frustum_keep_their_base_colour():
     model = RingLight(SMALL, BOX)
     gaussians = table(model, spread=3.0)
-    rgb = model.channels(gaussians, camera())["rgb"]
+    rgb = channels(model, gaussians, camera())["rgb"]
     base = gaussians.appearance["base"].sigmoid()
     behind = camera().depths(gaussians.means) < 0
     assert behind.any()
@@ -108,8 +111,8 @@ def test_every_parameter_learns(evaluation, light_modulation, latents):
     )
     model = RingLight(chosen, BOX)
     gaussians = table(model)
-    channels = model.channels(gaussians, camera())
-    (channels["rgb"].square().sum() + channels["opacity_factor"].sum()).backward()
+    emitted = channels(model, gaussians, camera())
+    (emitted["rgb"].square().sum() + emitted["opacity_factor"].sum()).backward()
     for name, parameter in model.named_parameters():
         assert parameter.grad is not None, name
         assert parameter.grad.any(), name
@@ -123,7 +126,7 @@ def test_every_field_lights_and_learns(field):
     chosen = replace(SMALL, field=field, mlp=PerceptronSettings(hidden=12), vm=VectorMatrixSettings(side=8), latents=2)
     model = RingLight(chosen, BOX)
     gaussians = table(model)
-    rgb = model.channels(gaussians, camera())["rgb"]
+    rgb = channels(model, gaussians, camera())["rgb"]
     (rgb.square().sum()).backward()
     for name, parameter in model.named_parameters():
         assert name.split(".")[0] in (field, "shading")
@@ -131,8 +134,8 @@ def test_every_field_lights_and_learns(field):
         assert parameter.grad.any(), name
     with torch.no_grad():
         in_bfloat16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
-        twin = model.twin(gaussians, camera())
-        torch.testing.assert_close(rgb, twin.color, rtol=0, atol=2e-3 if in_bfloat16 else 1e-5)
+        expected = model.reference(gaussians, camera()).color
+        torch.testing.assert_close(rgb, expected, rtol=0, atol=2e-3 if in_bfloat16 else 1e-5)
 
 
 @pytest.mark.parametrize("field", ["ring", "cp"])
@@ -140,7 +143,7 @@ def test_without_base_colour_the_residual_is_added_to_grey(field):
     model = RingLight(replace(SMALL, base_color=False, field=field), BOX)
     gaussians = table(model)
     assert "base" not in gaussians.appearance
-    rgb = model.channels(gaussians, camera())["rgb"]
+    rgb = channels(model, gaussians, camera())["rgb"]
     rgb.square().sum().backward()
     assert all(parameter.grad is not None and parameter.grad.any() for parameter in model.parameters())
     layers = model.layers(gaussians, camera())
@@ -151,8 +154,7 @@ def test_without_base_colour_the_residual_is_added_to_grey(field):
 def test_layers_add_up_to_the_colour():
     model = RingLight(SMALL, BOX)
     gaussians = table(model)
-    with torch.no_grad():
-        rgb = model.channels(gaussians, camera())["rgb"]
+    rgb = model.emit(gaussians, camera(), ("rgb",), Want.EXACT).channels
     layers = model.layers(gaussians, camera())
     torch.testing.assert_close(rgb, (layers["base"] + layers["residual"]).clamp(0, 1), rtol=0, atol=1e-6)
     assert ((layers["modulation"] >= 0) & (layers["modulation"] <= 1)).all()
@@ -165,9 +167,8 @@ def test_baking_sees_the_latents():
     with torch.no_grad():
         gaussians.appearance["latents"].mul_(30)
     cameras = [replace(camera(), center=(32.0 + shift, 32.0)) for shift in range(5)]
-    baked = bake_to_sh(gaussians, cameras, lambda rows, view: model.channels(rows, view)["rgb"])
-    with torch.no_grad():
-        rgb = model.channels(gaussians, camera())["rgb"]
+    baked = bake_to_sh(gaussians, cameras, lambda rows, view: model.emit(rows, view, ("rgb",), Want.EXACT).channels)
+    rgb = model.emit(gaussians, camera(), ("rgb",), Want.EXACT).channels
     basis = sh_basis(view_directions(gaussians.means, camera().position), 3)
     shown = torch.einsum("nk,nkc->nc", basis, torch.cat([baked.sh_dc[:, None], baked.sh_rest], 1)) + GREY
     torch.testing.assert_close(shown, rgb, rtol=0, atol=0.01)
@@ -183,18 +184,35 @@ def test_positions_outside_the_box_are_clamped():
 def test_tables_are_kept_while_nothing_changes_and_follow_every_change():
     model = RingLight(SMALL, BOX)
     gaussians = table(model)
-    with torch.no_grad():
-        first = model.tables()
-        assert model.tables() is first
-        before = model.channels(gaussians, camera())["rgb"]
+    for want in (Want.EXACT, Want.PICTURE):
+        first = model.tables(want)
+        assert model.tables(want) is first
+        assert model.tables(Want.GRADIENTS) is not first
+        before = model.emit(gaussians, camera(), ("rgb",), want).channels
         # Through numpy, as the kernels write: torch's version counter does not see it.
-        model.ring.core.numpy()[:] *= -3.0
-        assert model.tables() is not first
-        after = model.channels(gaussians, camera())["rgb"]
+        model.ring.core.detach().numpy()[:] *= -3.0
+        assert model.tables(want) is not first
+        after = model.emit(gaussians, camera(), ("rgb",), want).channels
         fresh = RingLight(SMALL, BOX)
         fresh.load_state_dict(model.state_dict())
-        torch.testing.assert_close(after, fresh.channels(gaussians, camera())["rgb"])
-    assert not torch.equal(before, after)
+        torch.testing.assert_close(after, fresh.emit(gaussians, camera(), ("rgb",), want).channels)
+        assert not torch.equal(before, after)
+
+
+@pytest.mark.parametrize("light", [{}, {"mask": True}, {"latents": 4}, {"evaluation": "exact"}, {"field": "mlp"}])
+@pytest.mark.parametrize("lit", [True, False])
+def test_any_wish_gives_the_same_bits(light: dict[str, object], lit: bool):
+    model = RingLight(replace(SMALL, **light), BOX)
+    model.lit.fill_(lit)
+    gaussians = table(model, spread=3.0)
+    found = [model.emit(gaussians, camera(), ("rgb",), want) for want in (Want.EXACT, *Want)]
+    exact = found[0]
+    reached = drawable_rows(gaussians, camera()).long()  # rows that no pixel shows are nobody's
+    assert 0 < len(reached) < len(gaussians)
+    for other in found[1:]:
+        assert torch.equal(other.channels[reached], exact.channels[reached])
+        assert (other.opacity_factor is None) == (exact.opacity_factor is None)
+        assert exact.opacity_factor is None or torch.equal(other.opacity_factor, exact.opacity_factor)
 
 
 def test_settings_that_cannot_work_are_refused():

@@ -1,26 +1,23 @@
 import torch
 
-from ringlight.color.visibility_mask import straight_through_mask, straight_through_twin
+from ringlight.color.visibility_mask import mask_factor, mask_gradient, straight_through_reference
 
 
 def test_value_is_a_step_and_gradient_a_sigmoids():
-    logits = torch.tensor([-8.0, -4.6, -4.59, 0.3, 20.0], requires_grad=True)
-    factor = straight_through_mask(logits, 0.01)
-    assert factor[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]
-    upstream = torch.tensor([[1.0], [2.0], [-1.0], [0.5], [3.0]])
-    factor.backward(upstream)
-    soft = logits.detach().sigmoid()
-    torch.testing.assert_close(logits.grad, upstream[:, 0] * soft * (1 - soft))
+    logits = torch.tensor([-8.0, -4.6, -4.59, 0.3, 20.0])
+    assert mask_factor(logits, 0.01).tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]
+    upstream = torch.tensor([1.0, 2.0, -1.0, 0.5, 3.0])
+    soft = logits.sigmoid()
+    torch.testing.assert_close(mask_gradient(logits, upstream), upstream * soft * (1 - soft))
 
 
-def test_kernel_equals_twin():
+def test_kernel_equals_the_reference():
     logits = torch.linspace(-9, 9, 1003)
-    upstream = torch.randn(1003, 1, generator=torch.Generator().manual_seed(0))
-    results = []
-    for values, function in ((logits, straight_through_mask), (logits.double(), straight_through_twin)):
-        leaf = values.clone().requires_grad_()
-        factor = function(leaf, 0.05)
-        factor.backward(upstream.to(values))
-        results.append((factor.detach().double(), leaf.grad.double()))
-    assert torch.equal(results[0][0], results[1][0])
-    torch.testing.assert_close(results[0][1], results[1][1], rtol=1e-5, atol=5e-7)
+    upstream = torch.randn(1003, generator=torch.Generator().manual_seed(0))
+    leaf = logits.double().requires_grad_()
+    expected = straight_through_reference(leaf, 0.05)
+    expected.backward(upstream.double())
+    for found in (logits, logits.double()):
+        assert torch.equal(mask_factor(found, 0.05).double(), expected.detach())
+        gradient = mask_gradient(found, upstream.to(found)).double()
+        torch.testing.assert_close(gradient, leaf.grad, rtol=1e-5, atol=5e-7)

@@ -13,6 +13,7 @@ from ringlight.rasterize import convention
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.rasterize.projection import project
 from ringlight.rasterize.reference import ReferenceRasterizer
+from torch_graph import drawn
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def run(rasterizer: Rasterizer, case: Case, by_image: Tensor, by_alpha: Tensor) 
     if case.opacity_factor is not None:
         inputs["opacity_factor"] = case.opacity_factor
     leaves = {name: tensor.detach().clone().requires_grad_() for name, tensor in inputs.items()}
-    raster = rasterizer(
+    raster = drawn(
+        rasterizer,
         Gaussians(*(leaves[name] for name in GEOMETRY)),
         leaves["channels"],
         case.camera,

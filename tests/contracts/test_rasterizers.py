@@ -14,9 +14,12 @@ from on_gpu import RasterizerOnGpu
 from raster_oracle import ORACLES, load_oracle
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Emission
+from ringlight.core.want import Want
 from ringlight.errors import BackendError
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
+from torch_graph import drawn
 
 # Float32 rounds at 6e-8; an alpha passes through a projection of some twenty steps and an exponential (polynomial in
 # kernels, 3e-6), a pixel blends up to eighty of them.
@@ -199,15 +202,15 @@ def test_one_giant_gaussian_covers_the_image(rasterizer):
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize("column", ["means", "log_scales", "quats", "opacity_logits", "channels", "opacity_factor"])
-@pytest.mark.parametrize("learning", [True, False])
-def test_what_is_not_finite_is_reported_with_its_place(rasterizer, column: str, bad: float, learning: bool):
+@pytest.mark.parametrize("want", Want)
+def test_what_is_not_finite_is_reported_with_its_place(rasterizer, column: str, bad: float, want: Want):
     case = random_case(11, count=83, with_factor=True)
     tables = case.gaussians.columns() | {"channels": case.channels, "opacity_factor": case.opacity_factor}
     tables[column].view(83, -1)[[0, 7, 31, 80, 82], -1] = bad
     sentence = f"column {column} holds {bad} in rows 0, 7, 31 and 2 more; remove"
-    case.channels.requires_grad_(learning)
+    emission = Emission({"channels": 3}, case.channels, case.opacity_factor)
     with pytest.raises(BackendError, match=sentence):
-        rasterizer(case.gaussians, case.channels, case.camera, case.background, case.options, case.opacity_factor)
+        rasterizer.draw(case.gaussians, emission, case.camera, case.background, case.options, want)
 
 
 def test_a_broken_row_is_reported_even_behind_the_camera(rasterizer):
@@ -215,7 +218,7 @@ def test_a_broken_row_is_reported_even_behind_the_camera(rasterizer):
     behind = int(case.camera.depths(case.gaussians.means).argmin())
     case.gaussians.log_scales[behind, 1] = float("nan")
     with pytest.raises(BackendError, match=f"column log_scales holds nan in row {behind};"):
-        rasterizer(case.gaussians, case.channels, case.camera, case.background)
+        drawn(rasterizer, case.gaussians, case.channels, case.camera, case.background)
 
 
 def test_a_broken_background_or_camera_is_reported(rasterizer):
@@ -223,11 +226,13 @@ def test_a_broken_background_or_camera_is_reported(rasterizer):
     pose = case.camera.world_to_camera.clone()
     pose[1, 3] = float("inf")
     with pytest.raises(BackendError, match="the background holds a value that is not finite"):
-        rasterizer(case.gaussians, case.channels, case.camera, torch.tensor([0, float("nan"), 0]))
+        drawn(rasterizer, case.gaussians, case.channels, case.camera, torch.tensor([0, float("nan"), 0]))
     with pytest.raises(BackendError, match="the camera's pose holds a value that is not finite"):
-        rasterizer(case.gaussians, case.channels, replace(case.camera, world_to_camera=pose), case.background)
+        drawn(rasterizer, case.gaussians, case.channels, replace(case.camera, world_to_camera=pose), case.background)
     with pytest.raises(BackendError, match="the lens holds a value that is not finite"):
-        rasterizer(case.gaussians, case.channels, replace(case.camera, focal=(30.0, float("nan"))), case.background)
+        drawn(
+            rasterizer, case.gaussians, case.channels, replace(case.camera, focal=(30.0, float("nan"))), case.background
+        )
 
 
 def test_a_view_can_be_drawn_after_one_that_was_refused(rasterizer):
@@ -235,7 +240,7 @@ def test_a_view_can_be_drawn_after_one_that_was_refused(rasterizer):
     broken = case.channels.clone()
     broken[3] = float("nan")
     with pytest.raises(BackendError, match="row 3;"):
-        rasterizer(case.gaussians, broken, case.camera, case.background)
+        drawn(rasterizer, case.gaussians, broken, case.camera, case.background)
     check_against_reference(rasterizer, case)
 
 
@@ -291,7 +296,7 @@ def test_an_output_without_a_gradient_is_no_obstacle(rasterizer):
     means = case.gaussians.means.clone().requires_grad_()
     table = replace(case.gaussians, means=means)
     for output in ("image", "alpha"):
-        raster = rasterizer(table, case.channels, case.camera, case.background)
+        raster = drawn(rasterizer, table, case.channels, case.camera, case.background)
         means.grad = None
         getattr(raster, output).sum().backward()
         assert means.grad.abs().sum() > 0
@@ -306,7 +311,7 @@ def test_depth_may_be_a_channel_and_passes_gradients_to_the_means_twice(rasteriz
         means = case.gaussians.means.clone().requires_grad_()
         depths = case.camera.depths(means)[:, None]
         background = torch.zeros(1).to(means)
-        raster = rasterizer(replace(case.gaussians, means=means), depths, case.camera, background)
+        raster = drawn(rasterizer, replace(case.gaussians, means=means), depths, case.camera, background)
         torch.autograd.backward([raster.image, raster.alpha], [by_image.to(means), by_alpha.to(means)])
         return means.grad
 
@@ -361,7 +366,7 @@ def test_equals_gsplat_in_value_and_gradient(rasterizer, name: str):
     skip_unless_compiled_in(rasterizer, oracle.options.max_alpha)
     arrays, leaves = oracle.arrays, oracle.leaves
     camera = replace(oracle.camera, world_to_camera=oracle.camera.world_to_camera.detach())
-    raster = rasterizer(oracle.gaussians, oracle.channels, camera, oracle.background, oracle.options)
+    raster = drawn(rasterizer, oracle.gaussians, oracle.channels, camera, oracle.background, oracle.options)
     torch.autograd.backward([raster.image, raster.alpha], oracle.cotangents)
     for found, expected in ((raster.image, arrays["img"]), (raster.alpha, arrays["alpha"][..., None])):
         error = (found - expected).abs().amax(-1)

@@ -5,13 +5,13 @@ from collections import defaultdict
 
 import pytest
 import torch
+from ringlight.rasterize.horizon import Horizon
 
 from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import direct_model, train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.rasterize.horizon import Horizon
 from small_recipes import TRAINED, small
 
 QUICK = DensifySettings(threshold=1e-5, begin=4, every=5, stop=0.8, reset_every=12, max_gaussians=900)

@@ -5,14 +5,14 @@ import dataclasses
 import pytest
 import torch
 from mirrors import WHITE, mirror, view
+from ringlight.models.direct import DirectModel
+from ringlight.rasterize.horizon import Horizon
 from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.errors import BackendError
-from ringlight.models.direct import DirectModel
 from ringlight.models.splats import SplatModel
-from ringlight.rasterize.horizon import Horizon
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 

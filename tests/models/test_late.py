@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 import torch
+from ringlight.rasterize.horizon import Horizon
 from torch import Tensor
 
 from ringlight import _kernels
@@ -15,7 +16,6 @@ from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import RasterOptions
-from ringlight.rasterize.horizon import Horizon
 from small_recipes import with_settings
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")

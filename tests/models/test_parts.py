@@ -2,7 +2,6 @@
 
 import pytest
 import torch
-
 from ringlight.models.parts import joined, parted
 
 WIDTHS = (3, 1, 2)

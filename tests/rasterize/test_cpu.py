@@ -13,7 +13,11 @@ from contracts.raster_cases import Case, judge, random_case, random_cotangents, 
 from raster_oracle import ORACLES, load_oracle
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradients
+from ringlight.core.rendering import Emission, Raster
+from ringlight.core.want import Want
 from ringlight.errors import BackendError
+from torch_graph import drawn
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -68,7 +72,7 @@ def off_by(found: Tensor, expected: Tensor) -> float:
 def test_equals_the_oracle(rasterizer, name: str):
     oracle = load_oracle(name, torch.float32)
     arrays = oracle.arrays
-    raster = rasterizer(oracle.gaussians, oracle.channels, oracle.camera, oracle.background, oracle.options)
+    raster = drawn(rasterizer, oracle.gaussians, oracle.channels, oracle.camera, oracle.background, oracle.options)
     torch.autograd.backward([raster.image, raster.alpha], oracle.cotangents)
 
     assert (raster.image.detach() - arrays["img"]).abs().max() < ORACLE_IMAGE_TOLERANCE
@@ -106,7 +110,7 @@ def test_more_entries_than_can_be_counted_are_refused(rasterizer):
     table = Gaussians(means, torch.full((count, 3), 3.0), torch.ones(count, 4), torch.zeros(count))
     camera = Camera(torch.eye(4), (8192.0, 8192.0), (4096.0, 4096.0), 8192, 8192)
     with pytest.raises(BackendError, match="more memory"):
-        rasterizer(table, torch.ones(count, 1), camera, torch.zeros(1))
+        drawn(rasterizer, table, torch.ones(count, 1), camera, torch.zeros(1))
 
 
 def test_a_render_bomb_is_refused_at_once(rasterizer):
@@ -116,64 +120,66 @@ def test_a_render_bomb_is_refused_at_once(rasterizer):
     table = Gaussians(means, torch.full((count, 3), 3.0), torch.ones(count, 4), torch.full((count,), -5.0))
     camera = Camera(torch.eye(4), (8192.0, 8192.0), (4096.0, 4096.0), 8192, 8192)
     with pytest.raises(BackendError, match="more time, than a view may take"):
-        rasterizer(table, torch.ones(count, 1), camera, torch.zeros(1))
+        drawn(rasterizer, table, torch.ones(count, 1), camera, torch.zeros(1))
 
 
 def test_other_types_are_refused_with_the_remedy(rasterizer):
     case = random_case(0).to(torch.float64)
     with pytest.raises(BackendError, match="float32"):
-        rasterizer(case.gaussians, case.channels, case.camera, case.background)
+        raster_of(rasterizer, case)
 
 
-def gradients_of(rasterizer: "cpu.CpuRasterizer", cases: list[Case]) -> list[Tensor]:
-    """Draws all cases first and runs the backward passes afterwards, last one first."""
-    leaves = [case.gaussians.means.clone().requires_grad_() for case in cases]
-    rasters = [
-        rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
-        for case, means in zip(cases, leaves, strict=True)
-    ]
-    for raster in reversed(rasters):
-        raster.image.square().sum().backward()
-    return [means.grad for means in leaves]
+def ways_back(rasterizer: "cpu.CpuRasterizer", cases: list[Case]) -> list[Tensor]:
+    """Draws all cases first and goes their ways back afterwards, last one first; gradients of the means."""
+    rasters = [raster_of(rasterizer, case) for case in cases]
+    found = [means_gradient(raster) for raster in reversed(rasters)]
+    return found[::-1]
 
 
-def test_graphs_may_overlap(rasterizer):
+def raster_of(rasterizer: "cpu.CpuRasterizer", case: Case, want: Want = Want.GRADIENTS) -> Raster:
+    emission = Emission({"channels": case.channels.shape[1]}, case.channels)
+    return rasterizer.draw(case.gaussians, emission, case.camera, case.background, want=want)
+
+
+def means_gradient(raster: Raster) -> Tensor:
+    """Of the image's sum of squares."""
+    into = Gradients()
+    raster.backward(2 * raster.image, None, into)
+    return into["columns.means"]
+
+
+def test_records_may_overlap(rasterizer):
     cases = [random_case(seed, size=(40 + seed, 30)) for seed in range(3)]
-    together = gradients_of(rasterizer, cases)
+    together = ways_back(rasterizer, cases)
     for case, gradient in zip(cases, together, strict=True):
-        assert torch.equal(gradients_of(rasterizer, [case])[0], gradient)
+        assert torch.equal(ways_back(rasterizer, [case])[0], gradient)
 
 
-def test_a_retained_graph_gives_the_same_gradient_again_even_after_other_views(rasterizer):
-    case = random_case(1)
-    means = case.gaussians.means.clone().requires_grad_()
-    raster = rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
-    loss = raster.image.square().sum()
-    (first,) = torch.autograd.grad(loss, means, retain_graph=True)
-    (second,) = torch.autograd.grad(loss, means, retain_graph=True)
-    gradients_of(rasterizer, [random_case(2, size=(90, 70))])
-    (third,) = torch.autograd.grad(loss, means)
-    assert torch.equal(first, second)
-    assert torch.equal(first, third)
-    torch.testing.assert_close(raster.footprint.means2d_gradient, 3 * gradient_of_centers(rasterizer, case))
+def test_the_way_back_is_gone_once_whatever_is_drawn_in_between(rasterizer):
+    case, other = random_case(1), random_case(2, size=(90, 70))
+    (expected,) = ways_back(rasterizer, [case])
+    raster = raster_of(rasterizer, case)
+    ways_back(rasterizer, [other])
+    for want in (Want.EXACT, Want.PICTURE):
+        raster_of(rasterizer, other, want)
+    assert torch.equal(means_gradient(raster), expected)
+    with pytest.raises(RuntimeError, match="gone already; draw it again"):
+        means_gradient(raster)
 
 
-def gradient_of_centers(rasterizer: "cpu.CpuRasterizer", case: Case) -> Tensor:
-    means = case.gaussians.means.clone().requires_grad_()
-    raster = rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
-    raster.image.square().sum().backward()
-    return raster.footprint.means2d_gradient
+@pytest.mark.parametrize("want", [Want.EXACT, Want.PICTURE])
+def test_only_who_asked_for_gradients_finds_a_way_back(rasterizer, want: Want):
+    with pytest.raises(RuntimeError, match=r"ask for it with Want\.GRADIENTS"):
+        means_gradient(raster_of(rasterizer, random_case(1), want))
 
 
 def test_workspaces_are_used_again(rasterizer):
     case = random_case(1)
     for _ in range(4):
-        gradients_of(rasterizer, [case])
-        with torch.no_grad():
-            rasterizer(case.gaussians, case.channels, case.camera, case.background)
-    gradients_of(rasterizer, [case])
-    means = case.gaussians.means.clone().requires_grad_()
-    rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)  # never backward
+        ways_back(rasterizer, [case])
+        raster_of(rasterizer, case, Want.EXACT)
+        assert len(rasterizer._spare) == 1
+    raster_of(rasterizer, case)  # whose way back nobody goes
     gc.collect()
     assert len(rasterizer._spare) == 1
 
@@ -198,19 +204,9 @@ def test_last_channels_without_gradient_are_left_out_and_nothing_else_changes(ra
         assert off_by(found.gradients[name], expected.gradients[name]) < 1e-4, name
 
 
-def test_a_column_changed_in_place_before_backward_is_noticed(rasterizer):
-    case = random_case(5)
-    means = case.gaussians.means.clone().requires_grad_()
-    raster = rasterizer(replace(case.gaussians, means=means), case.channels, case.camera, case.background)
-    with torch.no_grad():
-        means += 1
-    with pytest.raises(RuntimeError, match="modified by an inplace operation"):
-        raster.image.sum().backward()
-
-
 def test_columns_whose_memory_holds_the_negatives_are_drawn_as_they_are_meant(rasterizer):
     case = random_case(6)
-    draw = lambda channels: rasterizer(case.gaussians, channels, case.camera, case.background).image  # noqa: E731
+    draw = lambda channels: raster_of(rasterizer, replace(case, channels=channels)).image  # noqa: E731
     assert torch.equal(draw(torch._neg_view(-case.channels)), draw(case.channels))
 
 
@@ -218,27 +214,31 @@ OTHER_MEMORY = """
 import torch
 from ringlight.bench.workload import Size, workload
 from ringlight.core.gaussians import GEOMETRY, Gaussians
+from ringlight.core.gradients import Gradients
+from ringlight.core.rendering import Emission
+from ringlight.core.want import Want
 from ringlight.rasterize.cpu import CpuRasterizer
 
 work = workload(Size(200_000, 64))  # arrays so large that the system takes freed ones back at once
 
-def gradients(between, retain):
-    leaves = {name: getattr(work.gaussians, name).clone().requires_grad_() for name in GEOMETRY}
-    leaves["channels"] = work.channels.clone().requires_grad_()
-    table = Gaussians.from_columns({name: leaves[name] for name in GEOMETRY})
-    image = CpuRasterizer()(table, leaves["channels"], work.camera, torch.ones(3)).image
-    if retain:
-        torch.autograd.grad(image.sum(), leaves.values(), retain_graph=True)
-    for leaf in leaves.values():
-        between(leaf)
-    return torch.autograd.grad(image.sum(), leaves.values())
+def gradients(between):
+    columns = {name: getattr(work.gaussians, name).clone() for name in GEOMETRY}
+    channels = work.channels.clone()
+    emission = Emission({"channels": channels.shape[1]}, channels)
+    table, behind = Gaussians.from_columns(columns), torch.ones(3)
+    raster = CpuRasterizer().draw(table, emission, work.camera, behind, want=Want.GRADIENTS)
+    for column in (*columns.values(), channels):
+        between(column)
+    into = Gradients()
+    into["channels"], _ = raster.backward(torch.ones_like(raster.image), None, into)
+    return into
 
-def elsewhere(leaf):
-    leaf.data = leaf.data.clone()
+def elsewhere(column):
+    column.data = column.data.clone()
 
-for retain in (False, True):
-    pairs = zip(gradients(elsewhere, retain), gradients(lambda leaf: None, retain), strict=True)
-    assert all(torch.equal(ours, expected) for ours, expected in pairs), retain
+found, expected = gradients(elsewhere), gradients(lambda column: None)
+assert len(found) == 5
+assert all(torch.equal(found[name], expected[name]) for name in expected)
 """
 
 

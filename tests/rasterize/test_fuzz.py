@@ -11,6 +11,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import BackendError
 from ringlight.rasterize.contract import RasterOptions
+from torch_graph import drawn
 
 cpu = pytest.importorskip("ringlight.rasterize.cpu", reason="needs the compiled module")
 
@@ -89,6 +90,7 @@ def test_one_number_that_is_not_finite_is_found_wherever_it_is(case: Case, bad: 
     columns[name].view(-1)[index] = bad
     row = index // (columns[name].numel() // len(case.channels))
     with pytest.raises(BackendError, match=rf"column {name} holds {bad} in row {row};"):
-        cpu.CpuRasterizer()(
-            case.gaussians, case.channels, case.camera, case.background, case.options, case.opacity_factor
-        )
+        drawn(
+            cpu.CpuRasterizer(), case.gaussians, case.channels, case.camera, case.background, case.options,
+            case.opacity_factor,
+        )  # fmt: skip

@@ -12,6 +12,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.rasterize.reference import ReferenceRasterizer
+from torch_graph import drawn
 
 cpu = pytest.importorskip("ringlight.rasterize.cpu", reason="needs the compiled module")
 
@@ -40,8 +41,9 @@ def loss_of(case: Case) -> Loss:
     def loss(rasterizer: Rasterizer, inputs: Inputs) -> Tensor:
         means = inputs["means"]
         depths = case.camera.depths(means)[:, None]
-        raster = rasterizer(
-            Gaussians(*(inputs[name] for name in GEOMETRY)), torch.cat([inputs["channels"], depths], 1), case.camera,
+        raster = drawn(
+            rasterizer, Gaussians(*(inputs[name] for name in GEOMETRY)),
+            torch.cat([inputs["channels"], depths], 1), case.camera,
             with_depth.background.to(means), case.options, inputs.get("opacity_factor"),
         )  # fmt: skip
         return (raster.image * by_image.to(means)).sum() + (raster.alpha * by_alpha.to(means)).sum()

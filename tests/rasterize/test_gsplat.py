@@ -10,6 +10,7 @@ from gsplat_torch import torch_gsplat_rasterizer
 from ringlight.errors import BackendError
 from ringlight.rasterize import gsplat_build
 from ringlight.rasterize.gsplat_seam import Gsplat, numbers_of
+from torch_graph import drawn
 
 
 @pytest.mark.parametrize(
@@ -47,9 +48,9 @@ def test_a_newer_projection_has_one_output_more():
 def test_too_many_channels_and_other_types_are_refused():
     rasterizer, case = torch_gsplat_rasterizer(), random_case(0)
     with pytest.raises(BackendError, match="up to 512 channels, not 513"):
-        rasterizer(case.gaussians, torch.zeros(80, 513), case.camera, torch.zeros(513))
+        drawn(rasterizer, case.gaussians, torch.zeros(80, 513), case.camera, torch.zeros(513))
     with pytest.raises(BackendError, match=r"float32 tensors on cpu, not torch\.float64.*channels"):
-        rasterizer(case.gaussians, case.channels.double(), case.camera, case.background)
+        drawn(rasterizer, case.gaussians, case.channels.double(), case.camera, case.background)
 
 
 def test_kernels_that_torch_has_built_are_found(tmp_path, monkeypatch):

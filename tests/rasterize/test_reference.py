@@ -7,11 +7,26 @@ from torch import Tensor
 from raster_oracle import ORACLES, load_oracle
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Footprint
 from ringlight.rasterize.contract import RasterOptions
-from ringlight.rasterize.reference import ReferenceRasterizer
+from ringlight.rasterize.reference import ReferenceRasterizer, blended
+from torch_graph import drawn
 
 # Both sides compute in float64: what remains is the order of the sums.
 TOLERANCE = 1e-11
+
+
+def blended_alone(
+    gaussians: Gaussians,
+    channels: Tensor,
+    camera: Camera,
+    background: Tensor,
+    options: RasterOptions,
+    factor: Tensor | None = None,
+) -> tuple[Tensor, Tensor, Footprint]:
+    """The specification without a record around it: plain autograd, also in the camera's pose."""
+    columns = gaussians.columns() | {"channels": channels, "opacity_factor": factor}
+    return blended(columns, camera, background, options)
 
 
 def assert_equal_up_to_rounding(found: Tensor, expected: Tensor, what: str):
@@ -22,15 +37,17 @@ def assert_equal_up_to_rounding(found: Tensor, expected: Tensor, what: str):
 @pytest.mark.parametrize("name", ORACLES)
 def test_equals_the_oracle_in_value_and_every_gradient(name: str):
     oracle = load_oracle(name)
-    raster = ReferenceRasterizer()(oracle.gaussians, oracle.channels, oracle.camera, oracle.background, oracle.options)
-    arrays, footprint = oracle.arrays, raster.footprint
-    assert_equal_up_to_rounding(raster.image, arrays["img"], "image")
-    assert_equal_up_to_rounding(raster.alpha[..., 0], arrays["alpha"], "alpha")
+    image, alpha, footprint = blended_alone(
+        oracle.gaussians, oracle.channels, oracle.camera, oracle.background, oracle.options
+    )
+    arrays = oracle.arrays
+    assert_equal_up_to_rounding(image, arrays["img"], "image")
+    assert_equal_up_to_rounding(alpha[..., 0], arrays["alpha"], "alpha")
     drawn = footprint.visible
     assert_equal_up_to_rounding(footprint.means2d[drawn], arrays["means2d"][drawn], "means2d")
     assert torch.equal(footprint.radii.long(), arrays["radii"].long())
 
-    ((raster.image * arrays["in_v_img"]).sum() + (raster.alpha[..., 0] * arrays["in_v_alpha"]).sum()).backward()
+    ((image * arrays["in_v_img"]).sum() + (alpha[..., 0] * arrays["in_v_alpha"]).sum()).backward()
     for key, leaf in oracle.leaves.items():
         assert_equal_up_to_rounding(leaf.grad, arrays[f"g_{key}"], f"gradient of {key}")
     assert_equal_up_to_rounding(footprint.means2d_gradient, arrays["g_means2d"], "gradient of means2d")
@@ -60,8 +77,8 @@ def test_gradients_equal_finite_differences(antialiased: bool):
 
     def image_and_alpha(means, log_scales, quats, opacity_logits, channels, factor):
         table = Gaussians(means, log_scales, quats, opacity_logits)
-        raster = ReferenceRasterizer()(table, channels, camera, background, options, factor)
-        return torch.cat([raster.image, raster.alpha], -1)
+        image, alpha, _ = blended_alone(table, channels, camera, background, options, factor)
+        return torch.cat([image, alpha], -1)
 
     inputs = [*gaussians.columns().values(), channels, factor]
     leaves = [leaf.requires_grad_() for leaf in inputs]
@@ -72,8 +89,8 @@ def test_gradients_equal_finite_differences(antialiased: bool):
 def test_float32_is_close_to_float64():
     gaussians, channels, camera = smooth_scene()
     single = Gaussians(*(column.float() for column in gaussians.columns().values()))
-    exact = ReferenceRasterizer()(gaussians, channels, camera, torch.zeros(2, dtype=torch.float64))
-    rounded = ReferenceRasterizer()(single, channels.float(), camera, torch.zeros(2))
+    exact = drawn(ReferenceRasterizer(), gaussians, channels, camera, torch.zeros(2, dtype=torch.float64))
+    rounded = drawn(ReferenceRasterizer(), single, channels.float(), camera, torch.zeros(2))
     assert rounded.image.dtype == torch.float32
     torch.testing.assert_close(rounded.image.double(), exact.image, rtol=0, atol=1e-5)
 
@@ -82,10 +99,11 @@ def test_gradients_of_a_second_backward_replace_those_of_the_first():
     gaussians, channels, camera = smooth_scene()
     gaussians.means.requires_grad_()
     options = RasterOptions(absgrad=True)
-    raster = ReferenceRasterizer()(gaussians, channels, camera, torch.zeros(2, dtype=torch.float64), options)
-    assert raster.footprint.means2d_gradient is None
-    raster.image.sum().backward(retain_graph=True)
-    first = raster.footprint.means2d_gradient, raster.footprint.absolute_gradient
-    raster.image.sum().backward()
-    assert torch.equal(raster.footprint.means2d_gradient, first[0])
-    assert torch.equal(raster.footprint.absolute_gradient, first[1])
+    background = torch.zeros(2, dtype=torch.float64)
+    image, _, footprint = blended_alone(gaussians, channels, camera, background, options)
+    assert footprint.means2d_gradient is None
+    image.sum().backward(retain_graph=True)
+    first = footprint.means2d_gradient, footprint.absolute_gradient
+    image.sum().backward()
+    assert torch.equal(footprint.means2d_gradient, first[0])
+    assert torch.equal(footprint.absolute_gradient, first[1])

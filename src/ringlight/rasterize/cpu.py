@@ -46,10 +46,10 @@ class CpuRasterizer:
         """See :class:`ringlight.rasterize.contract.Rasterizer`; takes both hints."""
         job = Job(camera, background, options, len(gaussians))
         if emission.lazy is not None:
-            raster = self._drawn_lazily(job, emission.lazy, gaussians, emission.opacity_factor, camera, want)
+            raster = self._drawn_lazily(job, emission.lazy, gaussians, emission.opacity_factor, want)
             if raster is not None:
                 return raster
-        table = table_of(gaussians, emission.channels, emission.opacity_factor, camera)
+        table = table_of(gaussians, emission.channels, emission.opacity_factor)
         with _Loan(self._spare, want) as loan, refusals_named(table, camera, background):
             if tiles is None:
                 image, alpha = job.draw(loan.workspace, table)
@@ -66,11 +66,10 @@ class CpuRasterizer:
         lazy: LazyColors,
         gaussians: Gaussians,
         opacity_factor: Tensor | None,
-        camera: Camera,
         want: Want,
     ) -> Raster | None:
         """None where something is not finite: with all colours at hand it can be said what."""
-        table = table_of(gaussians, lazy.checked, opacity_factor, camera)
+        table = table_of(gaussians, lazy.checked, opacity_factor)
         with _Loan(self._spare, want) as loan:
             try:
                 image, alpha = job.draw(loan.workspace, table, lazy.kernel)

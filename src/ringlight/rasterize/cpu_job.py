@@ -19,7 +19,7 @@ Table = dict[str, Tensor | None]
 """The columns of the geometry by name, "opacity_factor", which may be None, and "channels"."""
 
 
-def table_of(gaussians: Gaussians, channels: Tensor, opacity_factor: Tensor | None, camera: Camera) -> Table:
+def table_of(gaussians: Gaussians, channels: Tensor, opacity_factor: Tensor | None) -> Table:
     """The table as the kernels take it; refuses in a sentence what they would refuse in a signature."""
     columns: Table = {name: getattr(gaussians, name) for name in GEOMETRY}
     columns |= {"opacity_factor": opacity_factor, "channels": channels}
@@ -29,11 +29,6 @@ def table_of(gaussians: Gaussians, channels: Tensor, opacity_factor: Tensor | No
                 f"the cpu rasterizer draws float32 tensors on the CPU, not {column.dtype} on {column.device}; "
                 "move the model there, or choose the rasterizer of its device"
             )
-    if not (1 <= camera.width <= _kernels.MAX_IMAGE_SIDE and 1 <= camera.height <= _kernels.MAX_IMAGE_SIDE):
-        raise BackendError(
-            f"the cpu rasterizer draws images of 1 to {_kernels.MAX_IMAGE_SIDE} pixels a side, "
-            f"not {camera.width} x {camera.height}; downscale the camera"
-        )
     return {name: None if column is None else column.contiguous().resolve_neg() for name, column in columns.items()}
 
 
@@ -47,12 +42,22 @@ def refusals_named(table: Mapping[str, Tensor | None], camera: Camera, backgroun
         raise
 
 
+def _refuse_other_sizes(camera: Camera) -> None:
+    if not (1 <= camera.width <= _kernels.MAX_IMAGE_SIDE and 1 <= camera.height <= _kernels.MAX_IMAGE_SIDE):
+        raise BackendError(
+            f"the cpu rasterizer draws images of 1 to {_kernels.MAX_IMAGE_SIDE} pixels a side, "
+            f"not {camera.width} x {camera.height}; downscale the camera"
+        )
+
+
 class Job:
     """One view to draw: everything about it that has no gradient, and the arrays that it is drawn into."""
 
     def __init__(self, camera: Camera, background: Tensor, options: RasterOptions, count: int) -> None:
         pose = camera.world_to_camera.detach().float().contiguous()
-        self.camera = _kernels.Pinhole(pose, camera.focal, camera.center, camera.width, camera.height)
+        _refuse_other_sizes(camera)
+        with refusals_named({}, camera, background):
+            self.camera = _kernels.Pinhole(pose, camera.focal, camera.center, camera.width, camera.height)
         self.settings = _kernels.RasterSettings(
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
