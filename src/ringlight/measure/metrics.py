@@ -23,7 +23,7 @@ WINDOW_REACH = 5
 LEVELS = 255
 
 
-def mean_squared_error(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
+def mean_squared_error(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "*pixels 3"]) -> float:
     """Over all pixels and channels, summed in double precision."""
     return (image.clamp(0, 1).double() - truth.double()).square().mean().item()
 
