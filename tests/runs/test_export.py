@@ -120,9 +120,7 @@ def voxels():
 
 
 def test_a_format_is_one_line_in_the_table(tmp_path, listing):
-    with pytest.raises(
-        OutputError, match=r"out\.txt: cannot be written: .*; end its name in \.ply$"
-    ):
+    with pytest.raises(OutputError, match=r"out\.txt: cannot be written: .*; end its name in \.ply$"):
         check_target(tmp_path / "out.txt", False)
     listing(Form.OWN)
     check_target(tmp_path / "out.txt", False)
