@@ -10,7 +10,7 @@ from command import Command
 from refusal import refused
 from scenes_on_disk import edit_json
 
-from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
+from ringlight.files.tensor_file import read_metadata
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
 
@@ -81,21 +81,6 @@ def test_a_run_whose_scene_was_moved_leaves_its_new_place(
     shutil.rmtree(scene_copy)
     refused(ringlight("eval", small), 1, scene_copy, "name the folder")
     assert "not measured on photographs" in ringlight("compress", small, tmp_path / "again.safetensors").out
-
-
-def test_an_older_model_file_asks_for_its_scene(
-    run_folder: Path, tiny: Path, tmp_path: Path, ringlight: Command
-) -> None:
-    model = run_folder / "model.safetensors"
-    file = read_tensors(model)
-    scene = json.loads(file.metadata["scene"])
-    del scene["options"]
-    write_tensors(model, file.tensors, file.metadata | {"scene": json.dumps(scene)})
-    refused(ringlight("eval", model), 1, model, "name the scene's folder")
-    assert ringlight("eval", model, tiny, "--lpips").code == 0
-    # The run knows, and tells the file that leaves it.
-    assert ringlight("compress", run_folder, tmp_path / "small.safetensors", "--quiet").code == 0
-    assert ringlight("eval", tmp_path / "small.safetensors", "--lpips").code == 0
 
 
 def test_refusals_name_the_remedy_and_write_nothing(

@@ -26,6 +26,7 @@ def sample_report(**changes: Any) -> Report:
         background="white",
         notes=("images as they are",),
         iterations=3000,
+        planned=3000,
         psnr=22.134,
         psnr_u8=22.131,
         psnr_pooled=21.9,

@@ -20,6 +20,7 @@ def test_json_and_back(preset: str):
     ("light", "said"),
     [
         ({"ring": {"rank": 10**6}}, "run.light.ring: light.ring.rank is 1000000"),
+        ({"ring": {"rank": None}}, "run.light.ring: setting 'rank' is missing"),
         ({"ring": {"position_nodes": 10**9}}, "ring.position_nodes is 1000000000"),
         ({"ring": {"rank": "16"}}, "run.light.ring: rank cannot be '16'"),
         ({"glow": 1}, "run.light: unknown setting 'glow'"),
@@ -27,10 +28,18 @@ def test_json_and_back(preset: str):
     ],
 )
 def test_damaged_settings_are_named(light: object, said: str):
+    recipe = METHODS["ringlight-ring"]
     with pytest.raises(RecipeError) as caught:
-        recipe_from_dict(type(METHODS["ringlight-ring"]), {"light": light}, "run")
+        recipe_from_dict(type(recipe), changed(recipe_to_dict(recipe), {"light": light}), "run")
     assert said in str(caught.value)
     assert ".;" not in str(caught.value)
+
+
+def changed(stored: dict, changes: dict) -> dict:
+    """Settings as files hold them, with some changed, or removed where None."""
+    for name, value in changes.items():
+        stored[name] = changed(stored[name], value) if isinstance(value, dict) else value
+    return {name: value for name, value in stored.items() if name not in changes or value is not None}
 
 
 @pytest.mark.parametrize("preset", METHODS)

@@ -83,7 +83,7 @@ def _sentences(compressed: "Compressed") -> str:
     losses = compressed.losses
     ratio = losses.bytes_before / max(losses.bytes_after, 1)
     lines = [
-        f"{compressed.file}: {compressed.counted}, {compressed.bytes_file / 1e6:.3f} MB instead of "
+        f"{compressed.file}: {compressed.counted:,} {compressed.noun}, {compressed.bytes_file / 1e6:.3f} MB instead of "
         f"{compressed.bytes_file_before / 1e6:.3f} MB",
         f"  what rendering needs: {losses.bytes_after:,} of {losses.bytes_before:,} bytes, {ratio:.2f} times smaller",
     ]

@@ -57,7 +57,7 @@ def lpips(report: Report, net: str | None) -> float | None:
     return value
 
 
-def columns(lpips_net: str | None, nouns: Collection[str] = ()) -> tuple[Column, ...]:
+def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]:
     """All columns from left to right; LPIPS is the one of ``lpips_net``, None if no run has any.
 
     ``nouns`` are what the models are made of: where they differ the numbers have their nouns, and do not compete.

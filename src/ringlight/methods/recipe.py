@@ -78,10 +78,10 @@ def recipe_to_dict(recipe: Recipe) -> dict[str, Any]:
 
 
 def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -> Settings:
-    """Inverse of :func:`recipe_to_dict`; settings that the record lacks take their defaults.
+    """Inverse of :func:`recipe_to_dict`.
 
-    ``values`` come from a file and may be anything. Raises RecipeError, with ``where`` in it, for a setting that this
-    version does not know, or a value of another type than the setting's.
+    ``values`` come from a file and may be anything. Raises RecipeError, with ``where`` in it, for a setting that is
+    missing or that this version does not know, or a value of another type than the setting's.
     """
     if not isinstance(values, Mapping):
         raise RecipeError(f"{where}: is not a group of settings; {DAMAGED}")
@@ -90,6 +90,9 @@ def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -
     unknown = sorted(set(values) - known)
     if unknown:
         raise RecipeError(f"{where}: unknown setting {unknown[0]!r}; it was written by another version of ringlight")
+    missing = sorted(known - set(values))
+    if missing:
+        raise RecipeError(f"{where}: setting {missing[0]!r} is missing; {DAMAGED}")
     arguments = {}
     for name, value in values.items():
         if dataclasses.is_dataclass(hints[name]):

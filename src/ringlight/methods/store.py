@@ -40,7 +40,7 @@ class StoredModel:
 
 
 def scene_facts(scene: Scene, options: SceneOptions | None = None) -> SceneFacts:
-    """What a model file remembers of the scene; with the ``options`` it was read by it can be read again."""
+    """What a model file remembers of the scene, and by which ``options``, or the usual ones, to read it again."""
     camera = scene.train[0].camera
     low, high = (tuple(corner) for corner in scene.box.tolist())
     return SceneFacts(
@@ -51,7 +51,7 @@ def scene_facts(scene: Scene, options: SceneOptions | None = None) -> SceneFacts
         box=(low, high),
         extent=scene.extent,
         notes=scene.notes,
-        options=None if options is None else asdict(options),
+        options=asdict(options or SceneOptions()),
     )
 
 

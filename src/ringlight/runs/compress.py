@@ -24,7 +24,7 @@ from ringlight.methods.store import (
     model_of_tensors,
     tensors_from_cameras,
 )
-from ringlight.models.contract import Count, Model
+from ringlight.models.contract import Model
 from ringlight.runs.opened import Opened, recorded_scene
 
 SUFFIX = ".safetensors"
@@ -59,7 +59,8 @@ class Compressed:
     """What was written."""
 
     file: str
-    counted: Count
+    counted: int
+    noun: str
     bytes_file_before: int
     bytes_file: int
     losses: Losses
@@ -98,7 +99,7 @@ def compress(opened: Opened, path: Path, scene: Scene | None = None, tell: Tell 
     facts = _scene_facts(opened)
     header = replace(stored.header, scene=facts, metrics=measured, versions=versions, storage=asdict(losses))
     write_model_file(path, packed, header)
-    return Compressed(str(path), after.model.counted(), opened.file.stat().st_size, path.stat().st_size, losses)
+    return Compressed(str(path), *after.model.counted(), opened.file.stat().st_size, path.stat().st_size, losses)
 
 
 def _scene_facts(opened: Opened) -> SceneFacts:

@@ -143,7 +143,7 @@ def _training_seconds(run: RunFolder) -> tuple[float | None, float | None, float
         pass
     try:
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
-        return float(stored["wall_seconds"]), float(stored["cpu_seconds"]), float(stored.get("saving_seconds", 0))
+        return float(stored["wall_seconds"]), float(stored["cpu_seconds"]), float(stored["saving_seconds"])
     except (ModelFileError, KeyError, ValueError):
         return None, None, None
 

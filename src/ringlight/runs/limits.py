@@ -1,7 +1,8 @@
-"""The most Gaussians that this machine has memory for; decided once, when a run starts, and written into its record.
+"""The most Gaussians, or whatever a model grows, that this machine has memory for.
 
-Numbers depend on it only where the recipe's own bound, by default a Gaussian for each pixel of a photograph, would not
-fit; a resumed run keeps what it started with, on whatever machine.
+It is decided once, when a run starts, and written into its record. Numbers depend on it only where the recipe's own
+bound, by default a Gaussian for each pixel of a photograph, would not fit; a resumed run keeps what it started with, on
+whatever machine.
 """
 
 from dataclasses import dataclass, replace
@@ -71,7 +72,7 @@ def bounded(recipe: Recipe, scene: Scene, training: Training, most: int) -> tupl
     remedy = f"that is what {SHARE:.0%} of this machine's memory holds; --densify.max-gaussians sets another bound"
     if max(grown) > most and recipe.most is None:
         recipe = recipe.never_above(most)
-        notes.append(f"at most {most:,} Gaussians instead of {max(grown):,}: {remedy}")
+        notes.append(f"at most {most:,} {training.model.counted().noun} instead of {max(grown):,}: {remedy}")
     start = len(scene.points.positions)
     allowed = max(most, recipe.most or 0)
     if start > allowed:

@@ -106,10 +106,10 @@ class Session:
             training.restore(stored.tensors)
             if training.step > training.steps:
                 raise ValueError(f"step {training.step} of {training.steps}")
-            seconds = (float(stored.metadata.get(f"{name}_seconds", 0)) for name in ("wall", "cpu", "saving"))
+            seconds = (float(stored.metadata[f"{name}_seconds"]) for name in ("wall", "cpu", "saving"))
             clock = Clock(*seconds)
             views = int(stored.metadata["training_views"])
-            memory.earlier = int(stored.metadata.get("peak_bytes", 0)) or None
+            memory.earlier = int(stored.metadata["peak_bytes"]) or None
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
                 f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({error}); "
