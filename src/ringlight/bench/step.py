@@ -7,48 +7,38 @@ from itertools import islice
 from pathlib import Path
 from typing import cast
 
-import torch
-
-from ringlight.bench.kernels_alone import AdamKernel, LossKernel, RasterKernel, gradients_like
-from ringlight.bench.raster import NATIVE
 from ringlight.bench.record import Circumstances
 from ringlight.bench.stopwatch import Stopwatch
-from ringlight.bench.timing import SHORTEST_MS, TOTAL, Budget, Contestant, Timing, interleaved
+from ringlight.bench.timing import Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload, workload_scene
 from ringlight.core.gaussians import GEOMETRY
-from ringlight.core.want import Want
 from ringlight.data.batches import ImageBatch
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
-from ringlight.fit.loss import PhotographLoss
 from ringlight.fit.train import Training, train
 from ringlight.methods.recipe import Recipe
-from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
+from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
 SCHEDULED_STEP = 7_501
 """The workload's step: densification counts pulls, as in half of a run, but edits no rows at this one."""
 
-WHOLE, KERNELS = "whole", "kernels"
+WHOLE = "whole"
 
 
 @dataclass(frozen=True)
 class StepRow:
     """One method's step.
 
-    ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs; what they leave is the
-    loop's own. ``kernels`` are the floor: the compiled rasterizer, loss and Adam on the same inputs, called alone. The
-    floor ratios are whole over their sum; without the CPU's rasterizer there is no such floor.
+    ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs. What they leave of it is
+    the loop's own.
     """
 
     method: str
     gaussians: int
     whole: Timing
     stages: dict[str, Timing]
-    kernels: dict[str, Timing]
-    wall_floor_ratio: float | None
-    cpu_floor_ratio: float | None
 
 
 @dataclass(frozen=True)
@@ -159,11 +149,7 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
         sizes = ", ".join(f"{subject.method} {image}" for subject, image in zip(subjects, images, strict=True))
         raise RecipeError(f"photographs are of different sizes at that step ({sizes}); give a later --after")
     watches = [Stopwatch(subject.training) for subject in subjects]
-    contestants = {
-        (subject.method, part): contestant
-        for subject, watch in zip(subjects, watches, strict=True)
-        for part, contestant in _contestants_of(subject, watch).items()
-    }
+    contestants = {s.method: _contestant(s, watch) for s, watch in zip(subjects, watches, strict=True)}
     timings = interleaved(contestants, Budget(budget.rounds, budget.seconds * len(subjects)))
     first = subjects[0]
     return StepBench(
@@ -171,62 +157,19 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
         scene=first.scene,
         rasterizer=first.model.rasterize.name,
         image=images[0],
-        rows=tuple(_row(subject, watch, timings) for subject, watch in zip(subjects, watches, strict=True)),
+        rows=tuple(
+            StepRow(subject.method, len(subject.model), timings[subject.method][WHOLE], watch.timings())
+            for subject, watch in zip(subjects, watches, strict=True)
+        ),
     )
 
 
-def _contestants_of(subject: Subject, watch: Stopwatch) -> dict[str, Contestant]:
-    training = subject.training
-    put_back = _snapshot(training)
-
+def _contestant(subject: Subject, watch: Stopwatch) -> Contestant:
     def one_step() -> None:
-        next(train(training))
+        next(train(subject.training))
         watch.end_round()
 
-    contestants = {WHOLE: Contestant({WHOLE: one_step}, put_back)}
-    if subject.model.rasterize.name == NATIVE:
-        # Put back as well, though nothing has changed: caches are then as cold for both.
-        contestants[KERNELS] = Contestant(_kernels_alone(subject), put_back)
-    return contestants
-
-
-def _row(subject: Subject, watch: Stopwatch, timings: dict[tuple[str, str], dict[str, Timing]]) -> StepRow:
-    whole = timings[subject.method, WHOLE][WHOLE]
-    kernels = timings.get((subject.method, KERNELS), {})
-    floor = kernels.get(TOTAL)
-    return StepRow(
-        method=subject.method,
-        gaussians=len(subject.model),
-        whole=whole,
-        stages=watch.timings(),
-        kernels=kernels,
-        wall_floor_ratio=whole.wall_ms / max(floor.wall_ms, SHORTEST_MS) if floor else None,
-        cpu_floor_ratio=whole.cpu_ms / max(floor.cpu_ms, SHORTEST_MS) if floor else None,
-    )
-
-
-def _kernels_alone(subject: Subject) -> dict[str, Callable[[], object]]:
-    """The step's kernels on the step's inputs; Adam updates every parameter of the model."""
-    training = subject.training
-    batch, model = subject.batch, subject.model
-    table, compare = model.gaussians, cast(PhotographLoss, training.loss)
-    emission = model.color.emit(table, batch.camera, tuple(model.shader.needs), Want.EXACT)
-    channels = emission.channels
-    behind = torch.nn.functional.pad(batch.background, (0, channels.shape[1] - len(batch.background)))
-    raster = RasterKernel(table, channels, batch.camera, behind, model.options, emission.opacity_factor)
-    # For channels that the loss does not see any number will do: what a gradient costs does not depend on it.
-    by_image = torch.ones_like(raster.image)
-    loss = LossKernel(raster.image[:3], compare.targets.of(batch), compare.settings, by_image[:3])
-    parameters = dict(model.named_parameters())
-    known = {COLUMNS_PREFIX + name: gradient for name, gradient in raster.gradients.items()}
-    groups = [training.optimizer.groups[name] for name in parameters]
-    adam = AdamKernel(list(parameters.values()), gradients_like(parameters, known), groups)
-    return {
-        "raster forward": raster.forward,
-        "loss": loss.run,
-        "raster backward": lambda: raster.backward(by_image),
-        "adam": adam.run,
-    }
+    return Contestant({WHOLE: one_step}, _snapshot(subject.training))
 
 
 def _snapshot(training: Training) -> Callable[[], None]:

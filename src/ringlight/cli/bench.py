@@ -47,8 +47,6 @@ class RasterArguments:
     """Gaussians@pixels on a side."""
     channels: int = 3
     """Blended channels."""
-    against: Path | None = None
-    """Folder of another kernel (kernel.cpp, bind.cpp, common.h, simd.h). It is compiled, and run in turns with ours."""
     device: Device = "auto"
     """Rasterizer. reference is plain torch and wants small sizes."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
@@ -201,17 +199,9 @@ def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterato
     from ringlight.bench.workload import Size
 
     sizes = [Size.parse(text, asked.channels) for text in asked.sizes]
-    rasterize, peer = _rasterizer(asked.device), None
-    if asked.against is not None:
-        from ringlight.bench.against import against, check_sources
-
-        check_sources(asked.against)
-        sys.stderr.write(f"compiling {asked.against}, about half a minute\n")
-        peer = against(asked.against, now.machine.threads, now.machine.isa, asked.channels)
-    rows = bench_raster(sizes, rasterize, _budget(asked.common), peer, asked.common.seed)
-    # Two names tell kernels apart; the rest of the path is nobody's business in a record that may be published.
-    name = "/".join(asked.against.resolve().parts[-2:]) if asked.against else None
-    record = RasterBench(now, rasterize.name, name, rows)
+    rasterize = _rasterizer(asked.device)
+    rows = bench_raster(sizes, rasterize, _budget(asked.common), asked.common.seed)
+    record = RasterBench(now, rasterize.name, rows)
     return record, raster_tables(record)
 
 

@@ -30,7 +30,7 @@ class CpuRasterizer:
 
     def __init__(self) -> None:
         _kernels.set_memory(machine_memory())
-        self._spare: list[_kernels.Workspace] = []
+        self.spare: list[_kernels.Workspace] = []
 
     @torch.no_grad()
     def draw(
@@ -50,7 +50,7 @@ class CpuRasterizer:
             if raster is not None:
                 return raster
         table = table_of(gaussians, emission.channels, emission.opacity_factor)
-        with _Loan(self._spare, want) as loan, refusals_named(table, camera, background):
+        with _Loan(self.spare, want) as loan, refusals_named(table, camera, background):
             if tiles is None:
                 image, alpha = job.draw(loan.workspace, table)
                 return _raster(job, image, alpha, loan.way_back(job, table, image))
@@ -70,7 +70,7 @@ class CpuRasterizer:
     ) -> Raster | None:
         """None where something is not finite: with all colours at hand it can be said what."""
         table = table_of(gaussians, lazy.checked, opacity_factor)
-        with _Loan(self._spare, want) as loan:
+        with _Loan(self.spare, want) as loan:
             try:
                 image, alpha = job.draw(loan.workspace, table, lazy.kernel)
             except ValueError:
