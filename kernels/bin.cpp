@@ -16,27 +16,24 @@ namespace {
 constexpr std::size_t PREFETCH = 16;  // rows ahead
 
 // The 2 x 2 case has no branches: which tiles are touched cannot be predicted. A tile that is not touched counts 0,
-// and its entry goes to a place that nobody reads. Behind its horizon a tile gets no entry, though the slot is counted.
-template <bool Bounded>
+// and its entry goes to a place that nobody reads.
 class Dealer {
  public:
   Dealer(const Frame& frame, const std::uint64_t* order, std::size_t drawn)
-      : placements_(frame.placements), pieces_(frame.pieces), order_(order), drawn_(drawn), horizon_(frame.horizon),
-        tiles_x_(frame.tiles_x) {}
+      : placements_(frame.placements), pieces_(frame.pieces), order_(order), drawn_(drawn), tiles_x_(frame.tiles_x) {}
 
   void count(std::size_t begin, std::size_t end, std::uint32_t* counts) const {
     for (std::size_t i = begin; i < end; i++) {
       const Placement& place = at(i);
       if (place.tiles & LISTED) [[unlikely]] {
-        for_listed_tiles(place, tiles_x_, [&](int tile) { counts[tile] += is_before(place, tile); });
+        for_listed_tiles(place, tiles_x_, [&](int tile) { counts[tile]++; });
         continue;
       }
-      const int first = place.y0 * tiles_x_ + place.x0;
-      std::uint32_t* const corner = counts + first;
-      corner[0] += place.tiles & 1 & is_before(place, first);
-      corner[1] += place.tiles >> 1 & 1 & is_before(place, first + 1);
-      corner[tiles_x_] += place.tiles >> 2 & 1 & is_before(place, first + tiles_x_);
-      corner[tiles_x_ + 1] += place.tiles >> 3 & 1 & is_before(place, first + tiles_x_ + 1);
+      std::uint32_t* const corner = counts + place.y0 * tiles_x_ + place.x0;
+      corner[0] += place.tiles & 1;
+      corner[1] += place.tiles >> 1 & 1;
+      corner[tiles_x_] += place.tiles >> 2 & 1;
+      corner[tiles_x_ + 1] += place.tiles >> 3 & 1;
     }
   }
 
@@ -49,21 +46,19 @@ class Dealer {
       constexpr std::uint64_t NEXT_SLOT = std::uint64_t{1} << 32;
       if (place.tiles & LISTED) [[unlikely]] {
         for_listed_tiles(place, tiles_x_, [&](int tile) {
-          if (is_before(place, tile)) entries[cursors[tile]++] = entry;
+          entries[cursors[tile]++] = entry;
           entry += NEXT_SLOT;
         });
         continue;
       }
-      const int first = place.y0 * tiles_x_ + place.x0;
-      std::uint32_t* const corner = cursors + first;
+      std::uint32_t* const corner = cursors + place.y0 * tiles_x_ + place.x0;
       const std::uint32_t corners[4] = {0, 1, static_cast<std::uint32_t>(tiles_x_),
                                         static_cast<std::uint32_t>(tiles_x_) + 1};
       for (int k = 0; k < 4; k++) {
         const std::uint32_t touched = place.tiles >> k & 1;
-        const std::uint32_t dealt = touched & is_before(place, first + static_cast<int>(corners[k]));
         std::uint32_t& cursor = corner[corners[k]];
-        entries[nowhere + (cursor - nowhere) * dealt] = entry;
-        cursor += dealt;
+        entries[nowhere + (cursor - nowhere) * touched] = entry;
+        cursor += touched;
         entry += touched * NEXT_SLOT;
       }
     }
@@ -75,28 +70,17 @@ class Dealer {
     return placements_[row_of(order_[i])];
   }
 
-  std::uint32_t is_before(const Placement& place, int tile) const {
-    if constexpr (Bounded) return place.depth_key <= horizon_[tile];
-    return 1;
-  }
-
   const Placement* placements_;
   const Piece* pieces_;
   const std::uint64_t* order_;
   std::size_t drawn_;
-  const std::uint32_t* horizon_;
   int tiles_x_;
 };
 
 }  // namespace
 
 void Binning::bin(Frame& frame, const std::uint64_t* order, std::size_t drawn) {
-  frame.horizon ? bin_with(Dealer<true>(frame, order, drawn), frame, drawn)
-                : bin_with(Dealer<false>(frame, order, drawn), frame, drawn);
-}
-
-template <class Dealer>
-void Binning::bin_with(const Dealer& dealer, Frame& frame, std::size_t drawn) {
+  const Dealer dealer(frame, order, drawn);
   const std::size_t segments = static_cast<std::size_t>(frame.workers);
   const std::size_t tiles = static_cast<std::size_t>(frame.tiles_x) * static_cast<std::size_t>(frame.tiles_y);
   // A 2 x 2 placement at the right or lower edge reaches past it: those cells are read, and stay as they are.

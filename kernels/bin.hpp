@@ -10,13 +10,10 @@ namespace ringlight {
 class Binning {
  public:
   // Fills in tile_starts, tile_order, tile_count and entries of the frame from `order`, the rows from near to far.
-  // Needs placements, and pieces with their first_slot; with a horizon, what lies behind it gets no entry.
+  // Needs placements, and pieces with their first_slot.
   void bin(Frame& frame, const std::uint64_t* order, std::size_t drawn);
 
  private:
-  template <class Dealer>
-  void bin_with(const Dealer& dealer, Frame& frame, std::size_t drawn);
-
   Buffer<std::uint32_t> cursors_;  // [segments][tiles and a margin]
   Buffer<std::uint32_t> starts_, tile_order_;
   Buffer<std::uint64_t> entries_;

@@ -98,12 +98,10 @@ struct Piece {
   std::uint32_t entries, drawn;
   std::uint32_t nearest, farthest;  // range of the depth keys
   std::uint32_t broken;             // rows that hold a value which is not finite
-  std::uint32_t shown;              // rows that lie before the horizon of a tile, where there is one (horizon.hpp)
 };
 
-// Depth keys are the bits of camera z, which order like z because z is positive. Hence the uppermost bit is free: it
-// says that no tile wants the row.
-inline constexpr std::uint32_t HIDDEN = 1u << 31, NOT_DRAWN = 0xffffffffu;
+// Depth keys are the bits of camera z, which order like z because z is positive.
+inline constexpr std::uint32_t NOT_DRAWN = 0xffffffffu;
 
 // Where a Gaussian goes. The tiles it touches are a rectangle in tile units and, for up to 31 tiles, one bit per tile
 // in row-major order: `tiles` is EVERY_TILE for larger rectangles, carries LISTED for those that are not 2 x 2, and is
@@ -141,18 +139,7 @@ inline constexpr int BLOCKS = 64;  // blocks of a tile, bits of a mask
 inline constexpr int LANES = 16;   // pixels of a block
 inline constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255): what is fainter is not drawn
 
-// By tile; entries of a tile front to back.
-struct TileLists {
-  int tile_count;                // tiles to blend: the first of tile_order
-  const std::uint32_t* horizon;  // [T and a margin] larger depth keys have no entry in the tile; or null (horizon.hpp)
-  std::uint32_t* tile_starts;    // [T + 1]
-  std::uint32_t* tile_order;     // [T] longest first
-  std::uint32_t* tile_used;      // [T] entries until every block had ended
-  std::uint64_t* entries;        // row of the table, and the slot in the upper half
-  std::uint64_t* block_masks;    // blocks of the tile that the entry touches and that had not ended yet
-};
-
-struct Frame : TileLists {
+struct Frame {
   Pinhole camera;
   RasterSettings settings;
   Splats splats;
@@ -164,7 +151,13 @@ struct Frame : TileLists {
   Placement* placements;  // [N]
   Piece* pieces;
 
-  std::uint8_t* tile_open;     // [T] 1 where a block never ended
+  // By tile; entries of a tile front to back.
+  int tile_count;
+  std::uint32_t* tile_starts;  // [T + 1]
+  std::uint32_t* tile_order;   // [T] longest first
+  std::uint32_t* tile_used;    // [T] entries until every block had ended
+  std::uint64_t* entries;      // row of the table, and the slot in the upper half
+  std::uint64_t* block_masks;  // blocks of the tile that the entry touches and that had not ended yet
   float* final_transmittance;  // [T BLOCKS LANES]
 
   // By slot.

@@ -57,7 +57,6 @@ void Workspace::make_room() {
   frame_.placements = placements_.reserve(rows);
   frame_.pieces = pieces_.reserve(piece_count(frame_));
   frame_.tile_used = tile_used_.reserve(tiles);
-  frame_.tile_open = tile_open_.reserve(tiles);
   frame_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
 }
 
@@ -95,8 +94,7 @@ std::uint64_t Workspace::number_slots() {
 }
 
 void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats,
-                        const Images& images, const Footprints& footprints, float* horizon,
-                        const LateColors* late) {
+                        const Images& images, const Footprints& footprints, const LateColors* late) {
   passes_++;
   complete_ = false;
   frame_.camera = camera;
@@ -112,47 +110,16 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   RINGLIGHT_CHOSEN(project)(frame_, footprints);
   const std::uint64_t drawn = number_slots();
   watch.end(PROJECT);
-  frame_.horizon = nullptr;
-  const std::uint64_t shown = horizon ? horizon_.hide(frame_, horizon, drawn) : drawn;
-  hidden_ = drawn - shown;
-  const std::uint64_t* const order = sort_.sort(frame_, shown);
+  const std::uint64_t* const order = sort_.sort(frame_, drawn);
   watch.end(SORT);
-  binning_.bin(frame_, order, shown);
+  binning_.bin(frame_, order, drawn);
   frame_.block_masks = block_masks_.reserve(slots_in_use_);
   watch.end(BIN);
   RINGLIGHT_CHOSEN(blend)(frame_, images);
-  again_.tile_count = 0;
-  if (horizon) {
-    Horizon::remember(frame_, horizon);
-    blend_again(images);
-    Horizon::remember(again(), horizon);
-  }
   watch.end(BLEND);
   frame_.late = nullptr;
   complete_ = !is_last(images, late) && !late_broken_;
   if (late && late_broken_) throw std::domain_error("rasterizer: colours are not finite");
-}
-
-// Blends the tiles that the horizon was wrong about.
-void Workspace::blend_again(const Images& images) {
-  Frame again = frame_;
-  const std::uint64_t shown = horizon_.reopen(frame_);
-  if (shown == 0) return;
-  const std::size_t tiles = static_cast<std::size_t>(frame_.tiles_x) * static_cast<std::size_t>(frame_.tiles_y);
-  again.tile_used = tile_used_again_.reserve(tiles);
-  binning_again_.bin(again, sort_.sort(again, shown), shown);
-  again.block_masks = block_masks_again_.reserve(again.tile_starts[tiles]);
-  // The others have no entries, and come last.
-  const auto entries = [&](std::uint32_t tile) { return again.tile_starts[tile + 1] - again.tile_starts[tile]; };
-  while (again.tile_count > 0 && !entries(again.tile_order[again.tile_count - 1])) again.tile_count--;
-  RINGLIGHT_CHOSEN(blend)(again, images);
-  again_ = again;
-}
-
-Frame Workspace::again() const {
-  Frame frame = frame_;
-  static_cast<TileLists&>(frame) = again_;
-  return frame;
 }
 
 void Workspace::backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to) {
@@ -165,7 +132,6 @@ void Workspace::backward(const Splats& splats, const ImageGradients& from, const
   if (slots_in_use_) std::memset(frame_.slot_used, 0, slots_in_use_);
   Stopwatch watch(seconds_);
   RINGLIGHT_CHOSEN(blend_gradient)(frame_, from);
-  if (again_.tile_count) RINGLIGHT_CHOSEN(blend_gradient)(again(), from);
   watch.end(BLEND_GRADIENT);
   RINGLIGHT_CHOSEN(project_gradient)(frame_, to);
   watch.end(PROJECT_GRADIENT);

@@ -2,7 +2,6 @@
 #pragma once
 #include "bin.hpp"
 #include "buffer.hpp"
-#include "horizon.hpp"
 #include "raster.hpp"
 #include "sort.hpp"
 
@@ -15,12 +14,10 @@ class Workspace {
  public:
   // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
   // view would not fit into the memory of the machine, std::domain_error when the table, or a late colour that was
-  // asked for, holds a value that is not finite. `horizon` [T] is null, or the depths that the last pass of this view
-  // left, which become those of this one: they change nothing but the time that it takes (horizon.hpp). With a shader
-  // there is no backward pass unless what was blended is kept, nor with `late`, which goes without a horizon, unless it
-  // keeps its colours.
+  // asked for, holds a value that is not finite. With a shader there is no backward pass unless what was blended is
+  // kept, nor with `late` unless it keeps its colours.
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
-               const Footprints& footprints, float* horizon, const LateColors* late = nullptr);
+               const Footprints& footprints, const LateColors* late = nullptr);
 
   // Fills in `to` for the last forward pass; `splats` must hold the same values as then.
   void backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to);
@@ -30,10 +27,6 @@ class Workspace {
   // Whether the last forward pass came to its end, so that there is something for a backward pass.
   bool complete() const { return complete_; }
   const Frame& frame() const { return frame_; }
-  // The tiles that were blended once more, since they did not become opaque before their horizon.
-  Frame again() const;
-  // Rows that the horizon spared the sort.
-  std::uint64_t hidden() const { return hidden_; }
   // How long each stage took the last time.
   double seconds(Stage stage) const { return seconds_[stage]; }
 
@@ -41,22 +34,19 @@ class Workspace {
   void make_room();
   std::uint64_t number_slots();
   void reserve_scratch(std::size_t of_shader);
-  void blend_again(const Images& images);
 
   Frame frame_{};
-  TileLists again_{};
   double seconds_[STAGES] = {};
   bool complete_ = false, late_broken_ = false;
-  std::uint64_t passes_ = 0, slots_in_use_ = 0, hidden_ = 0;
+  std::uint64_t passes_ = 0, slots_in_use_ = 0;
   DepthSort sort_;
-  Horizon horizon_;
-  Binning binning_, binning_again_;
+  Binning binning_;
   Buffer<float> records_, final_transmittance_, slots_, scratch_;
-  Buffer<std::uint32_t> tile_used_, tile_used_again_;
+  Buffer<std::uint32_t> tile_used_;
   Buffer<Placement> placements_;
   Buffer<Piece> pieces_;
-  Buffer<std::uint64_t> block_masks_, block_masks_again_;
-  Buffer<std::uint8_t> tile_open_, slot_used_;
+  Buffer<std::uint64_t> block_masks_;
+  Buffer<std::uint8_t> slot_used_;
 };
 
 }  // namespace ringlight

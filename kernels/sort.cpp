@@ -73,7 +73,7 @@ const std::uint64_t* DepthSort::sort(const Frame& frame, std::size_t drawn) {
   const Placement* const placements = frame.placements;
   Pass{frame.splats.count, segments, 0, bits, counts}.run(to, [&](std::size_t row, auto&& f) {
     const std::uint32_t key = placements[row].depth_key;
-    if (key < HIDDEN) f(key - range.nearest, std::uint64_t{key - range.nearest} << 32 | row);
+    if (key != NOT_DRAWN) f(key - range.nearest, std::uint64_t{key - range.nearest} << 32 | row);
   });
   for (int pass = 1; pass < passes; pass++) {
     std::swap(from, to);

@@ -10,8 +10,8 @@ namespace ringlight {
 
 class DepthSort {
  public:
-  // Rows of the table from near to far, equal depths by row; the `drawn` that are not HIDDEN, valid until the next
-  // call. Needs placements and pieces of the frame.
+  // Rows of the table from near to far, equal depths by row; valid until the next call. `drawn` is how many have a
+  // depth key. Needs placements and pieces of the frame.
   const std::uint64_t* sort(const Frame& frame, std::size_t drawn);
 
  private:

@@ -21,7 +21,6 @@ KERNEL_TESTS = (
     "rasterize/test_cpu.py",
     "rasterize/test_fuzz.py",
     "rasterize/test_gradients.py",
-    "rasterize/test_horizon.py",
     "color/test_harmonics.py",
     "color/test_ring_kernel.py",
     "color/test_ringlight_direct.py",

@@ -89,12 +89,11 @@ bool is_image(const Array& array, const Pinhole& camera) {
 
 void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
-             std::optional<Out<-1, -1>> horizon, const LateColors* late, const PictureShader* shader,
-             std::optional<Out<-1, -1, -1>> blended) {
+             const LateColors* late, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended) {
   const Splats splats = table.splats();
   const std::size_t channels = table.channels.shape(1);
-  require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count && !horizon),
-          "rasterizer: late colours are three for each row of the table, and go without a horizon");
+  require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count),
+          "rasterizer: late colours are three for each row of the table");
   require(!shader || shader->channels() == channels, "rasterizer: the shader takes another number of channels");
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == (shader ? 3 : channels),
           "rasterizer: image must be [C H W], or [3 H W] with a shader, and alpha [H W]");
@@ -102,17 +101,10 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
           "rasterizer: what was blended goes with a shader, and must be [C H W]");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
-  const auto tiles_along = [](int pixels) {
-    return static_cast<std::size_t>((pixels + convention::TILE - 1) / convention::TILE);
-  };
-  require(!horizon ||
-              (horizon->shape(0) == tiles_along(camera.height) && horizon->shape(1) == tiles_along(camera.width)),
-          "rasterizer: the horizon needs one depth per tile");
   const nb::gil_scoped_release unlocked;
   const Images images{image.data(), alpha.data(), shader ? &shader->shader() : nullptr,
                       blended ? blended->data() : nullptr};
-  workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()},
-                    horizon ? horizon->data() : nullptr, late);
+  workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()}, late);
 }
 
 struct Gradients {
@@ -167,12 +159,8 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
 std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
   require(workspace.complete(), "rasterizer: there is no forward pass whose pairs could be counted");
   const nb::gil_scoped_release unlocked;
-  const PairCounts counts = count_pairs(workspace.frame()), again = count_pairs(workspace.again());
-  return {counts.evaluated + again.evaluated, counts.blended + again.blended};
-}
-
-std::pair<std::uint64_t, int> beyond_horizon(const Workspace& workspace) {
-  return {workspace.hidden(), workspace.again().tile_count};
+  const PairCounts counts = count_pairs(workspace.frame());
+  return {counts.evaluated, counts.blended};
 }
 
 nb::dict stage_seconds(const Workspace& workspace) {
@@ -225,17 +213,13 @@ void bind_raster(nb::module_& module) {
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
-           "means2d"_a, "radii"_a, "horizon"_a = nb::none(), "late"_a = nb::none(), "shader"_a = nb::none(),
-           "blended"_a = nb::none(),
-           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] "
-           "holds depths that an earlier picture of this view left, infinity for none; it changes time alone, and is "
-           "renewed. Late colours take the place of the table's channels where these can be seen; there is no "
-           "backward pass unless they are kept. A shader makes colours of what was blended, the image is [3 H W], and "
-           "there is no backward pass unless blended [C H W] is there to keep what the shader was given.")
+           "means2d"_a, "radii"_a, "late"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(),
+           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Late colours take the place of the table's "
+           "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
+           "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W] is there "
+           "to keep what the shader was given.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
-      .def_prop_ro("beyond_horizon", &beyond_horizon,
-                   "Of the last forward pass: Gaussians that the horizon hid, tiles about which it was wrong.")
       .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");
 }
 

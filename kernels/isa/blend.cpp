@@ -184,7 +184,6 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
     if (ends_early && count == CHUNK) alive = close_dim_blocks(alive, states, floats);
   }
   frame.tile_used[tile.number] = at - tile.begin;
-  frame.tile_open[tile.number] = alive != 0;
   write_tile(frame, tile, states, floats, states + BLOCKS * floats, images);
 }
 

@@ -18,8 +18,7 @@ struct RowList {
 };
 
 // Ends the blocks through whose pixels less than DIM of what lies behind shows, as if that were what is in front;
-// returns the others. Blocks whose pixels are all finished are not asked: what is missing of them is less. To be called
-// after whole chunks alone: where a horizon cuts a list short, it must not decide what ends.
+// returns the others. Blocks whose pixels are all finished are not asked: what is missing of them is less.
 RINGLIGHT_INLINE std::uint64_t close_dim_blocks(std::uint64_t blocks, float* states, int floats) {
   std::uint64_t open = blocks;
   for (std::uint64_t left = blocks; left; left &= left - 1) {

@@ -210,7 +210,7 @@ RINGLIGHT_INLINE Piece summary(const Progress& progress) {
     nearest[0] = nearest[i] < nearest[0] ? nearest[i] : nearest[0];
     farthest[0] = farthest[i] > farthest[0] ? farthest[i] : farthest[0];
   }
-  Piece piece{0, progress.entries, progress.drawn, NOT_DRAWN, 0, progress.broken, progress.drawn};
+  Piece piece{0, progress.entries, progress.drawn, NOT_DRAWN, 0, progress.broken};
   if (progress.drawn == 0) return piece;
   __builtin_memcpy(&piece.nearest, &nearest[0], sizeof piece.nearest);
   __builtin_memcpy(&piece.farthest, &farthest[0], sizeof piece.farthest);

@@ -88,7 +88,6 @@ static inline void write_background(const Frame& frame, const Tile& tile, const 
   fill_planes(images.image, images.shader ? SHADED_CHANNELS : frame.splats.channel_count);
   if (images.blended) fill_planes(images.blended, frame.splats.channel_count);
   frame.tile_used[tile.number] = 0;
-  frame.tile_open[tile.number] = tile.inside != 0;
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -167,13 +167,10 @@ class Workspace:
         alpha: Tensor,
         means2d: Tensor,
         radii: Tensor,
-        horizon: Tensor | None = None,
         late: LateColors | None = None,
         shader: PictureShader | None = None,
         blended: Tensor | None = None,
     ) -> None: ...
-    @property
-    def beyond_horizon(self) -> tuple[int, int]: ...
     def backward(
         self,
         table: SplatTable,

@@ -20,7 +20,6 @@ from ringlight.methods.table import METHODS
 from ringlight.models.direct import DirectModel
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.rasterize.horizon import Horizon
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -77,16 +76,6 @@ def test_colors_are_late_after_a_view_that_hid_most_rows():
         assert isinstance(model.color, RingLight)
         step(model, direct, many_hidden=False)
         assert model.color.workspace.many_hidden is hides
-
-
-def test_a_view_with_a_horizon_wants_all_colors_first():
-    model, direct, color = ball(0.9)
-    assert isinstance(model.color, RingLight)
-    model.color.workspace.many_hidden = True
-    seen = direct.render(CAMERA, WHITE, Horizon()).color.clone()
-    assert color.late is None
-    assert torch.equal(seen, direct.render(CAMERA, WHITE).color)
-    assert color.late is not None
 
 
 @pytest.mark.parametrize("broken", ["columns.latents", "color.shading.render.4.bias"])

@@ -1,7 +1,6 @@
 """The loop: it learns, it stops when nobody asks, and a restored run gives the same bits."""
 
 import dataclasses
-from collections import defaultdict
 
 import pytest
 import torch
@@ -12,7 +11,6 @@ from ringlight.fit.train import direct_model, train
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.rasterize.horizon import Horizon
 
 QUICK = DensifySettings(threshold=1e-5, begin=4, every=5, stop=0.8, reset_every=12, max_gaussians=900)
 
@@ -58,29 +56,6 @@ def test_same_seed_same_bits_and_another_seed_another_run(method: str):
     first, second, other = end(1), end(1), end(2)
     assert all(torch.equal(first[name], second[name]) for name in first)
     assert any(first[name].shape != other[name].shape or not torch.equal(first[name], other[name]) for name in first)
-
-
-@pytest.mark.parametrize("direct", [False, True])
-@pytest.mark.parametrize("method", METHODS)
-def test_horizons_change_no_bit_though_rows_come_and_go(method: str, direct: bool):
-    def end(horizons: defaultdict[int, Horizon] | None) -> dict[str, torch.Tensor]:
-        training = quick(method).build(tiny_scene(), rasterizer_for("cpu"), seed=2)
-        # So opaque and wide that everything is covered, until opacities are reset in the middle of the run.
-        training.model.columns["opacity_logits"].data += 7
-        training.model.columns["log_scales"].data += 3
-        training.horizons = horizons
-        for _ in train(training, direct):
-            closed.extend([] if horizons is None else [bool(h.depths.isfinite().any()) for h in horizons.values()])
-        return training.state()
-
-    closed: list[bool] = []
-    horizons = defaultdict(Horizon)
-    plain, bounded = end(None), end(horizons)
-    assert plain.keys() == bounded.keys()
-    assert all(torch.equal(plain[name], bounded[name]) for name in plain)
-    assert set(horizons) == set(range(len(tiny_scene().train)))
-    assert any(closed)
-    assert not all(closed)
 
 
 def test_training_is_paused_by_not_asking():

@@ -15,8 +15,6 @@ from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.rasterize.contract import RasterOptions
-from ringlight.rasterize.horizon import Horizon
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -116,7 +114,7 @@ def test_a_camera_that_is_not_finite_is_named_as_ever():
 
 
 def test_late_colors_of_another_table_are_refused():
-    """Of fewer rows the kernels would read what is not there, and a horizon promises training's bits."""
+    """Of fewer rows the kernels would read what is not there."""
     model, camera = lit_model("300@96", 0.5), workload_camera(96)
     assert isinstance(model.color, RingLight)
     gaussians = model.gaussians
@@ -126,11 +124,9 @@ def test_late_colors_of_another_table_are_refused():
     assert model.rasterize.draw_late(fewer, late.checked, late.kernel, camera, WHITE) is not None
     with torch.no_grad():
         assert model.rasterize.draw_late(gaussians, gaussians.means, late.kernel, camera, WHITE) is None
-        seen = RasterOptions(horizon=Horizon())
-        assert model.rasterize.draw_late(fewer, late.checked, late.kernel, camera, WHITE, seen) is None
 
 
-def test_where_it_does_not_apply_the_usual_way_is_taken(monkeypatch: pytest.MonkeyPatch):
+def test_where_it_does_not_apply_the_usual_way_is_taken():
     camera = workload_camera(96)
     exact = lit_model("300@96", 0.5, evaluation="exact")
     assert isinstance(exact.color, RingLight)
@@ -139,11 +135,3 @@ def test_where_it_does_not_apply_the_usual_way_is_taken(monkeypatch: pytest.Monk
     model.get_buffer("color.lit").fill_(False)
     assert isinstance(model.color, RingLight)
     assert model.color.late(model.gaussians, camera) is None
-    lit = lit_model("20k@96", 0.7)
-
-    def never(*_: object) -> None:
-        raise AssertionError("a view with a horizon wants training's bits")
-
-    monkeypatch.setattr(lit.rasterize, "draw_late", never)
-    with torch.no_grad():
-        lit.render(camera, WHITE, Horizon())

@@ -1,7 +1,5 @@
 """Pictures that are shaded while they are blended are those that training sees."""
 
-import dataclasses
-
 import pytest
 import torch
 from mirrors import WHITE, mirror, view
@@ -11,7 +9,6 @@ from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.errors import BackendError
 from ringlight.models.splats import SplatModel
-from ringlight.rasterize.horizon import Horizon
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -116,21 +113,6 @@ def test_the_same_bits_for_any_number_of_threads():
     usual = model.picture(view(), WHITE).color
     _kernels.set_threads(3)
     assert torch.equal(model.picture(view(), WHITE).color, usual)
-
-
-@pytest.mark.parametrize("before", [0.9, 0.6, 0.3])
-@pytest.mark.parametrize("now", [0.1, 0.3, 0.6])
-def test_no_horizon_decides_where_blocks_end(before: float, now: float):
-    """Least of all one that cuts a tile's list short where its blocks are nearly, but not quite, opaque."""
-    model, horizon = mirror("20k@96"), Horizon()
-    camera = dataclasses.replace(view(), focal=tuple(4 * length for length in view().focal))
-    opaque(model, before)
-    model.picture(camera, WHITE, horizon)
-    assert horizon.depths.isfinite().any() or before < 0.5
-    opaque(model, now)
-    with_one, without = model.picture(camera, WHITE, horizon), model.picture(camera, WHITE)
-    assert torch.equal(with_one.color, without.color)
-    assert torch.equal(with_one.alpha, without.alpha)
 
 
 def test_before_the_surface_is_lit_the_picture_is_the_base_color():

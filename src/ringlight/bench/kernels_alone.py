@@ -41,7 +41,6 @@ class RasterKernel:
         self._settings = _kernels.RasterSettings(
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
-        self.horizon = None if options.horizon is None else options.horizon.sized(camera.width, camera.height)
         by_factor = None if factor is None else torch.empty_like(factor)
         absolute = channels.new_empty(len(table), 2) if options.absgrad else None
         self.gradients = {name: torch.empty_like(column) for name, column in zip(GEOMETRY, columns, strict=True)}
@@ -53,8 +52,7 @@ class RasterKernel:
         self._workspace = _kernels.Workspace()
 
     def forward(self) -> None:
-        drawn = (self.image, self._alpha, *self._footprint)
-        self._workspace.forward(self._table, self._camera, self._settings, *drawn, self.horizon)
+        self._workspace.forward(self._table, self._camera, self._settings, self.image, self._alpha, *self._footprint)
 
     def backward(self, by_image: Float[Tensor, "C H W"]) -> None:
         self._workspace.backward(self._table, self.image, by_image, None, self._gradients)
@@ -63,11 +61,6 @@ class RasterKernel:
     def stage_seconds(self) -> dict[str, float]:
         """How long each stage took the last time, in order."""
         return self._workspace.stage_seconds
-
-    @property
-    def beyond_horizon(self) -> tuple[int, int]:
-        """Of the last forward pass: Gaussians that the horizon hid, and tiles about which it was wrong."""
-        return self._workspace.beyond_horizon
 
     def count_pairs(self) -> tuple[int, int]:
         """Pairs of Gaussian and pixel that a forward pass evaluates and blends; slow."""

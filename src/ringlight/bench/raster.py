@@ -16,8 +16,7 @@ from ringlight.bench.timing import SHORTEST_MS, TOTAL, Budget, Contestant, Timin
 from ringlight.bench.workload import Size, Workload, workload
 from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.core.randomness import generator
-from ringlight.rasterize.contract import Rasterizer, RasterOptions
-from ringlight.rasterize.horizon import Horizon
+from ringlight.rasterize.contract import Rasterizer
 
 FORWARD, BACKWARD = "forward", "backward"
 NATIVE = "cpu"
@@ -56,10 +55,6 @@ class RasterRow:
     ours: Passes
     kernels: Passes | None = None
     """Our compiled kernels alone, without autograd and new arrays; None for another rasterizer than the CPU's."""
-    with_horizon: Passes | None = None
-    """The kernels alone, with what the view hid in the round before."""
-    hidden: int | None = None
-    """Gaussians that its horizon hid."""
     pairs: Pairs | None = None
     gflops: float | None = None
     """Operations of blending (``bench/flops.py``) over the whole time of the kernels alone, fastest round."""
@@ -116,10 +111,9 @@ def bench_raster(
     budget: Budget,
     peer: PeerMaker | None = None,
     seed: int = 0,
-    horizon: bool = False,
 ) -> tuple[RasterRow, ...]:
-    """Time every size; ``peer``, and with ``horizon`` the kernels with one, take turns on the same inputs."""
-    return tuple(_row(size, rasterize, budget, peer, seed, horizon) for size in sizes)
+    """Time every size; ``peer`` takes turns on the same inputs."""
+    return tuple(_row(size, rasterize, budget, peer, seed) for size in sizes)
 
 
 def image_gradient(size: Size, seed: int = 0) -> Float[Tensor, "C H W"]:
@@ -128,19 +122,14 @@ def image_gradient(size: Size, seed: int = 0) -> Float[Tensor, "C H W"]:
     return torch.randn(shape, generator=generator(seed, 0, "image gradient")) / (size.pixels * size.pixels)
 
 
-def _row(
-    size: Size, rasterize: Rasterizer, budget: Budget, peer: PeerMaker | None, seed: int, horizon: bool
-) -> RasterRow:
+def _row(size: Size, rasterize: Rasterizer, budget: Budget, peer: PeerMaker | None, seed: int) -> RasterRow:
     work, upstream = workload(size, seed), image_gradient(size, seed)
     ours = OurRaster(work, upstream, rasterize)
     contestants = {"ours": Contestant({FORWARD: ours.forward, BACKWARD: ours.backward})}
-    kernels = behind = None
+    kernels = None
     if rasterize.name == NATIVE:
-        kernels = _kernels_alone(work, ours, RasterOptions())
+        kernels = RasterKernel(work.gaussians, work.channels, work.camera, ours.background)
         contestants["kernels"] = Contestant({FORWARD: kernels.forward, BACKWARD: partial(kernels.backward, upstream)})
-    if rasterize.name == NATIVE and horizon:
-        behind = _kernels_alone(work, ours, RasterOptions(horizon=Horizon()))
-        contestants["horizon"] = Contestant({FORWARD: behind.forward, BACKWARD: partial(behind.backward, upstream)})
     theirs = peer(work, upstream) if peer else None
     if theirs:
         contestants["peer"] = Contestant({FORWARD: theirs.forward, BACKWARD: theirs.backward})
@@ -148,13 +137,7 @@ def _row(
     row = RasterRow(size, int(ours.raster.footprint.visible.sum()), timings["ours"])
     if kernels:
         row = _counted(row, timings["kernels"], Pairs(*kernels.count_pairs()))
-    if behind:
-        row = replace(row, with_horizon=timings["horizon"], hidden=behind.beyond_horizon[0])
     return _beside(row, timings["peer"], ours.image, theirs.image) if theirs else row
-
-
-def _kernels_alone(work: Workload, ours: OurRaster, options: RasterOptions) -> RasterKernel:
-    return RasterKernel(work.gaussians, work.channels, work.camera, ours.background, options)
 
 
 def _counted(row: RasterRow, kernels: Passes, pairs: Pairs) -> RasterRow:

@@ -40,10 +40,6 @@ def raster_tables(record: RasterBench) -> Iterator[Block]:
     if counted:
         yield Text("the compiled kernels alone; GFLOP/s of blending in their fastest round", style="bold")
         yield _kernel_table(counted, record.circumstances)
-    bounded = [row for row in record.rows if row.with_horizon]
-    if bounded:
-        yield Text("the same with the horizon that the round before left", style="bold")
-        yield _horizon_table(bounded)
     compared = [row for row in record.rows if row.peer]
     if compared:
         yield Text(f"beside it, in turns, on the same inputs: {record.peer}", style="bold")
@@ -58,16 +54,6 @@ def _kernel_table(rows: list[RasterRow], now: Circumstances) -> Table:
             pairs = (f"{row.pairs.evaluated / 1e6:.1f}M", f"{row.pairs.blended / 1e6:.1f}M")
             shares = (f"{100 * row.gflops / peak:.0f}%" for peak in (now.fma_gflops, now.matrix_gflops))
             table.add_row(row.size.name, *_passes(row.kernels), *pairs, f"{row.gflops:.0f}", *shares)
-    return table
-
-
-def _horizon_table(rows: list[RasterRow]) -> Table:
-    table = _table("size", "forward", "backward", "both", "CPU", "wall ratio", "CPU ratio", "hidden")
-    for row in rows:
-        if row.kernels and row.with_horizon:
-            ours, plain = row.with_horizon.both, row.kernels.both
-            ratios = (_ratio(ours.wall_ms / plain.wall_ms), _ratio(ours.cpu_ms / max(plain.cpu_ms, SHORTEST_MS)))
-            table.add_row(row.size.name, *_passes(row.with_horizon), *ratios, f"{row.hidden:,}")
     return table
 
 

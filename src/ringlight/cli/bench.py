@@ -49,8 +49,6 @@ class RasterArguments:
     """Blended channels."""
     against: Path | None = None
     """Folder of another kernel (kernel.cpp, bind.cpp, common.h, simd.h): compiled, and run in turns with ours."""
-    horizon: bool = False
-    """Also time the kernels with the horizon that the round before left, as 'train --horizon' does."""
     device: Device = "auto"
     """Rasterizer; reference is plain torch and wants small sizes."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
@@ -210,7 +208,7 @@ def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterato
         check_sources(asked.against)
         sys.stderr.write(f"compiling {asked.against}, about half a minute\n")
         peer = against(asked.against, now.machine.threads, now.machine.isa, asked.channels)
-    rows = bench_raster(sizes, rasterize, _budget(asked.common), peer, asked.common.seed, asked.horizon)
+    rows = bench_raster(sizes, rasterize, _budget(asked.common), peer, asked.common.seed)
     # Two names tell kernels apart; the rest of the path is nobody's business in a record that may be published.
     name = "/".join(asked.against.resolve().parts[-2:]) if asked.against else None
     record = RasterBench(now, rasterize.name, name, rows)

@@ -2,7 +2,6 @@
 
 import signal
 import sys
-from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -29,8 +28,6 @@ class ReaderOptions:
     """Steps after which the test views are measured on the way."""
     lpips: tuple[Net, ...] = ("alex",)
     """Networks for LPIPS at the end; their weights come by 'ringlight fetch-lpips'."""
-    horizon: bool = False
-    """Spare the rasterizer what each photograph hid the last time: pays where opaque things fill the photographs."""
     json: bool = False
     """Print the report as JSON on standard output instead of the table."""
     quiet: bool = False
@@ -72,11 +69,9 @@ def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report
 def _trained_and_measured(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":
     from ringlight.cli.counting import counting
     from ringlight.cli.progress import announce, show_steps
-    from ringlight.rasterize.horizon import Horizon
     from ringlight.runs.finish import measure_session
 
     announce(session, options.quiet)
-    session.training.horizons = defaultdict(Horizon) if options.horizon else None
     with _deferred_interrupt() as interrupted:
         try:
             show_steps(session, options, interrupted)

@@ -18,7 +18,6 @@ from ringlight.core.rendering import Rendering
 from ringlight.data.batches import ImageBatch
 from ringlight.errors import BackendError, DivergedError
 from ringlight.models.splats import SplatModel
-from ringlight.rasterize.horizon import Horizon
 
 MOST_IN_A_ROW = 10
 """Steps with a fault, one after the other, that a run bears: one photograph that is bad comes up once an epoch."""
@@ -53,18 +52,18 @@ class FaultCounter:
             raise DivergedError(f"{fault}; that was the {self.in_a_row}th bad step in a row; {REMEDY}")
 
 
-Render = Callable[[Camera, Float[Tensor, "3"], Horizon | None], Rendering]
+Render = Callable[[Camera, Float[Tensor, "3"]], Rendering]
 """A model's picture over a background: its own ``render``, or that of its direct form."""
 
 
-def drawn(render: Render, model: SplatModel, step: int, batch: ImageBatch, horizon: Horizon | None = None) -> Rendering:
+def drawn(render: Render, model: SplatModel, step: int, batch: ImageBatch) -> Rendering:
     """The batch's view.
 
     Raises DivergedError naming the parameter that cannot be drawn because it is not finite, else BackendError naming
     the view, for what the rasterizer refuses: a pose that is not finite, more than the memory holds.
     """
     try:
-        return render(batch.camera, batch.background, horizon)
+        return render(batch.camera, batch.background)
     except BackendError as error:
         refuse_broken(model, step, batch)
         raise BackendError(f"step {step}, view {batch.view.name}: {error}") from error

@@ -1,6 +1,5 @@
 """The training loop. Read this first."""
 
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -17,7 +16,6 @@ from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.targets import Targets
 from ringlight.models.direct import DirectModel
 from ringlight.models.splats import SplatModel
-from ringlight.rasterize.horizon import Horizon
 
 Penalty = Callable[[SplatModel], Float[Tensor, ""]]
 """A term of the loss that looks at the model alone."""
@@ -37,8 +35,6 @@ class Training:
     targets: Targets = field(default_factory=Targets)
     faults: FaultCounter = field(default_factory=FaultCounter)
     step: int = 0
-    horizons: defaultdict[int, Horizon] | None = None
-    """By photograph, or None to draw everything. Not part of the state: they change no bit."""
 
     def __post_init__(self) -> None:
         self.targets.device = self.model.device
@@ -107,8 +103,7 @@ def train(training: Training, direct: bool = True) -> Iterator[Progress]:
         step = training.step + 1
         batch = training.batches.at(step)
         target = training.targets.of(batch, fixed_background)
-        horizon = None if training.horizons is None else training.horizons[batch.index]
-        rendering = drawn(render, model, step, batch, horizon)
+        rendering = drawn(render, model, step, batch)
         value, by_color = photometric_gradient(rendering.color, target, training.loss)
         penalties = {name: penalty(model) for name, penalty in training.penalties.items()}
         terms = {"photometric": value} | {name: term.detach() for name, term in penalties.items()}

@@ -11,7 +11,6 @@ from ringlight.core.camera import Camera
 from ringlight.core.gradients import Gradient
 from ringlight.core.rendering import Channels, Raster, Rendering
 from ringlight.rasterize.contract import DirectRasterizer
-from ringlight.rasterize.horizon import Horizon
 from ringlight.shade.contract import DirectShader
 
 if TYPE_CHECKING:
@@ -44,24 +43,23 @@ class DirectModel:
         self._model = model
 
     @torch.no_grad()
-    def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
+    def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
         """What the model's own ``render`` gives."""
         tiles = None if self.shader is None else self.shader.tiles(camera, background)
         if tiles is not None:
-            return self._blend_and_shade(tiles, camera, background, horizon)
-        channels = self.color.draw(self._model.gaussians, camera, may_be_late=horizon is None)
-        return self.shade(self.blend(channels, camera, background, horizon), camera, background)
+            return self._blend_and_shade(tiles, camera, background)
+        channels = self.color.draw(self._model.gaussians, camera, may_be_late=True)
+        return self.shade(self.blend(channels, camera, background), camera, background)
 
     def _blend_and_shade(
         self,
         tiles: "_kernels.PictureShader",
         camera: Camera,
         background: Float[Tensor, "3"],
-        horizon: Horizon | None,
     ) -> Rendering:
         """Tile by tile, while what was blended is in the cache."""
         assert self.shader is not None
-        gaussians, options, factor = self._model.gaussians, self._model.options_with(horizon), self.color.opacity_factor
+        gaussians, options, factor = self._model.gaussians, self._model.options, self.color.opacity_factor
         channels = self.color.draw(gaussians, camera)
         behind = _behind(channels, background)
         raster, color = self.rasterize.draw_shaded(gaussians, channels, camera, behind, tiles, options, factor)
@@ -79,14 +77,12 @@ class DirectModel:
         channels: Float[Tensor, "N C"],
         camera: Camera,
         background: Float[Tensor, "3"],
-        horizon: Horizon | None = None,
     ) -> Rendering:
         """The channels last drawn, blended, "rgb" over the background and the others over nothing; ``color`` is still
         "rgb"."""
         behind = _behind(channels, background)
-        gaussians, options = self._model.gaussians, self._model.options_with(horizon)
+        gaussians, options = self._model.gaussians, self._model.options
         factor, late = self.color.opacity_factor, self.color.late
-        assert late is None or horizon is None  # a horizon knows the rows that were lit first alone
         try:
             raster = self.rasterize.draw(gaussians, channels, camera, behind, options, factor, late)
         except ValueError:

@@ -1,7 +1,6 @@
 """A splat model: a table of Gaussians, a colour model that says what each emits, a shader, and a rasterizer."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -15,7 +14,6 @@ from ringlight.core.rendering import OPACITY_FACTOR, Channels, Raster, Rendering
 from ringlight.models.direct import DirectModel
 from ringlight.models.parts import joined, parted
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
-from ringlight.rasterize.horizon import Horizon
 from ringlight.shade.contract import Shader
 
 # Alpha below which a pixel shows no surface: blended depth and normals are divided by at least this.
@@ -80,19 +78,15 @@ class SplatModel(nn.Module):
         for name, tensor in columns.items():
             self.columns[name] = nn.Parameter(tensor.detach().to(self.device, copy=True))
 
-    def options_with(self, horizon: Horizon | None) -> RasterOptions:
-        """The model's options for a view that has been drawn before."""
-        return self.options if horizon is None else replace(self.options, horizon=horizon)
-
-    def render(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
-        """One image over ``background``; ``horizon`` is this view's own, if it is drawn more than once."""
+    def render(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
+        """One image over ``background``."""
         gaussians = self.gaussians
-        raster = None if horizon else self._drawn_late(gaussians, camera, background)
+        raster = self._drawn_late(gaussians, camera, background)
         if raster is not None:
             return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)
         channels = dict(self.color.channels(gaussians, camera))
         factor = channels.pop(OPACITY_FACTOR, None)
-        rendering = self.blend(gaussians, channels, factor, camera, background, horizon)
+        rendering = self.blend(gaussians, channels, factor, camera, background)
         color = self.shader.shade(rendering.buffers, camera, background)
         return Rendering(color, rendering.alpha, rendering.buffers, rendering.raster)
 
@@ -110,18 +104,18 @@ class SplatModel(nn.Module):
         return drawn
 
     @torch.no_grad()
-    def picture(self, camera: Camera, background: Float[Tensor, "3"], horizon: Horizon | None = None) -> Rendering:
+    def picture(self, camera: Camera, background: Float[Tensor, "3"]) -> Rendering:
         """As :meth:`render`, for who wants colour and alpha alone: shaded while it is blended, where parts can."""
         shaded, tiles = (
             getattr(part, name, None) for part, name in ((self.rasterize, "shaded"), (self.shader, "tiles"))
         )
         shader = None if shaded is None or tiles is None else tiles(camera, background)
         if shaded is None or shader is None:
-            return self.render(camera, background, horizon)
+            return self.render(camera, background)
         gaussians = self.gaussians
         channels = dict(self.color.channels(gaussians, camera))
         factor = channels.pop(OPACITY_FACTOR, None)
-        opacity_factor, options = None if factor is None else factor[:, 0], self.options_with(horizon)
+        opacity_factor, options = None if factor is None else factor[:, 0], self.options
         values, behind = joined(list(channels.values())), backgrounds(channels, background)
         raster = shaded(gaussians, values, camera, behind, shader, options, opacity_factor)
         return Rendering(raster.image, raster.alpha, raster=raster)
@@ -170,10 +164,9 @@ class SplatModel(nn.Module):
         factor: Float[Tensor, "N 1"] | None,
         camera: Camera,
         background: Float[Tensor, "3"],
-        horizon: Horizon | None = None,
     ) -> Rendering:
         """Blend all channels, and "alpha", in one pass; the background applies to "rgb" only."""
-        opacity_factor, options = None if factor is None else factor[:, 0], self.options_with(horizon)
+        opacity_factor, options = None if factor is None else factor[:, 0], self.options
         if list(channels) == ["rgb"]:
             raster = self.rasterize(gaussians, channels["rgb"], camera, background, options, opacity_factor)
             return Rendering(raster.image, raster.alpha, {"rgb": raster.image, "alpha": raster.alpha}, raster)

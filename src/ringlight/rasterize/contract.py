@@ -11,7 +11,6 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Raster
 from ringlight.rasterize import convention
-from ringlight.rasterize.horizon import Horizon
 
 if TYPE_CHECKING:
     from ringlight import _kernels
@@ -31,8 +30,6 @@ class RasterOptions:
     """Scale the opacity by sqrt(det / det_blurred), so that the low-pass filter keeps the energy (Mip-Splatting)."""
     absgrad: bool = False
     """Also accumulate the absolute screen-space gradients (AbsGS)."""
-    horizon: Horizon | None = None
-    """What this view hid the last time, to be renewed: saves time and changes no bit."""
 
 
 @runtime_checkable
@@ -115,8 +112,8 @@ class DirectRasterizer(Protocol):
         opacity_factor: Float[Tensor, "N"] | None = None,
         late: "_kernels.LateColors | None" = None,
     ) -> Raster:
-        """As :class:`Rasterizer`. ``late`` colours, which are kept, go before the channels, and without a horizon; one
-        that is asked for and is not finite is a ValueError."""
+        """As :class:`Rasterizer`. ``late`` colours, which are kept, go before the channels; one that is asked for
+        and is not finite is a ValueError."""
         ...
 
     def draw_shaded(

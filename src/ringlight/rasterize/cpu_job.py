@@ -57,7 +57,6 @@ class Job:
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
         self.absgrad = options.absgrad
-        self.horizon = None if options.horizon is None else options.horizon.sized(camera.width, camera.height)
         self.size = (camera.height, camera.width)
         self.background = background.detach().float().contiguous()
         # Type and device are the background's: torch's defaults may be others.
@@ -84,9 +83,7 @@ class Job:
         image, alpha = self.background.new_empty(planes, *self.size), self.background.new_empty(self.size)
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
-            workspace.forward(
-                table, self.camera, self.settings, image, alpha, *marks, self.horizon, late, shader, blended
-            )
+            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, late, shader, blended)
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
             raise BackendError(
