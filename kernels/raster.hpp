@@ -54,9 +54,9 @@ struct LateColors {
 inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
 inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one
 inline constexpr float NOT_LIT = -1;   // in place of such a colour
-// Pictures that want no gradient end a block once less than this of what lies behind shows through each of its pixels,
-// and take what is in front for the rest. Pictures of trained scenes then differ by a step of 8 bits or less, root mean
-// square over test views: docs/method.md, "Pictures that end early", has what other values cost and save.
+// With early stop a block ends once less than this of what lies behind shows through each of its pixels; what is in
+// front stands for the rest. Pictures of trained scenes then differ by a step of 8 bits or less, root mean square over
+// test views: docs/method.md, "Pictures that end early", has what other values cost and save.
 inline constexpr float DIM = 1 / 64.f;
 
 struct Footprints {
@@ -69,12 +69,8 @@ struct Images {
   float* alpha;              // [H W]
   const TileShader* shader;  // or null
   float* blended;            // with a shader: [C H W] where a pass that gets gradients keeps what was blended; or null
+  bool early_stop;           // blocks end at DIM: faster, not exact, without a backward pass
 };
-
-// Whether no backward pass can follow, since what it needs is not kept: blocks may end early.
-inline bool is_last(const Images& images, const LateColors* late) {
-  return (images.shader && !images.blended) || (late && !late->kept);
-}
 
 struct ImageGradients {
   const float* image;           // [C H W] what the forward pass returned

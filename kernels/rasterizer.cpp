@@ -118,7 +118,8 @@ void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, c
   RINGLIGHT_CHOSEN(blend)(frame_, images);
   watch.end(BLEND);
   frame_.late = nullptr;
-  complete_ = !is_last(images, late) && !late_broken_;
+  const bool is_kept = (!images.shader || images.blended) && (!late || late->kept);
+  complete_ = is_kept && !images.early_stop && !late_broken_;
   if (late && late_broken_) throw std::domain_error("rasterizer: colours are not finite");
 }
 

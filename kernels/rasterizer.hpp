@@ -14,8 +14,8 @@ class Workspace {
  public:
   // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
   // view would not fit into the memory of the machine, std::domain_error when the table, or a late colour that was
-  // asked for, holds a value that is not finite. With a shader there is no backward pass unless what was blended is
-  // kept, nor with `late` unless it keeps its colours.
+  // asked for, holds a value that is not finite. There is no backward pass with a
+  // shader unless what was blended is kept, with `late` unless it keeps its colours, nor after an early stop.
   void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
                const Footprints& footprints, const LateColors* late = nullptr);
 

@@ -19,6 +19,7 @@ UNKNOWN = "RINGLIGHT_ISA=sse9 is unknown; use generic, avx2, avx512, avx512_bf16
 KERNEL_TESTS = (
     "contracts/test_rasterizers.py",
     "rasterize/test_cpu.py",
+    "rasterize/test_early_stop.py",
     "rasterize/test_fuzz.py",
     "rasterize/test_gradients.py",
     "color/test_harmonics.py",

@@ -89,7 +89,8 @@ bool is_image(const Array& array, const Pinhole& camera) {
 
 void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
-             const LateColors* late, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended) {
+             const LateColors* late, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
+             bool early_stop) {
   const Splats splats = table.splats();
   const std::size_t channels = table.channels.shape(1);
   require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count),
@@ -103,7 +104,7 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
           "rasterizer: footprints need one row per Gaussian");
   const nb::gil_scoped_release unlocked;
   const Images images{image.data(), alpha.data(), shader ? &shader->shader() : nullptr,
-                      blended ? blended->data() : nullptr};
+                      blended ? blended->data() : nullptr, early_stop};
   workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()}, late);
 }
 
@@ -214,10 +215,12 @@ void bind_raster(nb::module_& module) {
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
            "means2d"_a, "radii"_a, "late"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(),
+           "early_stop"_a = false,
            "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Late colours take the place of the table's "
            "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
            "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W] is there "
-           "to keep what the shader was given.")
+           "to keep what the shader was given. With early_stop the last 1/64 of a pixel's light may be what lies in "
+           "front of it, with alpha 1, and there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
       .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");

@@ -139,7 +139,6 @@ template <int C>
 RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* scratch, const Images& images) {
   if (tile.begin == tile.end) return write_background(frame, tile, images);
   const int width = width_of<C>(frame), floats = (2 + width) * LANES;
-  const bool ends_early = is_last(images, frame.late);
   const int written = images.shader ? SHADED_CHANNELS : frame.splats.channel_count;
   prefetch_pixels(frame, tile, images.alpha, 1);
   prefetch_pixels(frame, tile, images.image, written);
@@ -181,7 +180,7 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       closed_by = closed > closed_by ? closed : closed_by;
     }
     at += static_cast<std::uint32_t>(alive ? count : closed_by + 1);
-    if (ends_early && count == CHUNK) alive = close_dim_blocks(alive, states, floats);
+    if (images.early_stop && count == CHUNK) alive = close_dim_blocks(alive, states, floats);
   }
   frame.tile_used[tile.number] = at - tile.begin;
   write_tile(frame, tile, states, floats, states + BLOCKS * floats, images);

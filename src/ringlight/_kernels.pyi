@@ -170,6 +170,7 @@ class Workspace:
         late: LateColors | None = None,
         shader: PictureShader | None = None,
         blended: Tensor | None = None,
+        early_stop: bool = False,
     ) -> None: ...
     def backward(
         self,

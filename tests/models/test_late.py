@@ -10,11 +10,13 @@ from ringlight import _kernels
 from ringlight.bench.step import subject_of_workload
 from ringlight.bench.workload import Size, workload_camera
 from ringlight.color.ringlight import RingLight
+from ringlight.core.gaussians import GEOMETRY
 from ringlight.errors import BackendError
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.cpu_job import Job
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -86,6 +88,19 @@ def test_what_is_checked_does_not_show_unless_it_is_not_finite():
     assert torch.equal(usual.alpha, shown.alpha)
     lost = ones.index_fill(0, torch.tensor([len(ones) - 1]), torch.nan)
     assert model.rasterize.draw_late(gaussians, lost, late.kernel, camera, WHITE, model.options) is None
+
+
+def test_colors_that_nobody_keeps_make_exact_pictures_too():
+    model, camera = lit_model("20k@96", 0.7), workload_camera(96)
+    gaussians = model.gaussians
+    assert isinstance(model.color, RingLight)
+    late = model.color.late(gaussians, camera)
+    assert late is not None
+    columns = [getattr(gaussians, name).detach() for name in GEOMETRY]
+    job = Job(camera, WHITE, model.options, len(gaussians))
+    factor = late.opacity_factor
+    image, _ = job.draw(_kernels.Workspace(), job.table([*columns, factor, late.checked]), late.kernel)
+    assert torch.equal(image.permute(1, 2, 0), model.render(camera, WHITE).color.detach())
 
 
 def test_any_number_of_threads_gives_the_same_bits():

@@ -7,8 +7,11 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.camera import Camera
+from ringlight.core.gaussians import GEOMETRY
 from ringlight.errors import BackendError
 from ringlight.models.splats import SplatModel
+from ringlight.rasterize.cpu_job import Job
+from ringlight.shade.reflection_kernel import shading_of
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -95,6 +98,19 @@ def test_what_fills_up_a_block_has_all_channels_in_front():
     assert filled.any()
     assert torch.equal(tiles.color[filled], black.color[filled])  # nothing of what lies behind
     assert (tiles.color - planes.color)[filled].abs().max() < 2 * DIM  # bytes round besides
+
+
+def test_what_was_blended_need_not_be_kept_for_an_exact_picture():
+    model, camera = mirror("20k@96"), view()
+    opaque(model, 0.6)
+    gaussians, shader = model.gaussians, model.shader
+    channels = torch.cat(list(model.color.channels(gaussians, camera).values()), -1).detach()
+    tiles = shading_of(shader.job(camera, WHITE), shader.kernel_parameters(), exact=True)
+    columns = [getattr(gaussians, name).detach() for name in GEOMETRY]
+    job = Job(camera, torch.nn.functional.pad(WHITE, (0, channels.shape[1] - 3)), model.options, len(gaussians))
+    color, _ = job.draw(_kernels.Workspace(), job.table([*columns, None, channels]), shader=tiles)
+    with torch.no_grad():
+        assert torch.equal(color.permute(1, 2, 0), model.render(camera, WHITE).color)
 
 
 def test_faint_pixels_keep_their_base_color():

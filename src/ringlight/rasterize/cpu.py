@@ -80,7 +80,7 @@ class CpuRasterizer:
         loan = _Loan(self._spare)
         try:
             job = Job(camera, background, options, len(gaussians))
-            image, alpha = as_raster(*job.draw(loan.workspace, job.table(columns), late))
+            image, alpha = as_raster(*job.draw(loan.workspace, job.table(columns), late, early_stop=True))
         except ValueError:  # something is not finite: who has all colours at hand can say what
             return None
         return Raster(image, alpha, job.footprint)
@@ -100,7 +100,7 @@ class CpuRasterizer:
         columns = _columns(gaussians, channels, camera, opacity_factor)
         with refusals_named(columns, camera, background):
             job, loan = Job(camera, background, options, len(gaussians)), _Loan(self._spare)
-            image, alpha = as_raster(*job.draw(loan.workspace, job.table(columns), shader=shader))
+            image, alpha = as_raster(*job.draw(loan.workspace, job.table(columns), shader=shader, early_stop=True))
         return Raster(image, alpha, job.footprint)
 
     def direct(self) -> DirectRaster:

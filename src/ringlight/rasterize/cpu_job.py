@@ -74,16 +74,21 @@ class Job:
         late: "_kernels.LateColors | None" = None,
         shader: "_kernels.PictureShader | None" = None,
         blended: Tensor | None = None,
+        early_stop: bool = False,
     ) -> tuple[Tensor, Tensor]:
         """The planar image [C H W], or of a ``shader``'s colours [3 H W], and alpha [H W]; fills in the footprint.
 
-        ``late`` goes before the table's channels. ``blended`` [C H W] keeps what the shader was given.
+        ``late`` goes before the table's channels. ``blended`` [C H W] keeps what the shader was given. With
+        ``early_stop`` the last 1/64 of a pixel's light may be what lies in front of it, with alpha 1, and there is no
+        backward pass.
         """
         planes = len(self.background) if shader is None else 3
         image, alpha = self.background.new_empty(planes, *self.size), self.background.new_empty(self.size)
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
-            workspace.forward(table, self.camera, self.settings, image, alpha, *marks, late, shader, blended)
+            workspace.forward(
+                table, self.camera, self.settings, image, alpha, *marks, late, shader, blended, early_stop
+            )
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
             raise BackendError(
