@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "buffer.hpp"
-#include "dispatch.hpp"
-#include "raster.hpp"
-#include "ring.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "machine/buffer.hpp"
+#include "raster/raster.hpp"
+#include "ring/ring.hpp"
+#include "simd/dispatch.hpp"
 
 namespace nb = nanobind;
 

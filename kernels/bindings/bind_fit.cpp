@@ -6,11 +6,11 @@
 #include <tuple>
 #include <vector>
 
-#include "adam.hpp"
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "pull.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "simd/dispatch.hpp"
+#include "step/adam.hpp"
+#include "step/screen_gradient.hpp"
 
 namespace nb = nanobind;
 

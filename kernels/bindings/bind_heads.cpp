@@ -2,10 +2,10 @@
 
 #include <vector>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "perceptron.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "dense/perceptron.hpp"
+#include "simd/dispatch.hpp"
 
 namespace nb = nanobind;
 

@@ -2,10 +2,10 @@
 
 #include <vector>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "mirror_channels.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "reflection/mirror_channels.hpp"
+#include "simd/dispatch.hpp"
 
 namespace nb = nanobind;
 

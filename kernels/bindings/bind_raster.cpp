@@ -9,11 +9,11 @@
 #include <optional>
 #include <utility>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "pairs.hpp"
-#include "picture_shader.hpp"
-#include "rasterizer.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "bindings/picture_shader.hpp"
+#include "raster/pairs.hpp"
+#include "raster/rasterizer.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;

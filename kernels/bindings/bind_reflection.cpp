@@ -4,12 +4,12 @@
 #include <optional>
 #include <vector>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "buffer.hpp"
-#include "dispatch.hpp"
-#include "picture_shader.hpp"
-#include "reflection.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "bindings/picture_shader.hpp"
+#include "machine/buffer.hpp"
+#include "reflection/reflection.hpp"
+#include "simd/dispatch.hpp"
 
 namespace nb = nanobind;
 

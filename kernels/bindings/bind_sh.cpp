@@ -4,10 +4,10 @@
 #include <optional>
 #include <tuple>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "sh.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "simd/dispatch.hpp"
+#include "step/sh.hpp"
 
 namespace nb = nanobind;
 

@@ -3,10 +3,10 @@
 #include <limits>
 #include <vector>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "visibility.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "raster/visibility.hpp"
+#include "simd/dispatch.hpp"
 
 namespace nb = nanobind;
 

@@ -4,7 +4,7 @@
 
 namespace ringlight {
 
-void bind_threads(nanobind::module_& module);  // thread pool: parallel.hpp
+void bind_threads(nanobind::module_& module);  // thread pool: machine/parallel.hpp
 void bind_raster(nanobind::module_& module);   // rasterizer: project, sort, blend and their gradients
 void bind_fit(nanobind::module_& module);      // Adam, densification statistics
 void bind_sh(nanobind::module_& module);       // colour from spherical harmonics

@@ -2,8 +2,8 @@
 // includes nanobind.
 #include <nanobind/nanobind.h>
 
-#include "bindings.hpp"
-#include "dispatch.hpp"
+#include "bindings/bindings.hpp"
+#include "simd/dispatch.hpp"
 
 NB_MODULE(_kernels, module) {
   module.doc() = "CPU kernels of ringlight: functions fill arrays that the caller made.";

@@ -21,7 +21,7 @@ from ringlight.rasterize.cpu_job import Job
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
 DIM = 1 / 64
-"""What may still show through the pixels of a block that ends; DIM in kernels/raster.hpp."""
+"""What may still show through the pixels of a block that ends; DIM in kernels/raster/raster.hpp."""
 ROUNDING = 1e-6
 WHITE = torch.ones(3)
 

@@ -20,7 +20,7 @@ IN_BYTES = _kernels.isa() in ("avx512", "avx512_bf16")
 ROUNDING_OF_BYTES = 0.02
 """Of the largest residual; a trained one is a third of the range of colours at most."""
 DIM = 1 / 64
-"""What may still show through the pixels of a block that ends; DIM in kernels/raster.hpp."""
+"""What may still show through the pixels of a block that ends; DIM in kernels/raster/raster.hpp."""
 
 
 def opaque(model: SplatModel, opacity: float) -> None:

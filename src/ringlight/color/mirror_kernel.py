@@ -11,7 +11,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import SMALLEST_LENGTH
 
 MAX_LATENTS = 9
-"""What the kernel takes: MIRROR_MAX_LATENTS in kernels/mirror_channels.hpp."""
+"""What the kernel takes: MIRROR_MAX_LATENTS in kernels/reflection/mirror_channels.hpp."""
 
 
 def kernel_takes(*columns: Tensor) -> bool:

@@ -11,7 +11,7 @@ from ringlight import _kernels
 from ringlight.color.render_module import LitColor, RenderModule
 from ringlight.fields.ring_tables import RingTables
 
-# The sizes that kernels/ring.hpp takes.
+# The sizes that kernels/ring/ring.hpp takes.
 MAX_RANK, MAX_FEATURES, MAX_HIDDEN, MAX_NODES = 32, 64, 128, 1 << 16
 # Weights and biases of the light modulation's two layers.
 MODULATION = 4
@@ -32,7 +32,7 @@ class LitRows:
 
 @dataclass(frozen=True)
 class RingParameters:
-    """What the kernel needs of a model: ``shape`` as kernels/ring.hpp has it, and the tensors in its order."""
+    """What the kernel needs of a model: ``shape`` as kernels/ring/ring.hpp has it, and the tensors in its order."""
 
     shape: list[int]
     tensors: list[Tensor]

@@ -11,7 +11,7 @@ LARGEST_HIDDEN = 1024
 """Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
 
 MAX_LATENTS = 16
-"""What the kernels take: RING_MAX_LATENTS in kernels/ring.hpp."""
+"""What the kernels take: RING_MAX_LATENTS in kernels/ring/ring.hpp."""
 
 
 @dataclass(frozen=True)

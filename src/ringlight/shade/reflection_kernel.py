@@ -15,7 +15,7 @@ from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_settings import ReflectionSettings
 
-# The sizes that kernels/reflection.hpp takes.
+# The sizes that kernels/reflection/reflection.hpp takes.
 MAX_HIDDEN, MAX_LATENTS, MAX_FEATURES, MAX_LEVELS, MAX_SIDE, QUAD = 128, 16, 16, 8, 1024, 4
 
 
