@@ -56,22 +56,11 @@ struct Table {
   }
 };
 
-Pinhole pinhole(const In<4, 4>& world_to_camera, std::pair<float, float> focal,
-                std::pair<float, float> center, int width, int height) {
-  Pinhole camera;
-  std::copy_n(world_to_camera.data(), 12, camera.world_to_camera);
-  camera.focal_x = focal.first, camera.focal_y = focal.second;
-  camera.center_x = center.first, camera.center_y = center.second;
-  camera.width = width, camera.height = height;
-  constexpr int MAX_SIDE = MAX_TILES * convention::TILE;
+bool is_finite(const Camera& camera) {
   const auto finite = [](float value) { return std::isfinite(value); };  // each: a sum may overflow
   const float lens[] = {camera.focal_x, camera.focal_y, camera.center_x, camera.center_y};
-  require(std::all_of(std::begin(lens), std::end(lens), finite) &&
-              std::all_of(std::begin(camera.world_to_camera), std::end(camera.world_to_camera), finite),
-          "rasterizer: the camera must be finite");
-  require(width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE,
-          "rasterizer: width and height must be 1 to 8192");
-  return camera;
+  return std::all_of(std::begin(lens), std::end(lens), finite) &&
+         std::all_of(std::begin(camera.world_to_camera), std::end(camera.world_to_camera), finite);
 }
 
 RasterSettings settings(float eps2d, float near, float max_alpha, bool antialiased, bool absgrad) {
@@ -81,16 +70,19 @@ RasterSettings settings(float eps2d, float near, float max_alpha, bool antialias
 }
 
 template <class Array>
-bool is_image(const Array& array, const Pinhole& camera) {
+bool is_image(const Array& array, const Camera& camera) {
   const std::size_t last = array.ndim() - 1;
   return array.shape(last - 1) == static_cast<std::size_t>(camera.height) &&
          array.shape(last) == static_cast<std::size_t>(camera.width);
 }
 
-void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
+void forward(Workspace& workspace, const Table& table, const Camera& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
              const LateColors* late, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
              bool early_stop) {
+  require(is_finite(camera), "rasterizer: the camera must be finite");
+  require(camera.width >= 1 && camera.height >= 1 && camera.width <= MAX_IMAGE_SIDE && camera.height <= MAX_IMAGE_SIDE,
+          "rasterizer: width and height must be 1 to 8192");
   const Splats splats = table.splats();
   const std::size_t channels = table.channels.shape(1);
   require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count),
@@ -176,13 +168,6 @@ nb::dict stage_seconds(const Workspace& workspace) {
 void bind_raster(nb::module_& module) {
   // A graph that is alive when Python exits holds a workspace: no leak of ours.
   nb::set_leak_warnings(false);
-  module.attr("MAX_IMAGE_SIDE") = MAX_TILES * convention::TILE;
-
-  nb::class_<Pinhole>(module, "Pinhole", "A camera as the rasterizer sees it; lengths in pixels.")
-      .def("__init__", [](Pinhole* self, const In<4, 4>& world_to_camera, std::pair<float, float> focal,
-                          std::pair<float, float> center, int width, int height) {
-        new (self) Pinhole(pinhole(world_to_camera, focal, center, width, height));
-      }, "world_to_camera"_a, "focal"_a, "center"_a, "width"_a, "height"_a);
 
   nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")
       .def("__init__", [](RasterSettings* self, float eps2d, float near, float max_alpha, bool antialiased,

@@ -24,7 +24,7 @@ struct Ellipses {
 };
 
 RINGLIGHT_INLINE Ellipses find_ellipses(const Frame& frame, const Projection& p) {
-  const Pinhole& camera = frame.camera;
+  const Camera& camera = frame.camera;
   Ellipses e;
   e.x = fma(Vec(camera.focal_x), p.slope[0], Vec(camera.center_x));
   e.y = fma(Vec(camera.focal_y), p.slope[1], Vec(camera.center_y));

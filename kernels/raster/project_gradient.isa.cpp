@@ -133,7 +133,7 @@ RINGLIGHT_INLINE void quat_gradient(const Projection& p, const Vec* r, Vec* to) 
 }
 
 // From the matrix H to the principal axes and the position, both in the camera frame.
-RINGLIGHT_INLINE void axes_gradient(const Pinhole& camera, const Projection& p, const Vec* half_x, const Vec* half_y,
+RINGLIGHT_INLINE void axes_gradient(const Camera& camera, const Projection& p, const Vec* half_x, const Vec* half_y,
                                     const Vec* center, Vec* to_axes, Vec* to_position) {
   const Vec fx(camera.focal_x), fy(camera.focal_y);
   const Vec zoom_x = fx * p.inverse_z, zoom_y = fy * p.inverse_z;

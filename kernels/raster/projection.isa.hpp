@@ -66,7 +66,7 @@ struct SlopeLimits {
   float low_x, high_x, low_y, high_y;
 };
 
-RINGLIGHT_INLINE SlopeLimits slope_limits(const Pinhole& camera) {
+RINGLIGHT_INLINE SlopeLimits slope_limits(const Camera& camera) {
   const float w = static_cast<float>(camera.width), h = static_cast<float>(camera.height);
   const float margin_x = convention::FRUSTUM_MARGIN * 0.5f * w / camera.focal_x;
   const float margin_y = convention::FRUSTUM_MARGIN * 0.5f * h / camera.focal_y;
@@ -79,7 +79,7 @@ RINGLIGHT_INLINE Vec rotate_row(const float* row, Vec a, Vec b, Vec c) {
   return fma(Vec(row[0]), a, fma(Vec(row[1]), b, Vec(row[2]) * c));
 }
 
-RINGLIGHT_INLINE void place(const Pinhole& camera, const float* means, Projection& p) {
+RINGLIGHT_INLINE void place(const Camera& camera, const float* means, Projection& p) {
   constexpr float SMALLEST_Z = 1e-6f;  // rows that near are culled; this only keeps their lanes finite
   Vec x, y, z;
   load_columns(means, x, y, z);
@@ -126,7 +126,7 @@ RINGLIGHT_INLINE void cross(const Vec* a, const Vec* b, Vec* to) {
   to[2] = fnma(a[1], b[0], a[0] * b[1]);
 }
 
-RINGLIGHT_INLINE void spread(const Pinhole& camera, float eps2d, const float* log_scales, Projection& p) {
+RINGLIGHT_INLINE void spread(const Camera& camera, float eps2d, const float* log_scales, Projection& p) {
   load_columns(log_scales, p.scale[0], p.scale[1], p.scale[2]);
   for (int j = 0; j < 3; j++) p.scale[j] = exp(p.scale[j]);
   for (int i = 0; i < 3; i++)

@@ -11,16 +11,11 @@
 #include <cstdint>
 
 #include "convention.hpp"
+#include "raster/camera.hpp"
 #include "raster/tile_shader.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
-
-struct Pinhole {
-  float world_to_camera[12];  // upper three rows, row-major; x right, y down, z forward
-  float focal_x, focal_y, center_x, center_y;  // pixels; pixel centres at .5
-  int width, height;
-};
 
 struct RasterSettings {
   float eps2d, near, max_alpha;
@@ -54,10 +49,6 @@ struct LateColors {
 inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
 inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one
 inline constexpr float NOT_LIT = -1;   // in place of such a colour
-// With early stop a block ends once less than this of what lies behind shows through each of its pixels; what is in
-// front stands for the rest. Pictures of trained scenes then differ by a step of 8 bits or less, root mean square over
-// test views: docs/method.md, "Pictures that end early", has what other values cost and save.
-inline constexpr float DIM = 1 / 64.f;
 
 struct Footprints {
   float* means2d;  // [N 2] pixels; 0 where not drawn
@@ -69,7 +60,7 @@ struct Images {
   float* alpha;              // [H W]
   const TileShader* shader;  // or null
   float* blended;            // with a shader: [C H W] where a pass that gets gradients keeps what was blended; or null
-  bool early_stop;           // blocks end at DIM: faster, not exact, without a backward pass
+  bool early_stop;           // blocks end at EARLY_STOP: faster, not exact, without a backward pass
 };
 
 struct ImageGradients {
@@ -110,7 +101,7 @@ struct Placement {
 };
 inline constexpr std::uint32_t LISTED = 1u << 31, EVERY_TILE = ~0u;
 inline constexpr unsigned LISTED_TILES = 31;
-inline constexpr int MAX_TILES = 256;  // per axis: a Placement has 8 bits for each bound
+static_assert(MAX_IMAGE_SIDE / convention::TILE <= 256, "a Placement has 8 bits for each bound");
 
 // One record per Gaussian, one cache line. With d = pixel - centre, along = A dx + B dy, across = C dy:
 // log2(alpha) = LOG2_OPACITY - along^2 - across^2, a Cholesky form that no rounding can make indefinite.
@@ -136,7 +127,7 @@ inline constexpr int LANES = 16;   // pixels of a block
 inline constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255): what is fainter is not drawn
 
 struct Frame {
-  Pinhole camera;
+  Camera camera;
   RasterSettings settings;
   Splats splats;
   int sloped_channels;  // backward: the last channels may have no gradient, and are left out

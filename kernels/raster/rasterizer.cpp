@@ -93,7 +93,7 @@ std::uint64_t Workspace::number_slots() {
   return drawn;
 }
 
-void Workspace::forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats,
+void Workspace::forward(const Camera& camera, const RasterSettings& settings, const Splats& splats,
                         const Images& images, const Footprints& footprints, const LateColors* late) {
   passes_++;
   complete_ = false;

@@ -16,7 +16,7 @@ class Workspace {
   // view would not fit into the memory of the machine, std::domain_error when the table, or a late colour that was
   // asked for, holds a value that is not finite. There is no backward pass with a
   // shader unless what was blended is kept, with `late` unless it keeps its colours, nor after an early stop.
-  void forward(const Pinhole& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
+  void forward(const Camera& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
                const Footprints& footprints, const LateColors* late = nullptr);
 
   // Fills in `to` for the last forward pass; `splats` must hold the same values as then.

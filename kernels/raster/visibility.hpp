@@ -3,14 +3,13 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "raster/camera.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
 
-// A pinhole view and the margins of color/drawable.py, which explains them.
-struct DrawableView {
-  float world_to_camera[12];           // the upper three rows
-  float focal[2], center[2], size[2];  // pixels
+// color/drawable.py explains them.
+struct DrawableMargins {
   float reach_sigmas, reach_pixels, slope_margin, faintest_logit;
 };
 
@@ -23,7 +22,8 @@ struct SplatColumns {
 // factor = 1 where sigmoid(logit) > threshold, else 0; the gradient is the sigmoid's (RingLight-GS, eq. 10).
 #define RINGLIGHT_VISIBILITY(isa) \
   namespace isa { \
-  std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows); \
+  std::size_t drawable_rows(const SplatColumns& table, const Camera& camera, const DrawableMargins& margins, \
+                            std::int32_t* rows); \
   void straight_through(const float* logits, std::size_t count, float threshold, float* factor); \
   void straight_through_gradient(const float* logits, const float* upstream, std::size_t count, float* gradient); \
   }

@@ -23,31 +23,32 @@ Centers to_camera(const float* matrix, Vec x, Vec y, Vec z) {
 }
 
 // Sixteen rows; the largest scale times the Frobenius norm of the projection's Jacobian bounds the footprint.
-Mask may_be_seen(const float* means, const float* log_scales, const DrawableView& view) {
+Mask may_be_seen(const float* means, const float* log_scales, const Camera& camera, const DrawableMargins& margins) {
   Vec x, y, z, first, second, third;
   load_columns(means, x, y, z);
   load_columns(log_scales, first, second, third);
-  const Centers at = to_camera(view.world_to_camera, x, y, z);
+  const Centers at = to_camera(camera.world_to_camera, x, y, z);
   const Vec inverse = Vec(1.f) / at.z;
   Vec squared(0.f);
   Vec off[2];
   const Vec slopes[2] = {at.x * inverse, at.y * inverse};
   for (int axis = 0; axis < 2; axis++) {
-    const float focal = view.focal[axis], center = view.center[axis], half = 0.5f * view.size[axis];
-    const float farther = center > view.size[axis] - center ? center : view.size[axis] - center;
-    const Vec steepest(view.slope_margin * farther / focal);
+    const float focal = axis ? camera.focal_y : camera.focal_x, center = axis ? camera.center_y : camera.center_x;
+    const float size = static_cast<float>(axis ? camera.height : camera.width), half = 0.5f * size;
+    const float farther = center > size - center ? center : size - center;
+    const Vec steepest(margins.slope_margin * farther / focal);
     const Vec slope = min(steepest, max(-steepest, slopes[axis]));
     squared += Vec(focal * focal) * fma(slope, slope, Vec(1.f));
     off[axis] = abs(fma(Vec(focal), slopes[axis], Vec(center - half))) - Vec(half);
   }
   const Vec largest = exp(max(first, max(second, third)));
-  const Vec reach = fma(Vec(view.reach_sigmas) * largest * inverse, sqrt(squared), Vec(view.reach_pixels));
+  const Vec reach = fma(Vec(margins.reach_sigmas) * largest * inverse, sqrt(squared), Vec(margins.reach_pixels));
   return both(gt(at.z, Vec(0.f)), both(ge(reach, off[0]), ge(reach, off[1])));
 }
 
 // Rows [begin, end) of the table, appended to `rows`.
-std::size_t list_rows(const SplatColumns& table, std::size_t begin, std::size_t end, const DrawableView& view,
-                      std::int32_t* rows) {
+std::size_t list_rows(const SplatColumns& table, std::size_t begin, std::size_t end, const Camera& camera,
+                      const DrawableMargins& margins, std::int32_t* rows) {
   std::size_t found = 0;
   for (std::size_t row = begin; row < end; row += LANES) {
     alignas(64) float last_means[3 * LANES] = {}, last_scales[3 * LANES] = {};
@@ -59,8 +60,8 @@ std::size_t list_rows(const SplatColumns& table, std::size_t begin, std::size_t 
       mean = last_means, scale = last_scales;
     }
     const Vec logits = load_first(table.opacity_logits + row, static_cast<int>(left));
-    const Mask strong = ge(logits, Vec(view.faintest_logit));
-    unsigned seen = bits(both(strong, may_be_seen(mean, scale, view))) & ((1u << left) - 1);
+    const Mask strong = ge(logits, Vec(margins.faintest_logit));
+    unsigned seen = bits(both(strong, may_be_seen(mean, scale, camera, margins))) & ((1u << left) - 1);
     for (; seen; seen &= seen - 1) rows[found++] = static_cast<std::int32_t>(row) + __builtin_ctz(seen);
   }
   return found;
@@ -68,13 +69,14 @@ std::size_t list_rows(const SplatColumns& table, std::size_t begin, std::size_t 
 
 }  // namespace
 
-std::size_t drawable_rows(const SplatColumns& table, const DrawableView& view, std::int32_t* rows) {
+std::size_t drawable_rows(const SplatColumns& table, const Camera& camera, const DrawableMargins& margins,
+                          std::int32_t* rows) {
   const std::size_t count = table.count;
   const std::size_t pieces = (count + GRAIN - 1) / GRAIN;
   const Scratch memory(pieces * sizeof(std::size_t));
   auto* const found = static_cast<std::size_t*>(memory.data());
   parallel_ranges(count, GRAIN, [&](std::size_t begin, std::size_t end) {
-    found[begin / GRAIN] = list_rows(table, begin, end, view, rows + begin);
+    found[begin / GRAIN] = list_rows(table, begin, end, camera, margins, rows + begin);
   });
   std::size_t total = 0;
   for (std::size_t piece = 0; piece < pieces; piece++) {

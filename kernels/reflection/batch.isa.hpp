@@ -27,7 +27,7 @@ static inline void apply(const Panels& layer, const float* from, float* terms, f
 // What a call prepares once: layers in the order of use, maps sewn, spheres' sizes.
 struct ReflectionTables {
   Panels layers[REFLECTION_MAX_LAYERS];
-  float* maps[REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
+  float* maps[REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
   float scale[REFLECTION_MAX_SHELLS];
 };
 
@@ -59,7 +59,7 @@ struct ReflectionBatch {
   PixelLanes pixels[HALVES];
   Surface surfaces[HALVES];
   Exit exits[HALVES][REFLECTION_MAX_SHELLS];
-  LevelPoints points[HALVES][REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];
+  LevelPoints points[HALVES][REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
   PlacePoints places[HALVES];
   float *inputs, *hidden[REFLECTION_MAX_LAYERS - 1], *added;   // [n][GROUP]
   float *slopes_across, *slopes_down;           // [features][GROUP], or null in a pass without gradient

@@ -3,11 +3,12 @@
 #pragma once
 #include <cstring>
 
+#include "convention.hpp"
 #include "dense/lane_tables.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
-constexpr int QUAD = 4;
+constexpr int QUAD = convention::REFLECTION_QUAD;
 using Quad = float __attribute__((vector_size(16)));
 using QuadInMemory = float __attribute__((vector_size(16), aligned(4), may_alias));
 

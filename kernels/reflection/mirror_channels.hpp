@@ -3,25 +3,26 @@
 #pragma once
 #include <cstddef>
 
+#include "convention.hpp"
+#include "raster/camera.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
-
-// A row's channels fill one register at most.
-constexpr int MIRROR_MAX_LATENTS = 9;
 
 template <class Float>
 struct MirrorColumns {
   Float *means, *base, *normals, *latents;  // [N 3], [N 3] logits, [N 3] of any length, [N latents]
 };
 
-struct MirrorScene {
-  std::size_t count;
-  int latents;
-  float camera[3];        // the optical centre, world
-  float depth[4];         // depth = depth[0..2] . mean + depth[3]
+struct MirrorView {
+  Camera camera;
   float flip_below;       // cosine to the camera below which a normal is turned round
   float smallest_length;  // of a normal that has a direction
+};
+
+struct MirrorScene : MirrorView {
+  std::size_t count;
+  int latents;
 };
 
 // channels [N 7 + latents]. The backward pass returns whether any depth had a gradient; `to.means` is that of the

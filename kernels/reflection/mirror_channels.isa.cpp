@@ -42,7 +42,7 @@ struct Normals {
 Normals facing(const MirrorScene& scene, const Vec* normals, const Vec* means) {
   const Vec squared = dot(normals, normals), least(scene.smallest_length * scene.smallest_length);
   Vec towards[3];
-  for (int c = 0; c < 3; c++) towards[c] = Vec(scene.camera[c]) - means[c];
+  for (int c = 0; c < 3; c++) towards[c] = Vec(scene.camera.position[c]) - means[c];
   Normals result;
   result.has_length = gt(squared, least);
   const Vec inverse = Vec(1.f) / sqrt(max(squared, least));
@@ -57,6 +57,7 @@ Normals facing(const MirrorScene& scene, const Vec* normals, const Vec* means) {
 
 void mirror_channels(const MirrorScene& scene, const MirrorColumns<const float>& from, float* channels) {
   const int width = LATENTS + scene.latents + 1;
+  const float* const depth = scene.camera.world_to_camera + 8;  // depth = depth[0..2] . mean + depth[3]
   parallel_ranges(scene.count, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
     for (std::size_t first = begin; first < end; first += LANES) {
       const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
@@ -71,8 +72,8 @@ void mirror_channels(const MirrorScene& scene, const MirrorColumns<const float>&
         columns[NORMAL + c] = turned.unit[c];
       }
       for (int i = 0; i < scene.latents; i++) columns[LATENTS + i] = latents[i];
-      const Vec row[3] = {scene.depth[0], scene.depth[1], scene.depth[2]};
-      columns[width - 1] = dot(row, means) + Vec(scene.depth[3]);
+      const Vec row[3] = {Vec(depth[0]), Vec(depth[1]), Vec(depth[2])};
+      columns[width - 1] = dot(row, means) + Vec(depth[3]);
       for (int i = width; i < LANES; i++) columns[i] = Vec(0.f);
       put_columns(channels + width * first, width, count, columns);
     }
@@ -82,6 +83,7 @@ void mirror_channels(const MirrorScene& scene, const MirrorColumns<const float>&
 bool mirror_gradient(const MirrorScene& scene, const MirrorColumns<const float>& from, const float* of_channels,
                      const MirrorColumns<float>& to) {
   const int width = LATENTS + scene.latents + 1;
+  const float* const depth = scene.camera.world_to_camera + 8;  // depth = depth[0..2] . mean + depth[3]
   const std::size_t pieces = (scene.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE;
   const Scratch flags(pieces + 1);
   auto* const sloped_depths = static_cast<unsigned char*>(flags.data());
@@ -111,7 +113,7 @@ bool mirror_gradient(const MirrorScene& scene, const MirrorColumns<const float>&
       if (scene.latents) put(to.latents, scene.latents);
       const Vec of_depth = upstream[width - 1];
       sloped = sloped || any(gt(abs(of_depth), Vec(0.f))) || !(sum(of_depth) == 0);  // NaN counts too
-      for (int c = 0; c < 3; c++) columns[c] = of_depth * Vec(scene.depth[c]);
+      for (int c = 0; c < 3; c++) columns[c] = of_depth * Vec(depth[c]);
       put(to.means, 3);
     }
     sloped_depths[begin / ROWS_PER_PIECE] = sloped;

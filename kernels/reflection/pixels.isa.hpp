@@ -31,10 +31,11 @@ struct Surface {
 };
 
 static inline void set_ray(const ReflectionView& view, const PixelLanes& at, Surface& surface) {
-  const Vec across = (at.x - Vec(view.center[0])) * Vec(1.f / view.focal[0]);
-  const Vec down = (at.y - Vec(view.center[1])) * Vec(1.f / view.focal[1]);
-  const float* m = view.rotation;
-  for (int c = 0; c < 3; c++) surface.ray[c] = fma(across, Vec(m[c]), fma(down, Vec(m[3 + c]), Vec(m[6 + c])));
+  const Camera& camera = view.camera;
+  const Vec across = (at.x - Vec(camera.center_x)) * Vec(1.f / camera.focal_x);
+  const Vec down = (at.y - Vec(camera.center_y)) * Vec(1.f / camera.focal_y);
+  const float* m = camera.world_to_camera;
+  for (int c = 0; c < 3; c++) surface.ray[c] = fma(across, Vec(m[c]), fma(down, Vec(m[4 + c]), Vec(m[8 + c])));
   const Vec inverse = Vec(1.f) / sqrt(dot(surface.ray, surface.ray));
   for (int c = 0; c < 3; c++) surface.direction[c] = surface.ray[c] * inverse;
 }

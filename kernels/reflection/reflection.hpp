@@ -9,21 +9,19 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "convention.hpp"
+#include "raster/camera.hpp"
 #include "raster/tile_shader.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
 
-// The largest sizes that the kernels take.
-constexpr int REFLECTION_MAX_HIDDEN = 128, REFLECTION_MAX_LATENTS = 16, REFLECTION_MAX_FEATURES = 16;
-constexpr int REFLECTION_MAX_LEVELS = 8, REFLECTION_MAX_SHELLS = 2, REFLECTION_MAX_SIDE = 1024;
-constexpr int REFLECTION_MAX_LAYERS = 3;
-constexpr int REFLECTION_QUAD = 4;  // features of a map are read in fours
+constexpr int REFLECTION_MAX_SHELLS = 2, REFLECTION_MAX_LAYERS = 3;
 
 struct ReflectionShape {
   int hidden, layers;  // width of the hidden layers; layers of weights, at least 2
   int latents, shells, features;
-  int levels, sides[REFLECTION_MAX_LEVELS];
+  int levels, sides[convention::REFLECTION_MAX_LEVELS];
   bool parallax, direction;  // whether there are spheres; whether the network sees the viewing direction
   bool depth_gradient;       // whether the reflecting point's gradient reaches depth and alpha
   int axis_nodes;            // of each axis of factors; 0: features are those of the direction alone
@@ -49,7 +47,8 @@ static inline int network_inputs(const ReflectionShape& shape) { return directio
 // Parameters, or where their gradients go.
 template <class Float>
 struct ReflectionParameters {
-  Float* maps[REFLECTION_MAX_SHELLS][REFLECTION_MAX_LEVELS];  // [side side features], row j, column i for node (i, j)
+  // [side side features], row j, column i for node (i, j)
+  Float* maps[REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
   Float* sphere;                                              // [shells 4]: centre, log of the inverse radius; or null
   Float* axes;                                                // [3 nodes feature_count]; or null
   struct {
@@ -67,8 +66,7 @@ struct ReflectionBuffers {
 
 // Lengths are in half sides of the scene's box.
 struct ReflectionView {
-  int width, height;
-  float rotation[9], focal[2], center[2];  // world to camera, row by row; pixels
+  Camera camera;
   float origin[3], scale;                  // the optical centre; the length of a unit of depth
   float background[3];                     // what rgb lies over
   float faintest;                          // pixels of no more alpha are left alone

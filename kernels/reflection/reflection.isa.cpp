@@ -51,7 +51,7 @@ void reflection_forward(const ReflectionShape& shape, const ReflectionParameters
   Arena arena{prepared.floats()};
   const ReflectionTables tables = prepare(shape, parameters, arena);
   const ReflectionScene scene{shape, parameters, view, tables};
-  const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
+  const std::size_t pixels = static_cast<std::size_t>(view.camera.width) * view.camera.height;
   parallel_ranges(pixels, PIXELS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
     for (int c = 0; c < 3; c++)
       std::memcpy(color + c * pixels + begin, buffers.rgb + c * pixels + begin, (end - begin) * sizeof(float));

@@ -221,7 +221,7 @@ void write_gradients(const Backward& pass, const Workplace& place, std::size_t b
 void differentiate(const Backward& pass, std::size_t begin, Workplace& place, const ParameterSums& sums) {
   const ReflectionScene& scene = pass.scene;
   const PackedPixels& pixels = place.pixels;
-  const std::size_t size = static_cast<std::size_t>(scene.view.width) * scene.view.height;
+  const std::size_t size = static_cast<std::size_t>(scene.view.camera.width) * scene.view.camera.height;
   pack(scene.shape, scene.view, pass.from, pixels, place.surfaces);
   for (int c = 0; c < 3; c++)
     pack(pass.color_gradient + c * pass.from.plane, size, pixels, place.of_colors + c * PACKED_ROW);
@@ -285,7 +285,7 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
                          const ReflectionView& view, const ReflectionBuffers<const float>& buffers,
                          const float* color_gradient, double share, const ReflectionParameters<float>& gradients,
                          const ReflectionBuffers<float>& buffer_gradients) {
-  const std::size_t pixels = static_cast<std::size_t>(view.width) * view.height;
+  const std::size_t pixels = static_cast<std::size_t>(view.camera.width) * view.camera.height;
   const Scratch list((pixels + LANES) * sizeof(std::int32_t)), counts((pixels + LANES) * sizeof(float));
   auto* const drawn = static_cast<std::int32_t*>(list.data());
   float* const weights = counts.floats();

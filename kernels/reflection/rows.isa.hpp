@@ -42,8 +42,8 @@ static inline PackedSurfaces lay_out_surfaces(const ReflectionShape& shape, Aren
 static inline void pack(const ReflectionShape& shape, const ReflectionView& view,
                         const ReflectionBuffers<const float>& planes, const PackedPixels& pixels,
                         const PackedSurfaces& to) {
-  const std::size_t size = static_cast<std::size_t>(view.width) * view.height;
-  pack_centers(view.width, pixels, to.x, to.y);
+  const std::size_t size = static_cast<std::size_t>(view.camera.width) * view.camera.height;
+  pack_centers(view.camera.width, pixels, to.x, to.y);
   for_each_row(shape, planes, to.values,
                [&](const float* plane, float* row) { pack(plane, size, pixels, row); });
 }

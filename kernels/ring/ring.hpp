@@ -12,13 +12,11 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "convention.hpp"
+#include "raster/camera.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
-
-// The largest sizes that the kernels take.
-constexpr int RING_MAX_RANK = 32, RING_MAX_FEATURES = 64, RING_MAX_HIDDEN = 128, RING_MAX_LATENTS = 16;
-constexpr int RING_MAX_NODES = 1 << 16;  // a node's number must be exact as a float
 
 struct RingShape {
   int rank, features;

@@ -4,10 +4,10 @@ import pytest
 import torch
 
 from ringlight.color.mirror import FLIP_BELOW, Mirror
-from ringlight.color.mirror_kernel import MAX_LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.kernel_limits import MIRROR_MAX_LATENTS
 
 COLUMNS = ("base", "normals", "latents")
 
@@ -45,7 +45,7 @@ def outcome(gaussians: Gaussians, with_depth: bool) -> tuple[dict[str, torch.Ten
 
 
 @pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 5000])
-@pytest.mark.parametrize("latents", [0, 4, MAX_LATENTS, MAX_LATENTS + 1])
+@pytest.mark.parametrize("latents", [0, 4, MIRROR_MAX_LATENTS, MIRROR_MAX_LATENTS + 1])
 @pytest.mark.parametrize("with_depth", [False, True])
 def test_equals_the_twin(count: int, latents: int, with_depth: bool):
     gaussians = table(count, latents)

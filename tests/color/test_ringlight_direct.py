@@ -117,9 +117,8 @@ def test_a_row_that_fills_up_a_group_may_be_anything_unless_it_is_asked_for():
     gaussians = Gaussians.from_columns(columns)
     base, latents = gaussians.appearance["base"], gaussians.appearance["latents"]
     parameters = ring_parameters(model.color.tables(), model.color.shading, shading_layers(model.color.shading))
-    frame = torch.cat([camera.position[None], model.color.box])
     for colors in (None, torch.zeros_like(base)):
-        late = late_light(gaussians.means, frame, base, latents, parameters, colors)
+        late = late_light(gaussians.means, camera.native, model.color.box, base, latents, parameters, colors)
         assert model.rasterize.draw_late(gaussians, base, late, camera, WHITE) is not None
     assert colors[260].isnan().all()  # lit, and not shown
 

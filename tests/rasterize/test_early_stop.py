@@ -8,10 +8,8 @@ from ringlight import _kernels
 from ringlight.bench.workload import Size, workload, workload_camera
 from ringlight.core.gaussians import GEOMETRY
 from ringlight.rasterize.contract import RasterOptions
+from ringlight.rasterize.convention import EARLY_STOP
 from ringlight.rasterize.cpu_job import Job
-
-DIM = 1 / 64
-"""What may still show through the pixels of a block that stops; DIM among the rasterizer's kernels."""
 
 
 def drawn(channels: int, early_stop: bool) -> tuple[Tensor, Tensor, _kernels.Workspace, _kernels.SplatTable]:
@@ -31,8 +29,8 @@ def test_a_plain_picture_stops_early_when_asked(channels: int):
     fast, fast_alpha, *_ = drawn(channels, early_stop=True)
     filled = fast_alpha - alpha
     assert filled.min() >= 0
-    assert 0 < filled.max() < DIM
-    assert (fast - exact).abs().max() < DIM * exact.abs().max()
+    assert 0 < filled.max() < EARLY_STOP
+    assert (fast - exact).abs().max() < EARLY_STOP * exact.abs().max()
     untouched = filled == 0
     assert torch.equal(fast[:, untouched], exact[:, untouched])
 

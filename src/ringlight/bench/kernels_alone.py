@@ -35,9 +35,7 @@ class RasterKernel:
         self._footprint = (channels.new_empty(len(table), 2), channels.new_empty(len(table), 2))
         means, log_scales, quats, opacity_logits = columns
         self._table = _kernels.SplatTable(means, log_scales, quats, opacity_logits, factor, channels, background)
-        self._camera = _kernels.Pinhole(
-            camera.world_to_camera.float().contiguous(), camera.focal, camera.center, camera.width, camera.height
-        )
+        self._camera = camera.native
         self._settings = _kernels.RasterSettings(
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )

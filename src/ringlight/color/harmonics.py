@@ -51,7 +51,9 @@ class SphericalHarmonics(nn.Module):
 
     def channels(self, gaussians: Gaussians, camera: Camera) -> Channels:
         dc, rest = gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
-        colors = _NativeColors.apply if _runs_native(gaussians.means, dc, rest) else sh_colors_reference
+        if _runs_native(gaussians.means, dc, rest):
+            return {"rgb": _NativeColors.apply(gaussians.means, dc, rest, camera.native, int(self.active_degree))}
+        colors = sh_colors_reference
         if runs_triton(gaussians.means, dc, rest):
             from ringlight.color.harmonics_triton import sh_colors_by_triton
 
@@ -101,20 +103,20 @@ class _NativeColors(torch.autograd.Function):
     """Colours and their gradients to means, dc and rest in one pass over the table each."""
 
     @staticmethod
-    def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, position: Tensor, degree: int) -> Tensor:
+    def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, camera: "_kernels.Camera", degree: int) -> Tensor:
         colors, slopes = torch.empty_like(means), means.new_empty(_kernels.sh_slopes(len(means)))
-        _kernels.sh_colors(means, dc, rest, position, degree, colors, slopes)
-        ctx.save_for_backward(means, rest, position, colors, slopes)
-        ctx.degree = degree
+        _kernels.sh_colors(means, dc, rest, camera, degree, colors, slopes)
+        ctx.save_for_backward(means, rest, colors, slopes)
+        ctx.camera, ctx.degree = camera, degree
         return colors
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, Tensor, Tensor, None, None]:
-        means, rest, position, colors, slopes = ctx.saved_tensors
+        means, rest, colors, slopes = ctx.saved_tensors
         by_means, by_dc, by_rest = torch.empty_like(means), torch.empty_like(means), torch.empty_like(rest)
         _kernels.sh_gradient(upstream.contiguous(), colors, slopes, by_means, by_dc, False)
-        _kernels.sh_rest_gradient(means, position, ctx.degree, by_dc, by_rest)
+        _kernels.sh_rest_gradient(means, ctx.camera, ctx.degree, by_dc, by_rest)
         return by_means, by_dc, by_rest, None, None
 
 
@@ -123,19 +125,19 @@ class RestGradient:
     """dL/d(sh_rest) as it comes: the harmonics' values, made anew from means and camera, times dL/d(sh_dc)."""
 
     means: Float[Tensor, "N 3"]
-    position: Float[Tensor, "3"]
+    camera: "_kernels.Camera"
     degree: int
     by_dc: Float[Tensor, "N 3"]
 
     def dense(self) -> Float[Tensor, "N 15 3"]:
         """Written down; zero above the degree."""
         by_rest = self.means.new_empty(len(self.means), REST_COUNT, 3)
-        _kernels.sh_rest_gradient(self.means, self.position, self.degree, self.by_dc, by_rest)
+        _kernels.sh_rest_gradient(self.means, self.camera, self.degree, self.by_dc, by_rest)
         return by_rest
 
     def adam_(self, value: Tensor, mean: Tensor, square: Tensor, step: AdamStep) -> int:
         """One update with :meth:`dense`, which is never written. Harmonics that were never in use are left alone."""
-        return _kernels.sh_rest_adam(self.means, self.position, self.degree, self.by_dc, value, mean, square, step)
+        return _kernels.sh_rest_adam(self.means, self.camera, self.degree, self.by_dc, value, mean, square, step)
 
 
 class DirectHarmonics:
@@ -152,7 +154,7 @@ class DirectHarmonics:
     def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N 3"]:
         """What :meth:`SphericalHarmonics.channels` calls "rgb"."""
         means, dc, rest = gaussians.means, gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"]
-        self._seen = means, camera.position, int(self._active_degree)
+        self._seen = means, camera.native, int(self._active_degree)
         if self._colors.shape != means.shape:
             self._colors, self._by_dc = torch.empty_like(means), torch.empty_like(means)
             self._slopes = means.new_empty(_kernels.sh_slopes(len(means)))

@@ -7,12 +7,13 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ringlight import _kernels
-from ringlight.color.mirror_kernel import MAX_LATENTS, kernel_takes, mirror_channels, mirror_view
+from ringlight.color.mirror_kernel import kernel_takes, mirror_channels, mirror_view
 from ringlight.color.ringlight import BASE, DARKEST, LATENT_SPREAD, LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradient
+from ringlight.core.kernel_limits import MIRROR_MAX_LATENTS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels
 from ringlight.core.scene import PointCloud
@@ -74,7 +75,7 @@ class Mirror(nn.Module):
 
     def direct(self) -> "DirectMirror | None":
         """The same without autograd, by the kernel; None where it takes no so many latents."""
-        return DirectMirror(self.lit, self.latents) if self.latents <= MAX_LATENTS else None
+        return DirectMirror(self.lit, self.latents) if self.latents <= MIRROR_MAX_LATENTS else None
 
     def twin(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """What the kernel computes once lit, in torch and in any precision."""

@@ -9,15 +9,13 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.directions import SMALLEST_LENGTH
-
-MAX_LATENTS = 9
-"""What the kernel takes: MIRROR_MAX_LATENTS in kernels/reflection/mirror_channels.hpp."""
+from ringlight.core.kernel_limits import MIRROR_MAX_LATENTS
 
 
 def kernel_takes(*columns: Tensor) -> bool:
     """Whether the kernel can do it: float32 on the CPU, and few enough latents, the last column."""
     kinds = {(column.dtype, column.device.type) for column in columns}
-    return kinds == {(torch.float32, "cpu")} and columns[-1].shape[1] <= MAX_LATENTS
+    return kinds == {(torch.float32, "cpu")} and columns[-1].shape[1] <= MIRROR_MAX_LATENTS
 
 
 def mirror_channels(
@@ -34,14 +32,14 @@ def mirror_channels(
     return channels
 
 
-def mirror_view(camera: Camera, flip_below: float) -> list[float]:
-    """The camera as the kernel takes it."""
-    return [*camera.position.tolist(), *camera.world_to_camera[2].tolist(), flip_below, SMALLEST_LENGTH]
+def mirror_view(camera: Camera, flip_below: float) -> _kernels.MirrorView:
+    """What the kernel is told of a view."""
+    return _kernels.MirrorView(camera=camera.native, flip_below=flip_below, smallest_length=SMALLEST_LENGTH)
 
 
 class _MirrorChannels(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, view: list[float], *columns: Tensor) -> Tensor:
+    def forward(ctx: Any, view: _kernels.MirrorView, *columns: Tensor) -> Tensor:
         channels = columns[0].new_empty(len(columns[0]), 7 + columns[-1].shape[1])
         _kernels.mirror_channels(view, columns, channels)
         ctx.view = view

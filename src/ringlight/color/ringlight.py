@@ -105,7 +105,7 @@ class RingLight(nn.Module):
         if MASK in gaussians.appearance:
             factor = straight_through_mask(gaussians.appearance[MASK], self.settings.mask_threshold)[:, 0]
         base = self._base(gaussians)
-        kernel = late_light(gaussians.means, self._frame(camera), base, self._latents(gaussians), parameters)
+        kernel = late_light(gaussians.means, camera.native, self.box, base, self._latents(gaussians), parameters)
         return LateColors(base, kernel, factor)
 
     def direct(self) -> DirectRingLight | None:
@@ -197,11 +197,8 @@ class RingLight(nn.Module):
 
     def lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         """Which rows the light field reaches from there."""
-        return LitRows(gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera), self._frame(camera))
-
-    def _frame(self, camera: Camera) -> Float[Tensor, "3 3"]:
-        """The camera's position and the box, see :class:`ringlight.color.ring_kernel.LitRows`."""
-        return torch.cat([camera.position[None], self.box])
+        means, visible = gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera)
+        return LitRows(means, visible, camera.native, self.box)
 
     def twin(self, gaussians: Gaussians, camera: Camera, gradient_share: float = 1.0) -> LitColor:
         """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.

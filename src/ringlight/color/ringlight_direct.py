@@ -78,10 +78,10 @@ class DirectRingLight:
         self._color = torch.zeros_like(base) if late else torch.empty_like(base)
         self._drawn = Lit(rows, parameters.shape, base, latents, values, self._color)
         if late:
-            self.late = late_light(rows.means, rows.frame, base, latents, parameters, self._color)
+            self.late = late_light(rows.means, rows.camera, rows.box, base, latents, parameters, self._color)
             return base
         _kernels.ring_forward(
-            parameters.shape, values, rows.means, base, latents, rows.visible, rows.frame, self._color
+            parameters.shape, values, rows.means, base, latents, rows.visible, rows.camera, rows.box, self._color
         )
         return self._color
 

@@ -5,10 +5,14 @@ Conventions: OpenCV axes (x right, y down, z forward); pixel centres at ``.5``; 
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+
+if TYPE_CHECKING:
+    from ringlight import _kernels
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,21 @@ class Camera:
         """The first three rows of ``world_to_camera``, one after the other."""
         numbers: list[float] = self.world_to_camera[:3].flatten().tolist()
         return numbers
+
+    @cached_property
+    def native(self) -> "_kernels.Camera":
+        """The same for the compiled kernels; made once, whatever of them are called."""
+        from ringlight import _kernels
+
+        pose, position = (tensor.detach().float().contiguous() for tensor in (self.world_to_camera, self.position))
+        return _kernels.Camera(
+            world_to_camera=pose,
+            position=position,
+            focal=self.focal,
+            center=self.center,
+            width=self.width,
+            height=self.height,
+        )
 
     @cached_property
     def forward(self) -> Float[Tensor, "3"]:

@@ -51,8 +51,7 @@ class Job:
     """One view to draw: everything about it that has no gradient, and the arrays that it is drawn into."""
 
     def __init__(self, camera: Camera, background: Tensor, options: RasterOptions, count: int) -> None:
-        pose = camera.world_to_camera.detach().float().contiguous()
-        self.camera = _kernels.Pinhole(pose, camera.focal, camera.center, camera.width, camera.height)
+        self.camera = camera.native
         self.settings = _kernels.RasterSettings(
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )

@@ -1,6 +1,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -19,11 +20,10 @@ namespace ringlight {
 namespace {
 
 using Rows = Tensor<const std::int32_t, -1>;
+using Box = Tensor<const float, 2, 3>;
 
-RingShape shape_from(const std::vector<int>& sizes) {
-  require(sizes.size() == 8,
-        "ring: a shape is rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents, diagonal");
-  const RingShape shape{sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6], sizes[7] != 0};
+RingShape checked(const RingShape& shape) {
+  using namespace convention;
   require(shape.rank >= 1 && shape.rank <= RING_MAX_RANK, "ring: rank out of range");
   require(shape.features >= 1 && shape.features <= RING_MAX_FEATURES, "ring: features out of range");
   require(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
@@ -77,7 +77,8 @@ struct Columns {
   Input means, base, latents;
 };
 
-RingScene scene_from(const RingShape& shape, const Columns& columns, const Rows* visible, const Input& frame) {
+RingScene scene_from(const RingShape& shape, const Columns& columns, const Rows* visible, const Camera& camera,
+                     const Box& box) {
   const auto& [means, base, latents] = columns;
   RingScene scene{};
   scene.means = means.data(), scene.base = base.data(), scene.latents = latents.data();
@@ -85,23 +86,19 @@ RingScene scene_from(const RingShape& shape, const Columns& columns, const Rows*
   if (visible) scene.visible = visible->data(), scene.visible_count = visible->size();
   require(means.size() == 3 * scene.count && base.size() == 3 * scene.count, "ring: means and base must be [N 3]");
   require(latents.size() == shape.latents * scene.count, "ring: latents must be [N L]");
-  require(frame.size() == 9, "ring: frame is the camera's position and the box's low and high corner");
-  for (int c = 0; c < 3; c++) {
-    scene.camera[c] = frame.data()[c];
-    scene.low[c] = frame.data()[3 + c];
-    scene.high[c] = frame.data()[6 + c];
-  }
+  std::copy_n(camera.position, 3, scene.camera);
+  std::copy_n(box.data(), 3, scene.low);
+  std::copy_n(box.data() + 3, 3, scene.high);
   for (std::size_t i = 0; i < scene.visible_count; i++)
     require(static_cast<std::size_t>(scene.visible[i]) < scene.count, "ring: a visible row is not in the table");
   return scene;
 }
 
-void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
-             Input latents, Rows visible, Input frame, Array color, std::optional<Array> residual,
+void forward(const RingShape& shape, const std::vector<Input>& parameters, Input means, Input base,
+             Input latents, Rows visible, const Camera& camera, Box box, Array color, std::optional<Array> residual,
              std::optional<Array> modulation) {
-  const RingShape shape = shape_from(sizes);
   const auto weights = parameters_from<const float>(shape, parameters);
-  const RingScene scene = scene_from(shape, {means, base, latents}, &visible, frame);
+  const RingScene scene = scene_from(shape, {means, base, latents}, &visible, camera, box);
   require(color.size() == 3 * scene.count, "ring: color must be [N 3]");
   require(!residual || residual->size() == 3 * scene.count, "ring: residual must be [N 3]");
   require(!modulation || modulation->size() == scene.count, "ring: modulation must be [N 1]");
@@ -111,13 +108,13 @@ void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters
   RINGLIGHT_CHOSEN_WITH_BF16(ring_forward)(shape, weights, scene, outputs);
 }
 
-void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, Input means, Input base,
-              Input latents, Rows visible, Input frame, Input color, Input color_gradient, double share,
-              const std::vector<Array>& gradients, Array base_gradient, Array latents_gradient, Array workspace) {
-  const RingShape shape = shape_from(sizes);
+void backward(const RingShape& shape, const std::vector<Input>& parameters, Input means, Input base,
+              Input latents, Rows visible, const Camera& camera, Box box, Input color, Input color_gradient,
+              double share, const std::vector<Array>& gradients, Array base_gradient, Array latents_gradient,
+              Array workspace) {
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
-  const RingScene scene = scene_from(shape, {means, base, latents}, &visible, frame);
+  const RingScene scene = scene_from(shape, {means, base, latents}, &visible, camera, box);
   require(share > 0, "ring: share must be above 0");
   require(color.size() == 3 * scene.count, "ring: color must be [N 3]");
   require(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
@@ -131,8 +128,7 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
   RINGLIGHT_CHOSEN_WITH_BF16(ring_backward)(shape, weights, scene, upstream, sums, row_sums, workspace.data());
 }
 
-std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) {
-  const RingShape shape = shape_from(sizes);
+std::size_t workspace(const RingShape& shape, std::size_t visible_count) {
   require(visible_count <= std::numeric_limits<std::int32_t>::max(), "ring: too many rows");
   return RINGLIGHT_CHOSEN_WITH_BF16(ring_workspace)(shape, visible_count);
 }
@@ -140,13 +136,13 @@ std::size_t workspace(const std::vector<int>& sizes, std::size_t visible_count) 
 // The light field of one view, for rows that are asked for one after the other. Keeps its arrays alive.
 class LateRing : public LateColors {
  public:
-  LateRing(const std::vector<int>& sizes, std::vector<Input> parameters, Input means, Input base, Input latents,
-           Input frame, std::optional<Array> colors)
+  LateRing(const RingShape& shape, std::vector<Input> parameters, Input means, Input base, Input latents,
+           const Camera& camera, const Box& box, std::optional<Array> colors)
       : LateColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0, 0, colors ? colors->data() : nullptr},
         parameters_(std::move(parameters)), columns_{means, base, latents}, colors_(colors) {
-    ring_.shape = shape_from(sizes);
+    ring_.shape = shape;
     ring_.parameters = parameters_from<const float>(ring_.shape, parameters_);
-    ring_.scene = scene_from(ring_.shape, columns_, nullptr, frame);
+    ring_.scene = scene_from(ring_.shape, columns_, nullptr, camera, box);
     count = ring_.scene.count;
     require(!colors || colors->size() == LATE_CHANNELS * count, "ring: colors must be [N 3]");
     scratch = RINGLIGHT_CHOSEN_WITH_BF16(ring_light_floats)(ring_.shape);
@@ -167,25 +163,33 @@ class LateRing : public LateColors {
 
 }  // namespace
 
-void bind_field(nb::module_& module) {
+void bind_ring(nb::module_& module) {
+  nb::class_<RingShape>(module, "RingShape", "Sizes of a light field; modulation_hidden 0: without light modulation.")
+      .def("__init__", [](RingShape* self, int rank, int features, int render_hidden, int modulation_hidden, int nodes,
+                          int view_nodes, int latents, bool diagonal) {
+        new (self) RingShape(checked(
+            {rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents, diagonal}));
+      }, nb::kw_only(), nb::arg("rank"), nb::arg("features"), nb::arg("render_hidden"), nb::arg("modulation_hidden"),
+         nb::arg("nodes"), nb::arg("view_nodes"), nb::arg("latents"), nb::arg("diagonal"));
   module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters"),
              nb::arg("means"), nb::arg("base"), nb::arg("latents"),
-             nb::arg("visible"), nb::arg("frame"), nb::arg("color"),
+             nb::arg("visible"), nb::arg("camera"), nb::arg("box"), nb::arg("color"),
              nb::arg("residual") = nb::none(), nb::arg("modulation") = nb::none(),
              "Colours of the visible rows by the light field.");
   module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters"),
              nb::arg("means"), nb::arg("base"), nb::arg("latents"),
-             nb::arg("visible"), nb::arg("frame"), nb::arg("color"), nb::arg("color_gradient"), nb::arg("share"),
-             nb::arg("gradients"), nb::arg("base_gradient"),
+             nb::arg("visible"), nb::arg("camera"), nb::arg("box"), nb::arg("color"), nb::arg("color_gradient"),
+             nb::arg("share"), nb::arg("gradients"), nb::arg("base_gradient"),
              nb::arg("latents_gradient"), nb::arg("workspace"),
              "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, "
              "drawn by lot.");
   nb::class_<LateRing, LateColors>(module, "LateRing",
                                    "The light field's colours, row by row when the blend needs them. With `colors`, "
                                    "where they are kept, a backward pass may follow.")
-      .def(nb::init<const std::vector<int>&, std::vector<Input>, Input, Input, Input, Input, std::optional<Array>>(),
+      .def(nb::init<const RingShape&, std::vector<Input>, Input, Input, Input, const Camera&, Box,
+                    std::optional<Array>>(),
            nb::arg("shape"), nb::arg("parameters"), nb::arg("means"), nb::arg("base"), nb::arg("latents"),
-           nb::arg("frame"), nb::arg("colors") = nb::none());
+           nb::arg("camera"), nb::arg("box"), nb::arg("colors") = nb::none());
   module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
              "Floats of workspace that ring_backward needs.");
 }

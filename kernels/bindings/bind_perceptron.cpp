@@ -62,7 +62,7 @@ void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, 
 
 }  // namespace
 
-void bind_heads(nb::module_& module) {
+void bind_perceptron(nb::module_& module) {
   module.def("perceptron_forward", &forward, nb::arg("parameters"), nb::arg("rows"),
              nb::arg("results"), "H perceptrons of three layers, each at its own rows [H K inputs].");
   module.def("perceptron_backward", &backward, nb::arg("parameters"), nb::arg("rows"),

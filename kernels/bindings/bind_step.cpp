@@ -56,7 +56,7 @@ void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array p
 
 }  // namespace
 
-void bind_fit(nb::module_& module) {
+void bind_step(nb::module_& module) {
   module.def("adam", &adam_step, nb::arg("values"), nb::arg("gradients"),
              nb::arg("means"), nb::arg("squares"), nb::arg("steps"),
              nb::arg("radii").none() = nb::none(),
