@@ -2,8 +2,8 @@
 
 import pytest
 import torch
-
 from ringlight.bench.against import against
+
 from ringlight.bench.raster import OurRaster, bench_raster, image_gradient
 from ringlight.bench.timing import Budget
 from ringlight.bench.workload import Size, workload
@@ -21,15 +21,6 @@ def test_rows_tell_size_and_what_was_visible():
     assert 0 < row.visible <= TINY.gaussians
     assert row.peer is None
     assert row.ours.both.wall_ms > 0
-
-
-def test_a_horizon_is_timed_beside_the_kernels_and_says_what_it_hid():
-    crowd = Size(100_000, 160)
-    (row,) = bench_raster([TINY], rasterizer_for("cpu"), ONE_ROUND)
-    assert row.with_horizon is None
-    (row,) = bench_raster([crowd], rasterizer_for("cpu"), ONE_ROUND, horizon=True)
-    assert row.with_horizon.both.wall_ms > 0
-    assert 0 < row.hidden < row.visible
 
 
 def test_a_peer_that_draws_the_same_differs_by_nothing():

@@ -1,12 +1,9 @@
 """A mirror's step without autograd, shaded while it is blended: the bits are those of autograd."""
 
-import dataclasses
-
 import pytest
 import torch
 from mirrors import WHITE, mirror, view
 from ringlight.models.direct import DirectModel
-from ringlight.rasterize.horizon import Horizon
 from torch import Tensor
 
 from ringlight import _kernels
@@ -32,9 +29,9 @@ def upstream(width: int, height: int) -> Tensor:
     return drawn.permute(1, 2, 0)
 
 
-def step(found: DirectModel, camera: Camera, horizon: Horizon | None = None) -> tuple[Tensor, dict[str, Tensor]]:
+def step(found: DirectModel, camera: Camera) -> tuple[Tensor, dict[str, Tensor]]:
     """Picture and gradients, which the next step leaves alone."""
-    color = found.render(camera, WHITE, horizon).color
+    color = found.render(camera, WHITE).color
     gradients = found.differentiate(upstream(camera.width, camera.height))
     return color, {name: torch.as_tensor(gradient).clone() for name, gradient in gradients.items()}
 
@@ -79,25 +76,6 @@ def test_no_block_ends_early_where_gradients_are_wanted():
         model.columns["opacity_logits"].fill_(3.0)
     assert torch.equal(direct(model).render(view(), WHITE).alpha, model.render(view(), WHITE).alpha.detach())
     assert not torch.equal(model.eval().picture(view(), WHITE).alpha, model.render(view(), WHITE).alpha)
-
-
-@pytest.mark.parametrize("now", [3.0, 1.5, -1.0])
-def test_a_horizon_changes_no_bit(now: float):
-    """Nor where the surface that it remembers is not opaque any more, so that tiles are blended again."""
-    model, horizon = mirror("20k@96"), Horizon()
-    camera = dataclasses.replace(view(), focal=tuple(4 * length for length in view().focal))  # no background
-    with torch.no_grad():
-        model.columns["opacity_logits"].fill_(3.0)
-        model.columns["log_scales"] += 0.7  # until whole tiles are opaque
-    found = direct(model)
-    found.render(camera, WHITE, horizon)
-    with torch.no_grad():
-        model.columns["opacity_logits"].fill_(now)
-    with_one = step(found, camera, horizon)
-    hidden, again = found.rasterize._workspace.beyond_horizon
-    assert hidden > 0
-    assert (again > 0) == (now < 0)
-    same(with_one, step(found, camera))
 
 
 def test_the_same_bits_for_any_number_of_threads():

@@ -54,7 +54,7 @@ class SphericalHarmonics(nn.Module):
         columns = {"means": gaussians.means, **{name: gaussians.appearance[name] for name in SH_COLUMNS}}
         degree = int(self.active_degree)
         if _runs_native(*columns.values()):
-            return _native_emission(columns, camera.position, degree, want)
+            return _native_emission(columns, camera.native, degree, want)
 
         def colors(columns: dict[str, Tensor]) -> Channels:
             means, dc, rest = columns.values()
@@ -118,11 +118,11 @@ def _runs_native(*tensors: Tensor) -> bool:
 
 
 @torch.no_grad()
-def _native_emission(columns: dict[str, Tensor], position: Float[Tensor, "3"], degree: int, want: Want) -> Emission:
+def _native_emission(columns: dict[str, Tensor], camera: _kernels.Camera, degree: int, want: Want) -> Emission:
     means, dc, rest = columns.values()
     colors = torch.empty_like(means)
     factors = means.new_empty(_kernels.sh_slopes(len(means))) if want is Want.GRADIENTS else None
-    _kernels.sh_colors(means, dc, rest, position, degree, colors, factors)
+    _kernels.sh_colors(means, dc, rest, camera, degree, colors, factors)
     if factors is None:
         return Emission({"rgb": 3}, colors)
 
@@ -133,7 +133,7 @@ def _native_emission(columns: dict[str, Tensor], position: Float[Tensor, "3"], d
         _kernels.sh_gradient(grad_channels, colors, factors, grad_means, grad_dc, known is not None)
         into[COLUMNS + "means"] = grad_means
         into.add(COLUMNS + "sh_dc", grad_dc)
-        into.add(COLUMNS + "sh_rest", RestGradient(means, position, degree, grad_dc))
+        into.add(COLUMNS + "sh_rest", RestGradient(means, camera, degree, grad_dc))
 
     return Emission({"rgb": 3}, colors, backward=backward)
 
@@ -143,16 +143,16 @@ class RestGradient:
     """dL/d(sh_rest) as it comes: the harmonics' values, made anew from means and camera, times dL/d(sh_dc)."""
 
     means: Float[Tensor, "N 3"]
-    position: Float[Tensor, "3"]
+    camera: _kernels.Camera
     degree: int
     grad_dc: Float[Tensor, "N 3"]
 
     def dense(self) -> Float[Tensor, "N 15 3"]:
         """Written down; zero above the degree."""
         grad_rest = self.means.new_empty(len(self.means), REST_COUNT, 3)
-        _kernels.sh_rest_gradient(self.means, self.position, self.degree, self.grad_dc, grad_rest)
+        _kernels.sh_rest_gradient(self.means, self.camera, self.degree, self.grad_dc, grad_rest)
         return grad_rest
 
     def adam_(self, value: Tensor, mean: Tensor, square: Tensor, step: AdamStep) -> int:
         """One update with :meth:`dense`, which is never written. Harmonics that were never in use are left alone."""
-        return _kernels.sh_rest_adam(self.means, self.position, self.degree, self.grad_dc, value, mean, square, step)
+        return _kernels.sh_rest_adam(self.means, self.camera, self.degree, self.grad_dc, value, mean, square, step)

@@ -157,12 +157,8 @@ class RingLight(nn.Module):
 
     def lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         """Which rows the light field reaches from there."""
-        rows = drawable_rows(gaussians, camera)
-        return LitRows(gaussians.means.detach().contiguous(), rows, self.frame(camera))
-
-    def frame(self, camera: Camera) -> Float[Tensor, "3 3"]:
-        """The camera's position and the box, see :class:`ringlight.color.ring_kernel.LitRows`."""
-        return torch.cat([camera.position[None], self.box])
+        means, visible = gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera)
+        return LitRows(means, visible, camera.native, self.box)
 
     @torch.no_grad()
     def _native_tables(self, gaussians: Gaussians, want: Want) -> RingTables | None:

@@ -4,14 +4,12 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
+from ringlight.core.kernel_limits import RING_MAX_LATENTS
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 
 LARGEST_HIDDEN = 1024
 """Far beyond what was ever of use. It keeps a damaged or hostile model file from asking for all the memory."""
-
-MAX_LATENTS = 16
-"""What the kernels take: RING_MAX_LATENTS in kernels/ring.hpp."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +56,8 @@ class RingLightSettings:
         for name in ("render_hidden", "modulation_hidden"):
             if not 1 <= getattr(self, name) <= LARGEST_HIDDEN:
                 raise RecipeError(f"light.{name} is {getattr(self, name)}; give 1 to {LARGEST_HIDDEN}")
-        if not 0 <= self.latents <= MAX_LATENTS:
-            raise RecipeError(f"light.latents is {self.latents}; give 0 to {MAX_LATENTS} values per Gaussian")
+        if not 0 <= self.latents <= RING_MAX_LATENTS:
+            raise RecipeError(f"light.latents is {self.latents}; give 0 to {RING_MAX_LATENTS} values per Gaussian")
         if not 0 < self.gradient_share <= 1:
             raise RecipeError(f"light.gradient_share is {self.gradient_share}; give a share above 0, at most 1")
         if not 0 <= self.mask_threshold < 1:

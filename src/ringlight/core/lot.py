@@ -1,4 +1,4 @@
-"""Which rows of a backward pass are computed: the twin of kernels/lot.hpp.
+"""Which rows of a backward pass are computed: the twin of kernels/step/importance_sampling.isa.hpp.
 
 A row is drawn with a chance in proportion to its upstream gradient, up to certainty, and what is drawn counts
 1 / chance: the expectation is the whole gradient, most of which a few rows hold (importance sampling). Chances are laid

@@ -56,7 +56,9 @@ class CpuRasterizer:
                 return _raster(job, image, alpha, loan.way_back(job, table, image))
             channels, size = len(job.background), job.size
             blended = None if want is Want.PICTURE else job.background.new_empty(channels, *size)
-            color, alpha = job.draw(loan.workspace, table, shader=tiles, blended=blended)
+            color, alpha = job.draw(
+                loan.workspace, table, shader=tiles, blended=blended, early_stop=want is Want.PICTURE
+            )
             image = color[:0] if blended is None else blended
             return _raster(job, image, alpha, loan.way_back(job, table, image), color.permute(1, 2, 0))
 
@@ -72,7 +74,7 @@ class CpuRasterizer:
         table = table_of(gaussians, lazy.checked, opacity_factor)
         with _Loan(self.spare, want) as loan:
             try:
-                image, alpha = job.draw(loan.workspace, table, lazy.kernel)
+                image, alpha = job.draw(loan.workspace, table, lazy.kernel, early_stop=want is Want.PICTURE)
             except ValueError:
                 return None
             return _raster(job, image, alpha, loan.way_back(job, table, image))
