@@ -48,7 +48,6 @@ def both(model: SplatModel, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
 
 OTHERS: tuple[dict[str, object], ...] = (
     {"parallax": False},
-    {"parallax": False, "axis_nodes": 0},
     {"axis_nodes": 0},
     {"shells": 2},
     {"latents": 0},
@@ -92,9 +91,10 @@ def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float, hidden: int):
 
 def test_what_fills_up_a_block_has_all_channels_in_front():
     """Of a surface that is the same everywhere: what is shaded must not depend on how much of it was blended."""
-    model, camera = mirror("20k@96", parallax=False, axis_nodes=0), view()
+    model, camera = mirror("20k@96", parallax=False), view()
     opaque(model, 0.6)
     with torch.no_grad():
+        model.get_parameter("shader.places.axes").fill_(1)
         model.columns["base"].fill_(0.3)
         model.columns["latents"].fill_(0.2)
         model.columns["normals"].copy_(torch.tensor([0.1, 0.2, -1.0]))
@@ -104,6 +104,16 @@ def test_what_fills_up_a_block_has_all_channels_in_front():
     assert filled.any()
     assert torch.equal(tiles.color[filled], black.color[filled])  # nothing of what lies behind
     assert (tiles.color - planes.color)[filled].abs().max() < 2 * DIM  # bytes round besides
+
+
+def test_a_shader_that_reads_no_depth_shades_planes():
+    """The tiles' kernel wants depth among the channels; without it a fast picture is the exact one."""
+    model = mirror("20k@96", parallax=False, axis_nodes=0)
+    opaque(model, 0.6)
+    fast = picture(model, view())
+    assert model.shader.tiles(view(), WHITE, Want.PICTURE) is None
+    assert fast.buffers.keys() == {"rgb", "normal", "latents", "alpha"}
+    assert torch.equal(fast.color, in_planes(model, view()).color)
 
 
 def test_faint_pixels_keep_their_base_color():
