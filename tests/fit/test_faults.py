@@ -71,6 +71,7 @@ def test_a_gradient_is_named_left_out_and_the_run_goes_on(method: str, name: str
     for _ in range(4):  # the light field is switched on
         next(steps)
     parameter = dict(training.model.named_parameters())[name]
+    others = {other: p.detach().clone() for other, p in training.model.named_parameters() if other != name}
     row = len(parameter) - 1
     before = parameter.detach().clone()
     spoil_gradient(training, name, bad, row)
@@ -80,8 +81,32 @@ def test_a_gradient_is_named_left_out_and_the_run_goes_on(method: str, name: str
         assert word in progress.fault
     after = dict(training.model.named_parameters())[name]
     assert torch.equal(after.view(len(after), -1)[row, 0], before.view(len(before), -1)[row, 0])
+    assert any(not torch.equal(p, others[other]) for other, p in training.model.named_parameters() if other != name)
     assert all_finite(training)
     assert next(steps).fault is None
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_a_gradient_that_is_never_written_down_is_left_out_too(bad: float) -> None:
+    """That of the harmonics shares its factor with the constant coefficient's."""
+    training = training_of("3dgs", steps=12)
+    steps = train(training)
+    next(steps)
+
+    def spoil(gradients: Gradients) -> Gradients:
+        assert not isinstance(gradients["columns.sh_rest"], torch.Tensor)
+        dense(gradients["columns.sh_dc"])[-1, 0] = bad
+        return gradients
+
+    training.reduce = spoil
+    before = {name: p.detach().clone() for name, p in training.model.named_parameters()}
+    fault = next(steps).fault
+    assert fault is not None
+    assert "columns.sh_dc" in fault
+    after = dict(training.model.named_parameters())
+    assert torch.equal(after["columns.sh_rest"][-1, :, 0], before["columns.sh_rest"][-1, :, 0])
+    assert not torch.equal(after["columns.opacity_logits"], before["columns.opacity_logits"])
+    assert all_finite(training)
 
 
 @pytest.mark.parametrize("method", FAMILIES)
