@@ -1,7 +1,5 @@
 """Training lights only the rows that a dense view shows, and nothing but time tells."""
 
-import dataclasses
-
 import pytest
 import torch
 from torch import Tensor
@@ -17,10 +15,10 @@ from ringlight.core.gradients import dense
 from ringlight.core.rendering import Emission, LazyColors, Raster
 from ringlight.core.want import Want
 from ringlight.errors import BackendError
-from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import with_settings
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -30,10 +28,8 @@ WHITE = torch.ones(3)
 
 def ball(opacity: float, **light: object) -> tuple[SplatModel, RingLight]:
     """Twenty Gaussians for every pixel: nearly opaque ones hide most of them."""
-    recipe = METHODS["ringlight"]
-    assert isinstance(recipe, RingLightRecipe)
-    recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, **light), shading="forward")
-    model = subject_of_workload("ringlight", recipe, Size.parse("20k@96"), rasterizer_for("cpu")).training.model
+    recipe = with_settings(METHODS["ringlight-ring"], {"light": light})
+    model = subject_of_workload("ringlight-ring", recipe, Size.parse("20k@96"), rasterizer_for("cpu")).training.model
     with torch.no_grad():
         model.columns["opacity_logits"].fill_(torch.tensor(opacity).logit().item())
         model.get_parameter("color.shading.render.4.weight").mul_(8)  # residuals that count, and some that are clamped

@@ -7,7 +7,7 @@ import torch
 
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import Footprint, Raster, Rendering
+from ringlight.core.rendering import Footprint, Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
@@ -42,7 +42,7 @@ def rendering_with(pulls: list[float]) -> Rendering:
     radii = torch.tensor([[1.0 if pull >= 0 else 0.0] * 2 for pull in pulls])
     alpha = torch.zeros(SIZE, SIZE, 1)
     image = torch.zeros(SIZE, SIZE, 3)
-    return Rendering(image, alpha, {}, Raster(image, alpha, Footprint(torch.zeros(len(pulls), 2), radii, gradient)))
+    return Rendering(image, alpha, {}, Footprint(torch.zeros(len(pulls), 2), radii, gradient))
 
 
 def densify_once(model: SplatModel, pulls: list[float], settings: DensifySettings = SETTINGS, step: int = 1) -> None:
@@ -132,7 +132,7 @@ def test_nothing_changes_after_the_last_step():
 def test_the_pull_is_a_mean_over_the_views_that_saw_the_gaussian():
     pull, views = torch.zeros(2), torch.zeros(2)
     for pulls in ([0.4, 0.2], [0.2, -1.0]):
-        footprint = rendering_with(pulls).raster.footprint
+        footprint = rendering_with(pulls).footprint
         accumulate_pull_(footprint.means2d_gradient, footprint.radii, (SIZE / 2, SIZE / 2), pull, views)
     assert (pull / views).tolist() == pytest.approx([0.3, 0.2])
     assert views.tolist() == [2.0, 1.0]

@@ -5,6 +5,8 @@ import torch
 from torch import nn
 
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import Gradients
+from ringlight.core.rendering import Footprint
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
@@ -23,11 +25,15 @@ class Table(nn.Module):
         self.shared = nn.Linear(2, 2)
 
 
-def stepped(model: Table, optimizer: Optimizer, step: int, radii: torch.Tensor | None = None) -> None:
+def stepped(model: Table, optimizer: Optimizer, step: int, footprint: Footprint | None = None) -> None:
     draw = torch.Generator().manual_seed(step)
-    for parameter in model.parameters():
-        parameter.grad = torch.randn(parameter.shape, generator=draw)
-    optimizer.step(step, radii)
+    found = {name: torch.randn(parameter.shape, generator=draw) for name, parameter in model.named_parameters()}
+    optimizer.step(step, Gradients(found), footprint)
+
+
+def footprint_of(drawn: torch.Tensor) -> Footprint:
+    radii = torch.where(drawn[:, None], 3.0, 0.0).repeat(1, 2)
+    return Footprint(torch.zeros_like(radii), radii)
 
 
 def test_moments_follow_rows_and_new_rows_start_at_zero():
@@ -58,10 +64,8 @@ def test_a_row_steps_the_same_whether_or_not_others_were_removed():
     gradients = {
         name: torch.randn(p.shape, generator=torch.Generator().manual_seed(9)) for name, p in whole.columns.items()
     }
-    for name in gradients:
-        whole.columns[name].grad, edited.columns[name].grad = gradients[name], gradients[name][[4, 2]]
-    for optimizer in optimizers:
-        optimizer.step(3)
+    for optimizer, rows in zip(optimizers, ([4, 2], slice(None)), strict=True):
+        optimizer.step(3, Gradients({f"columns.{name}": gradient[rows] for name, gradient in gradients.items()}))
     assert all(torch.equal(edited.columns[name], whole.columns[name][[4, 2]]) for name in gradients)
 
 
@@ -70,13 +74,11 @@ def test_rows_that_were_not_drawn_wait_if_wished():
     dense.load_state_dict(waiting.state_dict())
     optimizers = [Optimizer(m, {"*": GROUP}, steps=10, visible_only=m is waiting) for m in (waiting, dense)]
     drawn = torch.tensor([True, False, True, True, False])
-    radii = torch.where(drawn[:, None], 3.0, 0.0).repeat(1, 2)
     for model, optimizer in zip((waiting, dense), optimizers, strict=True):
-        stepped(model, optimizer, 1, torch.ones(5, 2))
+        stepped(model, optimizer, 1, footprint_of(torch.ones(5, dtype=torch.bool)))
         before = {name: parameter.detach().clone() for name, parameter in model.named_parameters()}
-        for parameter in model.parameters():
-            parameter.grad = torch.ones_like(parameter)
-        optimizer.step(2, radii)
+        ones = Gradients({name: torch.ones_like(parameter) for name, parameter in model.named_parameters()})
+        optimizer.step(2, ones, footprint_of(drawn))
     for name, column in waiting.columns.items():
         assert torch.equal(column[drawn], dense.columns[name][drawn])
         assert torch.equal(column[~drawn], before[f"columns.{name}"][~drawn])
@@ -126,9 +128,9 @@ def test_a_parameter_that_no_rate_matches_is_refused_by_name():
 def test_a_parameter_without_gradient_is_left_alone():
     model = Table()
     optimizer = Optimizer(model, {"*": GROUP}, steps=10)
-    before = model.shared.weight.detach().clone()
-    model.columns["means"].grad = torch.ones(5, 3)
-    optimizer.step(1)
+    before, means = model.shared.weight.detach().clone(), model.columns["means"].detach().clone()
+    optimizer.step(1, Gradients({"columns.means": torch.ones(5, 3)}))
+    assert not torch.equal(model.columns["means"], means)
     assert torch.equal(model.shared.weight, before)
 
 

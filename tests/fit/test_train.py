@@ -1,17 +1,19 @@
 """The loop: it learns, it stops when nobody asks, and a restored run gives the same bits."""
 
 import dataclasses
-from collections import defaultdict
 
 import pytest
 import torch
-from ringlight.rasterize.horizon import Horizon
 
+from ringlight.core.gradients import Gradients, dense
+from ringlight.core.rendering import Footprint
 from ringlight.data.synthetic import tiny_scene
+from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.train import direct_model, train
+from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.shade.reflection import ReflectionShader
 from small_recipes import TRAINED, small
 
 QUICK = DensifySettings(threshold=1e-5, begin=4, every=5, stop=0.8, reset_every=12, max_gaussians=900)
@@ -53,29 +55,6 @@ def test_same_seed_same_bits_and_another_seed_another_run(method: str):
     assert any(first[name].shape != other[name].shape or not torch.equal(first[name], other[name]) for name in first)
 
 
-@pytest.mark.parametrize("direct", [False, True])
-@pytest.mark.parametrize("method", TRAINED)
-def test_horizons_change_no_bit_though_rows_come_and_go(method: str, direct: bool):
-    def end(horizons: defaultdict[int, Horizon] | None) -> dict[str, torch.Tensor]:
-        training = quick(method).build(tiny_scene(), rasterizer_for("cpu"), seed=2)
-        # So opaque and wide that everything is covered, until opacities are reset in the middle of the run.
-        training.model.columns["opacity_logits"].data += 7
-        training.model.columns["log_scales"].data += 3
-        training.horizons = horizons
-        for _ in train(training, direct):
-            closed.extend([] if horizons is None else [bool(h.depths.isfinite().any()) for h in horizons.values()])
-        return training.state()
-
-    closed: list[bool] = []
-    horizons = defaultdict(Horizon)
-    plain, bounded = end(None), end(horizons)
-    assert plain.keys() == bounded.keys()
-    assert all(torch.equal(plain[name], bounded[name]) for name in plain)
-    assert set(horizons) == set(range(len(tiny_scene().train)))
-    assert any(closed)
-    assert not all(closed)
-
-
 def test_training_is_paused_by_not_asking():
     training = quick("3dgs").build(tiny_scene(), rasterizer_for("auto"), seed=0)
     steps = train(training)
@@ -92,23 +71,6 @@ def test_the_loss_shown_is_the_sum_of_its_terms():
     assert progress.loss == pytest.approx(sum(term.item() for term in progress.losses.values()))
 
 
-@pytest.mark.parametrize("constant", [False, True])
-def test_a_penalty_counts_whether_or_not_it_has_a_gradient(constant: bool):
-    def scales(model):
-        term = model.columns["log_scales"].exp().mean()
-        return term.detach() if constant else term
-
-    def after_one_step(penalties):
-        training = quick("3dgs").build(tiny_scene(), rasterizer_for("auto"), seed=0)
-        training.penalties = penalties
-        return next(train(training)), training.model.columns["log_scales"]
-
-    plain, without = after_one_step({})
-    progress, with_penalty = after_one_step({"scales": scales})
-    assert progress.loss > plain.loss
-    assert torch.equal(with_penalty, without) is constant
-
-
 def test_the_light_field_waits_for_the_warm_up():
     recipe = dataclasses.replace(quick("ringlight-ring"), warmup=0.1)  # of 30 steps
     training = recipe.build(tiny_scene(), rasterizer_for("auto"), seed=0)
@@ -121,34 +83,62 @@ def test_the_light_field_waits_for_the_warm_up():
     assert any(not torch.equal(dict(training.model.named_parameters())[n], t) for n, t in before.items())
 
 
-@pytest.mark.parametrize("visible_only", [False, True])
-@pytest.mark.parametrize("method", TRAINED)
-def test_without_autograd_the_same_bits(method: str, visible_only: bool):
-    recipe = dataclasses.replace(quick(method, steps=40), visible_only=visible_only)
-    ends = []
-    for direct in (True, False):
-        training = recipe.build(tiny_scene(), rasterizer_for("auto"), seed=5)
-        losses = [progress.loss for progress in train(training, direct)]
-        ends.append(training.state() | {"losses": torch.tensor(losses)})
-    assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
-
-
-@pytest.mark.parametrize("change", [{"parallax": False}, {"parallax": False, "axis_nodes": 0}, {"latents": 0}])
-def test_without_autograd_the_same_bits_whatever_the_shader_looks_at(change: dict[str, object]):
+@pytest.mark.parametrize("change", [{}, {"parallax": False}, {"parallax": False, "axis_nodes": 0}, {"latents": 0}])
+def test_a_step_has_the_same_bits_whether_tiles_are_shaded_or_planes(change: dict[str, object], monkeypatch):
     preset = METHODS["ringlight-mirror"]
     shader = dataclasses.replace(preset.shader, levels=(9, 5), hidden=8, **change)
     recipe = dataclasses.replace(preset, steps=8, shader=shader)
     ends = []
-    for direct in (True, False):
+    for without_tiles in (False, True):
+        if without_tiles:
+            monkeypatch.setattr(ReflectionShader, "tiles", lambda *_: None)
         training = recipe.build(tiny_scene(views=3, size=24), rasterizer_for("auto"), seed=5)
-        assert direct_model(training) is not None
-        for _ in train(training, direct):
+        for _ in train(training):
             pass
         assert training.model.get_buffer("shader.lit")
         ends.append(training.state())
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
 
 
-def test_harmonics_are_trained_without_autograd_on_the_cpu():
-    assert direct_model(quick("3dgs").build(tiny_scene(), rasterizer_for("cpu"), seed=0)) is not None
-    assert direct_model(quick("3dgs").build(tiny_scene(), rasterizer_for("reference"), seed=0)) is None
+@pytest.mark.parametrize("method", METHODS)
+def test_what_reduces_sees_every_gradient_and_adam_gets_what_it_returns(method: str):
+    """As two processes would: theirs is ours, and so the sum is twice each."""
+    asked: list[tuple[Gradients, Gradients]] = []
+
+    def twice(gradients: Gradients) -> Gradients:
+        both = Gradients({name: 2 * dense(gradient) for name, gradient in gradients.items()})
+        asked.append((gradients, both))
+        return both
+
+    training = dataclasses.replace(quick(method, steps=30).build(tiny_scene(), rasterizer_for("auto"), 0), reduce=twice)
+    training.regularizers = {"opaque": TorchRegularizer(faint, ("columns.opacity_logits",))}
+    given: list[Gradients] = []
+    step = training.optimizer.step
+
+    def noted(number: int, gradients: Gradients, footprint: Footprint | None = None) -> str | None:
+        given.append(gradients)
+        return step(number, gradients, footprint)
+
+    training.optimizer.step = noted
+    for progress in train(training):
+        gradients, both = asked[-1]
+        assert given[-1] is both
+        assert len(asked) == progress.step
+        if progress.step == 1:
+            opacity = dense(gradients["columns.opacity_logits"])
+    assert asked[-1][0].keys() == {
+        name for name, _ in training.model.named_parameters() if name in asked[-1][0] or not name.startswith("columns.")
+    }
+    plain = quick(method, steps=30).build(tiny_scene(), rasterizer_for("auto"), seed=0)
+    first: list[Gradients] = []
+    plain.reduce = lambda gradients: first.append(gradients) or gradients
+    model = plain.model
+    leaf = model.get_parameter("columns.opacity_logits").detach().clone().requires_grad_()
+    (of_term,) = torch.autograd.grad(faint({"columns.opacity_logits": leaf}), leaf)
+    next(train(plain))
+    torch.testing.assert_close(opacity, dense(first[0]["columns.opacity_logits"]) + of_term)
+
+
+def faint(tensors: dict[str, torch.Tensor]) -> torch.Tensor:
+    """A regularizer's term: 3 times the mean opacity."""
+    return 3 * tensors["columns.opacity_logits"].sigmoid().mean()

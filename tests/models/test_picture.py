@@ -1,15 +1,14 @@
 """Pictures that are shaded while they are blended are those that training sees."""
 
-import dataclasses
-
 import pytest
 import torch
 from mirrors import WHITE, mirror, view
-from ringlight.rasterize.horizon import Horizon
 from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.camera import Camera
+from ringlight.core.rendering import Rendering
+from ringlight.core.want import Want
 from ringlight.errors import BackendError
 from ringlight.models.splats import SplatModel
 
@@ -30,11 +29,18 @@ def opaque(model: SplatModel, opacity: float) -> None:
         model.columns["normals"].copy_(model.columns["means"])
 
 
+def picture(model: SplatModel, camera: Camera, behind: Tensor = WHITE) -> Rendering:
+    return model.render(camera, behind, Want.PICTURE)
+
+
+def in_planes(model: SplatModel, camera: Camera) -> Rendering:
+    """Whoever looks at a buffer keeps what was blended, and has it shaded afterwards."""
+    return model.render(camera, WHITE, Want.EXACT, ("alpha",))
+
+
 def both(model: SplatModel, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
     """The picture shaded in tiles, that shaded in planes, and what the latter added to the base colours."""
-    tiles = model.picture(camera, WHITE)
-    with torch.no_grad():
-        planes = model.render(camera, WHITE)
+    tiles, planes = picture(model, camera), in_planes(model, camera)
     assert torch.equal(tiles.alpha, planes.alpha)  # no tile is full enough to be done early
     assert not tiles.buffers
     return tiles.color, planes.color, planes.color - planes.buffers["rgb"]
@@ -42,7 +48,6 @@ def both(model: SplatModel, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
 
 OTHERS: tuple[dict[str, object], ...] = (
     {"parallax": False},
-    {"parallax": False, "axis_nodes": 0},
     {"axis_nodes": 0},
     {"shells": 2},
     {"latents": 0},
@@ -76,7 +81,7 @@ def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float, hidden: int):
     model = mirror("20k@96", hidden=hidden)
     opaque(model, 0.6)
     with torch.no_grad():
-        tiles, planes = model.picture(view(turn=turn), WHITE), model.render(view(turn=turn), WHITE)
+        tiles, planes = picture(model, view(turn=turn)), in_planes(model, view(turn=turn))
     filled = tiles.alpha - planes.alpha
     assert 0 <= filled.min() <= filled.max() < DIM
     assert filled.max() > 0
@@ -86,18 +91,29 @@ def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float, hidden: int):
 
 def test_what_fills_up_a_block_has_all_channels_in_front():
     """Of a surface that is the same everywhere: what is shaded must not depend on how much of it was blended."""
-    model, camera = mirror("20k@96", parallax=False, axis_nodes=0), view()
+    model, camera = mirror("20k@96", parallax=False), view()
     opaque(model, 0.6)
     with torch.no_grad():
+        model.get_parameter("shader.places.axes").fill_(1)
         model.columns["base"].fill_(0.3)
         model.columns["latents"].fill_(0.2)
         model.columns["normals"].copy_(torch.tensor([0.1, 0.2, -1.0]))
-        tiles, planes = model.picture(camera, WHITE), model.render(camera, WHITE)
-        black = model.picture(camera, torch.zeros(3))
+        tiles, planes = picture(model, camera), in_planes(model, camera)
+        black = picture(model, camera, torch.zeros(3))
     filled = ((tiles.alpha == 1) & (planes.alpha > 1 - DIM)).expand(-1, -1, 3)
     assert filled.any()
     assert torch.equal(tiles.color[filled], black.color[filled])  # nothing of what lies behind
     assert (tiles.color - planes.color)[filled].abs().max() < 2 * DIM  # bytes round besides
+
+
+def test_a_shader_that_reads_no_depth_shades_planes():
+    """The tiles' kernel wants depth among the channels; without it a fast picture is the exact one."""
+    model = mirror("20k@96", parallax=False, axis_nodes=0)
+    opaque(model, 0.6)
+    fast = picture(model, view())
+    assert model.shader.tiles(view(), WHITE, Want.PICTURE) is None
+    assert fast.buffers.keys() == {"rgb", "normal", "latents", "alpha"}
+    assert torch.equal(fast.color, in_planes(model, view()).color)
 
 
 def test_faint_pixels_keep_their_base_color():
@@ -113,32 +129,15 @@ def test_faint_pixels_keep_their_base_color():
 def test_the_same_bits_for_any_number_of_threads():
     model = mirror("20k@96", hidden=20)
     _kernels.set_threads(1)
-    usual = model.picture(view(), WHITE).color
+    usual = picture(model, view()).color
     _kernels.set_threads(3)
-    assert torch.equal(model.picture(view(), WHITE).color, usual)
-
-
-@pytest.mark.parametrize("before", [0.9, 0.6, 0.3])
-@pytest.mark.parametrize("now", [0.1, 0.3, 0.6])
-def test_no_horizon_decides_where_blocks_end(before: float, now: float):
-    """Least of all one that cuts a tile's list short where its blocks are nearly, but not quite, opaque."""
-    model, horizon = mirror("20k@96"), Horizon()
-    camera = dataclasses.replace(view(), focal=tuple(4 * length for length in view().focal))
-    opaque(model, before)
-    model.picture(camera, WHITE, horizon)
-    assert horizon.depths.isfinite().any() or before < 0.5
-    opaque(model, now)
-    with_one, without = model.picture(camera, WHITE, horizon), model.picture(camera, WHITE)
-    assert torch.equal(with_one.color, without.color)
-    assert torch.equal(with_one.alpha, without.alpha)
+    assert torch.equal(picture(model, view()).color, usual)
 
 
 def test_before_the_surface_is_lit_the_picture_is_the_base_color():
     model = mirror()
     model.shader.lit.fill_(False)
-    model.color.lit.fill_(False)
-    with torch.no_grad():
-        assert torch.equal(model.picture(view(), WHITE).color, model.render(view(), WHITE).color)
+    assert torch.equal(picture(model, view()).color, in_planes(model, view()).color)
 
 
 def test_what_is_not_finite_is_named():
@@ -146,7 +145,7 @@ def test_what_is_not_finite_is_named():
     with torch.no_grad():
         model.columns["means"][7, 1] = torch.nan
     with pytest.raises(BackendError, match="means"):
-        model.picture(view(), WHITE)
+        picture(model, view())
 
 
 @pytest.mark.parametrize("layer", ["mlp.0", "mlp.2", "mlp.4"])
@@ -156,17 +155,18 @@ def test_a_broken_network_shows_in_the_picture(layer: str, value: float):
     model = mirror("50@96")
     with torch.no_grad():
         model.get_parameter(f"shader.{layer}.weight").fill_(value)
-    assert model.picture(view(), WHITE).color.isnan().any()
+    assert picture(model, view()).color.isnan().any()
 
 
 def test_a_mirror_in_double_precision_is_refused_in_a_sentence():
     with pytest.raises(BackendError, match="draws float32"):
-        mirror("50@96").double().picture(view(), WHITE)
+        picture(mirror("50@96").double(), view())
 
 
 def test_a_shaded_picture_has_no_way_back():
+    """Nor does the rasterizer keep anything of it."""
     model = mirror("50@96")
-    rasterize = model.rasterize
-    model.picture(view(), WHITE)
+    with pytest.raises(RuntimeError, match=r"Want\.GRADIENTS"):
+        picture(model, view()).backward(torch.ones(96, 96, 3), {})
     with pytest.raises(ValueError, match="no forward pass"):
-        rasterize._spare[-1].count_pairs()
+        model.rasterize._spare[-1].count_pairs()

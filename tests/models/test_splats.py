@@ -2,12 +2,14 @@
 
 import pytest
 import torch
+from torch import Tensor
 
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import Channels
+from ringlight.core.rendering import Channels, Shaded
 from ringlight.core.sh_basis import sh_from_rgb
+from ringlight.core.want import Want
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.reference import ReferenceRasterizer
 from ringlight.shade.passthrough import PassThrough
@@ -46,15 +48,17 @@ def test_base_and_residual_lie_over_black(disc: SplatModel):
     assert layers["residual"].abs().max() < 1e-6
 
 
-class Brighter:
+class Brighter(PassThrough):
     """A deferred shader that adds a constant where there is a surface."""
 
     adds_light = True
 
-    def shade(self, buffers: Channels, camera: Camera, background: torch.Tensor) -> torch.Tensor:
-        return buffers["rgb"] + 0.1 * buffers["alpha"]
+    def shade(
+        self, image: Tensor, alpha: Tensor, camera: Camera, background: Tensor, want: Want, shaded=None
+    ) -> Shaded:
+        return Shaded(image + 0.1 * alpha)
 
-    def emitted(self, channels: Channels, points: torch.Tensor, camera: Camera) -> torch.Tensor:
+    def emitted(self, channels: Channels, points: Tensor, camera: Camera) -> Tensor:
         return channels["rgb"] + 0.1
 
 
@@ -70,6 +74,12 @@ def test_what_the_shader_adds_is_the_residual_and_normals_are_the_color_models(d
     layers = model.layers(CAMERA)
     torch.testing.assert_close(layers["residual"], 0.1 * layers["alpha"].expand(-1, -1, 3))
     torch.testing.assert_close(layers["normal"][MIDDLE], torch.tensor([0.6, 0.0, -0.8]))
+
+
+def test_harmonics_are_exact_where_no_shader_adds_light(disc: SplatModel):
+    assert disc.harmonics(disc.gaussians) is not None
+    brighter = SplatModel(disc.gaussians, Plain(), Brighter(), ReferenceRasterizer())
+    assert brighter.harmonics(disc.gaussians) is None
 
 
 def test_the_background_shows_where_nothing_is(disc: SplatModel):

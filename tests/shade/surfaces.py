@@ -38,6 +38,4 @@ def buffers(view: Camera, latents: int = 4, seed: int = 0, dtype: torch.dtype = 
         "depth": uniform(1, 2, 4) * alpha,
         "alpha": alpha,
     }
-    if not latents:
-        del planes["latents"]
     return {name: plane.to(dtype).contiguous().permute(1, 2, 0) for name, plane in planes.items()}

@@ -8,12 +8,15 @@ from surfaces import BOX, buffers, camera
 
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
+from ringlight.core.gradients import Gradients
+from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.shade.contract import Shader
 from ringlight.shade.covered import FAINTEST_SHADED, covered_pixels
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
+from torch_graph import shaded
 
 TINY_RING = RingSettings(
     rank=2, features=3, head_hidden=8, bands=2, view_bands=2, position_nodes=5, view_nodes=4, core_scale=1.0
@@ -38,14 +41,18 @@ def test_it_is_a_shader_and_hands_the_base_colour_on_during_the_warm_up():
     shader = ReflectionShader(SMALL, BOX)
     assert isinstance(shader, Shader)
     shader.lit.fill_(False)
-    blended = buffers(camera(), 3)
-    assert shader.shade(blended, camera(), GREY) is blended["rgb"]
+    assert shader.needs == {"rgb": 3}
+    image = buffers(camera(), 3)["rgb"]
+    for want in Want:
+        shown = shader.shade(image, torch.ones_like(image[..., :1]), camera(), GREY, want)
+        assert shown.color is image
+        assert shown.backward(image, Gradients()) == (image, None)
 
 
 def test_only_pixels_that_are_opaque_enough_are_shaded():
     blended = buffers(camera(), 3)
     blended["alpha"][2, 3], blended["alpha"][2, 4] = FAINTEST_SHADED, 1.01 * FAINTEST_SHADED
-    changed = (ReflectionShader(SMALL, BOX).shade(blended, camera(), GREY) != blended["rgb"]).any(-1)
+    changed = (shaded(ReflectionShader(SMALL, BOX), blended, camera(), GREY) != blended["rgb"]).any(-1)
     assert torch.equal(changed, blended["alpha"][..., 0] > FAINTEST_SHADED)
 
 
@@ -53,8 +60,9 @@ def test_what_is_added_does_not_depend_on_the_background():
     view, shader = camera(), ReflectionShader(SMALL, BOX)
     blended = buffers(view, 3)
     over_black = blended | {"rgb": blended["rgb"] - (1 - blended["alpha"]) * GREY}
-    on_grey = shader.shade(blended, view, GREY) - blended["rgb"]
-    torch.testing.assert_close(shader.shade(over_black, view, BLACK) - over_black["rgb"], on_grey, rtol=0, atol=1e-5)
+    on_grey = shaded(shader, blended, view, GREY) - blended["rgb"]
+    on_black = shaded(shader, over_black, view, BLACK) - over_black["rgb"]
+    torch.testing.assert_close(on_black, on_grey, rtol=0, atol=1e-5)
 
 
 def test_surfaces_are_where_the_camera_saw_them():
@@ -81,7 +89,7 @@ def test_a_mirror_shows_what_stands_in_the_reflected_direction():
     view = Camera(torch.eye(4), (100.0, 100.0), (0.5, 0.5), 1, 1)  # one pixel, looking along +z
     blended = buffers(view, 0) | {"alpha": torch.ones(1, 1, 1), "rgb": torch.zeros(1, 1, 3)}
     for normal, expected in (((1.0, 0.0, 0.0), 1.0), ((0.0, 0.0, -1.0), 0.0), ((1.0, 0.0, -1.0), 0.0)):
-        color = shader.shade(blended | {"normal": torch.tensor([[normal]])}, view, BLACK)
+        color = shaded(shader, blended | {"normal": torch.tensor([[normal]])}, view, BLACK)
         torch.testing.assert_close(color, torch.full((1, 1, 3), expected))
 
 
@@ -101,11 +109,32 @@ def test_gradients(kind: str):
     def color(*tensors: torch.Tensor) -> torch.Tensor:
         surface = dict(zip(leaves, tensors, strict=False))
         # With the depth's mean kept, numerical gradients see no way through the point where the analytical have none.
-        return shader.shade(surface | {"depth": surface.pop("mean depth") * surface["alpha"]}, view, GREY)
+        return shader.reference(surface | {"depth": surface.pop("mean depth") * surface["alpha"]}, view, GREY)
 
     color(*leaves.values()).sum().backward()
     assert all(parameter.grad is not None for parameter in shader.parameters())
     assert torch.autograd.gradcheck(color, (*leaves.values(), *shader.parameters()))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_way_back_by_torch_is_autograds(kind: str):
+    """What no kernel takes is shaded by the reference: the record's gradients are those of its plain graph."""
+    settings, view = KINDS[kind], camera(7, 5)
+    shader, blended = ReflectionShader(settings, BOX).double(), buffers(view, settings.latents, dtype=torch.float64)
+    upstream = torch.randn(5, 7, 3, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    found = []
+    for color_of in (shader.reference, lambda *view: shaded(shader, *view)):
+        leaves = {name: values.clone().requires_grad_() for name, values in blended.items()}
+        shader.zero_grad()
+        color = color_of(leaves, view, GREY)
+        color.backward(upstream)
+        gradients = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None and leaf.grad.any()}
+        found.append([color.detach(), gradients | {name: p.grad for name, p in shader.named_parameters()}])
+    (expected, by_graph), (color, by_record) = found
+    assert torch.equal(color, expected)
+    assert by_record.keys() == by_graph.keys()
+    for name, gradient in by_graph.items():
+        torch.testing.assert_close(by_record[name], gradient, rtol=1e-12, atol=1e-12)
 
 
 def test_the_seed_decides_where_it_starts():

@@ -1,4 +1,4 @@
-"""The fused reflection shader against its torch twin in float64, in value and in every gradient.
+"""The fused reflection shader against its torch reference in float64, in value and in every gradient.
 
 ReLU, the cells of maps and the square's folds have kinks where float32 and float64 may take different sides; the
 comparison allows for a few such pixels where one wrong side shows at all. Where layers multiply in bfloat16, tolerances
@@ -17,10 +17,12 @@ from torch import Tensor, nn
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
+from ringlight.core.want import Want
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_kernel import kernel_takes
 from ringlight.shade.reflection_settings import ReflectionSettings
+from torch_graph import image_of, shaded
 
 BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 VALUE_TOLERANCE = 0.03 if BF16 else 2e-5
@@ -69,10 +71,10 @@ def leave_kinks(shader: ReflectionShader) -> None:
 
 
 def run(shader: ReflectionShader, blended: Channels, view: Camera, seed: int = 0) -> Result:
-    """The kernel for float32, the twin for float64."""
+    """The kernel for float32, the reference for float64."""
     shader.zero_grad()
     leaves = {name: values.detach().clone().requires_grad_() for name, values in blended.items()}
-    color = shader.shade(leaves, view, GREY)
+    color = shaded(shader, leaves, view, GREY)
     upstream = torch.randn(color.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     color.backward(upstream.to(color))
     gradients = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
@@ -101,11 +103,13 @@ def assert_equal(shader: ReflectionShader, blended: Channels, view: Camera) -> N
     assert found.color.dtype == torch.float32
     scale = expected.color.abs().max()
     assert (found.color - expected.color).abs().max() <= VALUE_TOLERANCE * scale
-    if not shader.settings.depth_gradient and "depth" in found.gradients:
-        assert not found.gradients.pop("depth").any()
+    if not shader.settings.depth_gradient and "depth" in shader.needs:
+        assert not any(result.gradients.pop("depth").any() for result in (found, expected))
     assert found.gradients.keys() == expected.gradients.keys()
     for name, gradient in expected.gradients.items():
-        error = (found.gradients[name] - gradient).abs().max().item() if gradient.numel() else 0.0
+        if not gradient.numel():  # of latents that there are none of
+            continue
+        error = (found.gradients[name] - gradient).abs().max().item()
         assert error <= GRADIENT_TOLERANCE * gradient.abs().max().item() + 1e-7, name
 
 
@@ -128,24 +132,27 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("size", [(1, 1), (13, 9), (70, 41)])
-def test_equals_the_twin(kind: str, size: tuple[int, int]):
+def test_equals_the_reference(kind: str, size: tuple[int, int]):
     chosen, view = KINDS[kind], camera(*size)
     blended = buffers(view, chosen.latents)
-    assert kernel_takes(chosen, blended)
+    assert kernel_takes(chosen, *blended.values())
     assert_equal(shader_with(chosen), blended, view)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_picture_without_gradient_has_the_same_bits(kind: str):
+def test_any_wish_gives_the_same_bits(kind: str):
     chosen, view = KINDS[kind], camera(70, 41)
     shader, blended = shader_with(chosen), buffers(view, chosen.latents)
-    recorded = shader.shade({name: values.clone().requires_grad_() for name, values in blended.items()}, view, GREY)
+    image, alpha = image_of(shader, blended), blended["alpha"]
+    shown = [shader.shade(image, alpha, view, GREY, want).color for want in Want]
     with torch.no_grad():
-        assert torch.equal(shader.shade(blended, view, GREY), recorded)
+        shown += [shader.shade(image, alpha, view, GREY, want).color for want in Want]
+    assert all(torch.equal(other, shown[0]) for other in shown[1:])
+    assert not any(color.requires_grad for color in shown)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_pixels_drawn_by_lot_are_the_twins(share: float):
+def test_importance_sampled_pixels_are_the_references(share: float):
     """The same lots, for they are made of the same bits."""
     chosen, view = replace(SMALL, gradient_share=share, axis_nodes=5), camera(70, 41)
     shader = shader_with(chosen)
@@ -153,7 +160,7 @@ def test_pixels_drawn_by_lot_are_the_twins(share: float):
     found = run(shader, blended, view)
     leaves = {name: values.double().requires_grad_() for name, values in blended.items()}
     exact = shader.double()
-    color = exact.twin(leaves, view, GREY, share)
+    color = exact.reference(leaves, view, GREY, share)
     exact.zero_grad()
     upstream = torch.randn(color.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     color.backward(upstream)
@@ -179,7 +186,7 @@ def test_pixels_drawn_by_lot_are_the_twins(share: float):
     seed=st.integers(0, 1000),
 )
 @settings(max_examples=40, deadline=None, derandomize=True)
-def test_equals_the_twin_for_any_shape(
+def test_equals_the_reference_for_any_shape(
     hidden: int, layers: int, latents: int, levels: list[int], quads: int, shells: int, axis_nodes: int,
     flags: tuple[bool, bool], size: tuple[int, int], seed: int,
 ):  # fmt: skip
@@ -192,14 +199,14 @@ def test_equals_the_twin_for_any_shape(
     assert_equal(shader_with(chosen, seed), buffers(view, latents, seed), view)
 
 
-def test_the_default_shader_differs_from_its_exact_twin_by_less_than_a_thousandth_of_the_range():
+def test_the_default_shader_differs_from_its_exact_reference_by_less_than_a_thousandth_of_the_range():
     view, shader = camera(60, 40), shader_with(ReflectionSettings(), far_from_kinks=False)
     blended = buffers(view)
     blended["alpha"] = (blended["alpha"] > 0).to(blended["rgb"])
     double = {name: values.double() for name, values in blended.items()}
     with torch.no_grad():
         shader.mlp[-1].weight.mul_(5)  # residuals as large as learned ones
-        fast, slow = shader.shade(blended, view, GREY), shader.double().shade(double, view, GREY)
+        fast, slow = shaded(shader, blended, view, GREY), shaded(shader.double(), double, view, GREY)
     assert (slow - double["rgb"]).square().mean().sqrt() > 0.02
     assert (fast - slow).square().mean().sqrt() <= 1e-3
 
@@ -211,15 +218,6 @@ def test_a_picture_without_surface_is_handed_on():
     result = run(shader, blended, view)
     assert torch.equal(result.color, blended["rgb"])
     assert not any(gradient.any() for name, gradient in result.gradients.items() if name != "rgb")
-
-
-def test_rendering_keeps_no_graph_and_gives_the_same():
-    view, shader = camera(), shader_with(SMALL)
-    blended = buffers(view, 3)
-    with torch.no_grad():
-        shown = shader.shade(blended, view, GREY)
-    assert not shown.requires_grad
-    assert torch.equal(shown, shader.shade(blended, view, GREY))
 
 
 def test_the_same_bits_for_any_number_of_threads():
@@ -239,8 +237,8 @@ def test_the_same_bits_for_any_number_of_threads():
 
 
 @pytest.mark.parametrize("chosen", [replace(SMALL, features=6), replace(SMALL, hidden=200), replace(SMALL, latents=20)])
-def test_what_the_kernel_cannot_do_the_twin_does(chosen: ReflectionSettings):
+def test_what_the_kernel_cannot_do_the_reference_does(chosen: ReflectionSettings):
     view = camera(5, 4)
     blended = buffers(view, chosen.latents)
-    assert not kernel_takes(chosen, blended)
-    assert ReflectionShader(chosen, BOX).shade(blended, view, GREY).shape == (4, 5, 3)
+    assert not kernel_takes(chosen, *blended.values())
+    assert shaded(ReflectionShader(chosen, BOX), blended, view, GREY).shape == (4, 5, 3)

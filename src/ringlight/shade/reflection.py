@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight import _kernels
-from ringlight.core.by_autograd import ByAutograd, add_to
+from ringlight.core.by_autograd import ByAutograd, Named, add_to
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.gradients import SHADER, Gradients
@@ -161,7 +161,7 @@ class ReflectionShader(nn.Module):
         """As :meth:`shade`, by :meth:`reference` and torch's autograd."""
         names, widths = zip(*self.needs.items(), strict=True)
 
-        def shade(inputs: Channels) -> Channels:
+        def shade(inputs: Named) -> Named:
             parts = inputs["image"].split(widths, -1)
             buffers = dict(zip(names, parts, strict=True)) | {"alpha": inputs["alpha"]}
             return {"color": self.reference(buffers, camera, background)}

@@ -1,21 +1,21 @@
-"""Pictures without gradients light only the rows that they show, and are the pictures that training sees."""
+"""Fast pictures light only the rows that they show, and are the pictures that training sees, but for 1/64 at most."""
 
 import dataclasses
 
 import pytest
 import torch
-from ringlight.rasterize.horizon import Horizon
 from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.bench.step import subject_of_workload
 from ringlight.bench.workload import Size, workload_camera
-from ringlight.color.ringlight import RingLight
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Emission, LazyColors, Raster, Rendering
+from ringlight.core.want import Want
 from ringlight.errors import BackendError
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.rasterize.contract import RasterOptions
 from small_recipes import with_settings
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
@@ -37,24 +37,31 @@ def lit_model(size: str, opacity: float, **light: object) -> SplatModel:
 
 
 def pictures(model: SplatModel, turn: float = 0.3) -> tuple[Tensor, Tensor]:
-    """Without gradients, where rows are lit late; and as training sees the model."""
+    """Fast, where rows are lit lazily; and as training sees the model."""
     camera = workload_camera(96, turn_y=turn)
-    with torch.no_grad():
-        late = model.render(camera, WHITE).color
-    return late, model.render(camera, WHITE).color.detach()
+    assert lazy_colors(model, camera) is not None
+    return picture(model, camera).color, model.render(camera, WHITE, Want.GRADIENTS).color
+
+
+def picture(model: SplatModel, camera: Camera, behind: Tensor = WHITE) -> Rendering:
+    return model.render(camera, behind, Want.PICTURE)
+
+
+def lazy_colors(model: SplatModel, camera: Camera) -> LazyColors | None:
+    return model.color.emit(model.gaussians, camera, ("rgb",), Want.PICTURE).lazy
 
 
 @pytest.mark.parametrize("light", [{}, {"mask": False}, {"latents": 0}, {"field": "cp"}, {"light_modulation": False}])
 def test_what_is_not_hidden_has_the_same_bits(light: dict[str, object]):
-    late, usual = pictures(lit_model("300@96", 0.2, **light))
+    lazy, usual = pictures(lit_model("300@96", 0.2, **light))
     assert usual.std() > 0.02
-    assert torch.equal(late, usual)
+    assert torch.equal(lazy, usual)
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 2.0])
 def test_behind_what_is_nearly_opaque_more_of_the_same_will_do(turn: float):
-    late, usual = pictures(lit_model("20k@96", 0.7), turn)
-    error = (late - usual).abs()
+    lazy, usual = pictures(lit_model("20k@96", 0.7), turn)
+    error = (lazy - usual).abs()
     assert 0 < error.max() <= DIM + ROUNDING
     assert error.square().mean().sqrt() < DIM / 16
 
@@ -66,26 +73,32 @@ def test_what_fills_up_a_block_has_the_colors_in_front():
         model.columns["base"].fill_(torch.tensor(0.25).logit().item())
         for part in ("weight", "bias"):
             model.get_parameter(f"color.shading.render.4.{part}").zero_()
-        drawn = model.render(camera, torch.zeros(3))
+    drawn = picture(model, camera, torch.zeros(3))
     opaque = drawn.alpha == 1
     assert opaque.any()
     assert (drawn.color[opaque.expand(-1, -1, 3)] - 0.25).abs().max() < ROUNDING
 
 
+def drawn_lazily(model: SplatModel, checked: Tensor, lazy: LazyColors, camera: Camera) -> Raster:
+    """Nobody can fall back on all rows."""
+
+    def never() -> Tensor:
+        raise AssertionError("all rows were asked for")
+
+    emission = Emission({"rgb": 3}, dataclasses.replace(lazy, checked=checked, all_rows=never))
+    return model.rasterize.draw(model.gaussians, emission, camera, WHITE, model.options, Want.PICTURE)
+
+
 def test_what_is_checked_does_not_show_unless_it_is_not_finite():
     model, camera = lit_model("20k@96", 0.7), workload_camera(96)
-    gaussians = model.gaussians
-    late = model.color.late(gaussians, camera)
-    ones = torch.ones_like(gaussians.means)
-    with torch.no_grad():
-        usual, shown = (
-            model.rasterize.draw_late(gaussians, checked, late.kernel, camera, WHITE, model.options)
-            for checked in (late.checked, ones)
-        )
+    lazy, ones = lazy_colors(model, camera), torch.ones_like(model.gaussians.means)
+    assert lazy is not None
+    usual, shown = (drawn_lazily(model, checked, lazy, camera) for checked in (lazy.checked, ones))
     assert torch.equal(usual.image, shown.image)
     assert torch.equal(usual.alpha, shown.alpha)
     lost = ones.index_fill(0, torch.tensor([len(ones) - 1]), torch.nan)
-    assert model.rasterize.draw_late(gaussians, lost, late.kernel, camera, WHITE, model.options) is None
+    with pytest.raises(AssertionError, match="all rows were asked for"):
+        drawn_lazily(model, lost, lazy, camera)
 
 
 def test_any_number_of_threads_gives_the_same_bits():
@@ -93,55 +106,43 @@ def test_any_number_of_threads_gives_the_same_bits():
     found = []
     for threads in (1, 2, 4, 4, 4):
         _kernels.set_threads(threads)
-        with torch.no_grad():
-            found.append(model.render(camera, WHITE).color)
-    assert all(torch.equal(picture, found[0]) for picture in found)
+        found.append(picture(model, camera).color)
+    assert all(torch.equal(other, found[0]) for other in found)
 
 
 def test_what_is_not_finite_is_named_as_ever():
     model = lit_model("300@96", 0.5)
     with torch.no_grad():
         model.columns["latents"][7] = torch.nan
-    with torch.no_grad(), pytest.raises(BackendError, match="channels"):
-        model.render(workload_camera(96), WHITE)
+    with pytest.raises(BackendError, match="channels"):
+        picture(model, workload_camera(96))
 
 
 def test_a_camera_that_is_not_finite_is_named_as_ever():
     model, camera = lit_model("300@96", 0.5), workload_camera(96)
     lost = dataclasses.replace(camera, focal=(float("nan"), 1.0))
-    with torch.no_grad(), pytest.raises(BackendError, match="lens"):
-        model.render(lost, WHITE)
+    with pytest.raises(BackendError, match="lens"):
+        picture(model, lost)
 
 
-def test_late_colors_of_another_table_are_refused():
-    """Of fewer rows the kernels would read what is not there, and a horizon promises training's bits."""
+def test_lazy_colors_of_another_table_are_refused():
+    """Of fewer rows the kernels would read what is not there."""
     model, camera = lit_model("300@96", 0.5), workload_camera(96)
-    assert isinstance(model.color, RingLight)
-    gaussians = model.gaussians
-    fewer = gaussians.rows(torch.arange(200))
-    late = model.color.late(fewer, camera)
-    assert late is not None
-    assert model.rasterize.draw_late(fewer, late.checked, late.kernel, camera, WHITE) is not None
-    with torch.no_grad():
-        assert model.rasterize.draw_late(gaussians, gaussians.means, late.kernel, camera, WHITE) is None
-        seen = RasterOptions(horizon=Horizon())
-        assert model.rasterize.draw_late(fewer, late.checked, late.kernel, camera, WHITE, seen) is None
+    fewer = model.gaussians.rows(torch.arange(200))
+    lazy = model.color.emit(fewer, camera, ("rgb",), Want.PICTURE).lazy
+    assert lazy is not None
+    with pytest.raises(AssertionError, match="all rows were asked for"):
+        drawn_lazily(model, model.gaussians.means, lazy, camera)
 
 
-def test_where_it_does_not_apply_the_usual_way_is_taken(monkeypatch: pytest.MonkeyPatch):
+def test_where_it_does_not_apply_the_usual_way_is_taken():
     camera = workload_camera(96)
     exact = lit_model("300@96", 0.5, evaluation="exact")
-    assert isinstance(exact.color, RingLight)
-    assert exact.color.late(exact.gaussians, camera) is None
-    model = lit_model("300@96", 0.5)
-    model.get_buffer("color.lit").fill_(False)
-    assert isinstance(model.color, RingLight)
-    assert model.color.late(model.gaussians, camera) is None
-    lit = lit_model("20k@96", 0.7)
-
-    def never(*_: object) -> None:
-        raise AssertionError("a view with a horizon wants training's bits")
-
-    monkeypatch.setattr(lit.rasterize, "draw_late", never)
-    with torch.no_grad():
-        lit.render(camera, WHITE, Horizon())
+    assert lazy_colors(exact, camera) is None
+    unlit = lit_model("300@96", 0.5)
+    unlit.get_buffer("color.lit").fill_(False)
+    assert lazy_colors(unlit, camera) is None
+    for model in (exact, unlit):
+        assert torch.equal(picture(model, camera).color, model.render(camera, WHITE, Want.GRADIENTS).color)
+    lit = lit_model("300@96", 0.5)
+    assert lit.color.emit(lit.gaussians, camera, ("rgb",), Want.EXACT).lazy is None
