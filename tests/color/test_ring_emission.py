@@ -7,7 +7,7 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.bench.step import subject_of_workload
 from ringlight.bench.workload import Size, workload_camera
-from ringlight.color.ring_kernel import late_light, ring_parameters
+from ringlight.color.ring_kernel import lazy_light, ring_parameters
 from ringlight.color.ringlight import RingLight
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
@@ -129,7 +129,7 @@ def test_a_row_that_fills_up_a_group_may_be_anything_unless_it_is_asked_for():
     base, latents = gaussians.appearance["base"], gaussians.appearance["latents"]
     parameters = ring_parameters(color.tables(Want.EXACT), color.shading, color.layers_of_shading)
     for colors in (None, torch.zeros_like(base)):
-        kernel = late_light(gaussians.means, color.frame(camera), base, latents, parameters, colors)
+        kernel = lazy_light(gaussians.means, color.frame(camera), base, latents, parameters, colors)
         raster = drawn_lazily(model, gaussians, base, kernel, camera)
         assert raster.image.isfinite().all()
     assert colors[260].isnan().all()  # lit, and not shown

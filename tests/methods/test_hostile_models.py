@@ -153,7 +153,7 @@ def test_a_state_that_counts_what_cannot_be_is_refused(name: str, number: int) -
         refuse_misfits(state | {name: torch.full_like(state[name], number)}, training)
 
 
-def test_a_state_with_views_of_other_rows_than_pulls_is_refused() -> None:
+def test_a_state_with_views_of_other_rows_than_gradients_is_refused() -> None:
     training = training_of("3dgs")
     with pytest.raises(ValueError, match="views for 7"):
         training.restore(training.state() | {"strategy.1.views": torch.zeros(7)})

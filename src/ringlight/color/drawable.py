@@ -62,7 +62,7 @@ def view_numbers(camera: Camera) -> list[float]:
 def drawable(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "N"]:
     """False only for rows off the image, behind the camera, or too faint, whatever their orientation.
 
-    The slow twin of :func:`drawable_rows`. The projected standard deviation is at most the largest scale times the
+    The reference of :func:`drawable_rows`. The projected standard deviation is at most the largest scale times the
     Frobenius norm of the projection's Jacobian. Rows with a non-finite centre are False.
     """
     matrix = camera.world_to_camera.to(gaussians.means)

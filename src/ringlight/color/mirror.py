@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
 from ringlight.color.mirror_kernel import kernel_takes, mirror_view
-from ringlight.color.ringlight import BASE, DARKEST, LATENT_SPREAD, LATENTS
+from ringlight.color.ringlight import BASE, DARKEST, LATENT_DEVIATION, LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
@@ -54,7 +54,7 @@ class Mirror(nn.Module):
         return {
             BASE: points.colors.clamp(DARKEST, 1 - DARKEST).logit(),
             NORMALS: normals.clone().contiguous(),
-            LATENTS: LATENT_SPREAD * noise.to(points.colors),
+            LATENTS: LATENT_DEVIATION * noise.to(points.colors),
         }
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:

@@ -108,7 +108,7 @@ def light_gradients(lit: Lit, grad_color: Float[Tensor, "N 3"], share: float, wo
     """Gradients of the base colours' logits, of the latents and of each parameter, in this order.
 
     The same bits for any number of threads. The gradient of rows whose colour got none is not computed; of the others
-    at most ``share`` are expected to be, see ``core/lot.py``.
+    at most ``share`` are expected to be, see ``core/importance_sampling.py``.
     """
     rows, leaves = lit.rows, [lit.base, lit.latents, *lit.parameters]
     grad_base, grad_latents, *grad_parameters = gradients = [torch.empty_like(leaf) for leaf in leaves]
@@ -135,7 +135,7 @@ def light_layers(
 
 
 @torch.no_grad()
-def late_light(
+def lazy_light(
     means: Float[Tensor, "N 3"],
     camera: _kernels.Camera,
     box: Float[Tensor, "2 3"],

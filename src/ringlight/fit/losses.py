@@ -98,7 +98,7 @@ def _workspace(image: Tensor) -> Tensor:
 def photometric_reference(
     planar: Float[Tensor, "3 H W"], target: Float[Tensor, "3 H W"], settings: PhotometricLoss
 ) -> Float[Tensor, ""]:
-    """The same loss in plain torch, on any device and in any precision: the slow twin of the kernels."""
+    """The same loss in plain torch, on any device and in any precision: the reference of the kernels."""
     difference = planar - target
     pixel = difference.abs().mean() if settings.pixel == "l1" else difference.square().mean()
     dissimilarity = 1 - ssim_map(planar, target).mean()

@@ -2,7 +2,7 @@
 
 The windowed means are separable, so each is one pass along rows and one along columns. SSIM's gradient needs three
 more blurred maps: dS/dmean, dS/d(mean of squares) and dS/d(mean of products); what depends on the photograph alone is
-blurred once, when it becomes a target. The slow twin is ``photometric_reference``.
+blurred once, when it becomes a target. The reference is ``photometric_reference``.
 """
 
 import torch
@@ -73,14 +73,14 @@ def _compare(
     under1 = mean * mean + other * other + C1
     under2 = (square - mean * mean) + (other_square - other * other) + C2
     similarity = over1 * over2 / (under1 * under2)
-    by_product = 2 * over1 / (under1 * under2)
-    by_square = -similarity / under2
-    by_mean = 2 * other * over2 / (under1 * under2) - 2 * mean * similarity / under1
-    by_mean += -2 * mean * by_square - other * by_product
+    grad_product = 2 * over1 / (under1 * under2)
+    grad_square = -similarity / under2
+    grad_mean = 2 * other * over2 / (under1 * under2) - 2 * mean * similarity / under1
+    grad_mean += -2 * mean * grad_square - other * grad_product
     to = slopes + channel * count + pixel
-    tl.store(to, by_mean, mask=valid)
-    tl.store(to + 3 * count, by_square, mask=valid)
-    tl.store(to + 6 * count, by_product, mask=valid)
+    tl.store(to, grad_mean, mask=valid)
+    tl.store(to + 3 * count, grad_square, mask=valid)
+    tl.store(to + 6 * count, grad_product, mask=valid)
     ours = tl.load(image + channel * step_c + y * step_y + x * step_x, mask=valid, other=0.0)
     theirs = tl.load(target + channel * count + pixel, mask=valid, other=0.0)
     difference = ours - theirs
@@ -117,17 +117,17 @@ def _gradient(
     y, x = pixel // width, pixel % width
     valid = pixel < count
     at = maps + channel * count + pixel
-    by_mean = tl.zeros((SIZE,), tl.float32)
-    by_square = tl.zeros((SIZE,), tl.float32)
-    by_product = tl.zeros((SIZE,), tl.float32)
+    grad_mean = tl.zeros((SIZE,), tl.float32)
+    grad_square = tl.zeros((SIZE,), tl.float32)
+    grad_product = tl.zeros((SIZE,), tl.float32)
     for tap in range(2 * REACH + 1):
         row = y + tap - REACH
         inside = valid & (row >= 0) & (row < height)
         weight = tl.load(weights + tap)
         away = (tap - REACH) * width
-        by_mean += weight * tl.load(at + away, mask=inside, other=0.0)
-        by_square += weight * tl.load(at + 3 * count + away, mask=inside, other=0.0)
-        by_product += weight * tl.load(at + 6 * count + away, mask=inside, other=0.0)
+        grad_mean += weight * tl.load(at + away, mask=inside, other=0.0)
+        grad_square += weight * tl.load(at + 3 * count + away, mask=inside, other=0.0)
+        grad_product += weight * tl.load(at + 6 * count + away, mask=inside, other=0.0)
     place = channel * step_c + y * step_y + x * step_x
     ours = tl.load(image + place, mask=valid, other=0.0)
     theirs = tl.load(target + channel * count + pixel, mask=valid, other=0.0)
@@ -136,7 +136,7 @@ def _gradient(
         slope = 2 * difference
     else:
         slope = tl.where(difference > 0, 1.0, tl.where(difference < 0, -1.0, 0.0))
-    total = pixel_weight * slope - ssim_weight * (by_mean + 2 * ours * by_square + theirs * by_product)
+    total = pixel_weight * slope - ssim_weight * (grad_mean + 2 * ours * grad_square + theirs * grad_product)
     tl.store(gradient + place, total, mask=valid)
 
 

@@ -64,14 +64,14 @@ class Job:
         self,
         workspace: "_kernels.Workspace",
         table: Table,
-        late: "_kernels.LateColors | None" = None,
+        lazy: "_kernels.LateColors | None" = None,
         shader: "_kernels.PictureShader | None" = None,
         blended: Float[Tensor, "C H W"] | None = None,
         early_stop: bool = False,
     ) -> tuple[Float[Tensor, "P H W"], Float[Tensor, "H W"]]:
         """The planar image, or of a ``shader``'s colours, and alpha; fills in the footprint.
 
-        ``late`` goes before the table's channels. ``blended`` keeps what the shader was given.
+        ``lazy`` goes before the table's channels. ``blended`` keeps what the shader was given.
         With ``early_stop`` the last 1/64 of a pixel's light may be what lies in front of it, and there is no way back.
         """
         planes = len(self.background) if shader is None else 3
@@ -79,7 +79,7 @@ class Job:
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
             workspace.forward(
-                self.native(table), self.camera, self.settings, image, alpha, *marks, late, shader, blended, early_stop
+                self.native(table), self.camera, self.settings, image, alpha, *marks, lazy, shader, blended, early_stop
             )
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)

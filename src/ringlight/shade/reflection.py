@@ -16,7 +16,7 @@ from ringlight.core.by_autograd import ByAutograd, Named, add_to
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.gradients import SHADER, Gradients
-from ringlight.core.lot import by_lot
+from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, ImageGradients, Shaded
 from ringlight.core.want import Want
@@ -186,7 +186,7 @@ class ReflectionShader(nn.Module):
     ) -> Float[Tensor, "H W 3"]:
         """What the kernel computes, in torch and in any precision. Here ``gradient_share`` saves no time."""
         pixels = covered_pixels(buffers, camera, background, self.settings.depth_gradient)
-        added = by_lot(pixels.alpha * self.mlp(self._inputs(pixels)), gradient_share)
+        added = importance_sampled(pixels.alpha * self.mlp(self._inputs(pixels)), gradient_share)
         rgb = buffers["rgb"]
         residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)
         return rgb + residual.unflatten(1, rgb.shape[:2]).permute(1, 2, 0)

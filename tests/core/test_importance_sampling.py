@@ -5,7 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ringlight.core.lot import by_lot, weights_by_lot
+from ringlight.core.importance_sampling import importance_sampled, importance_weights
 
 
 def heavy_tailed(count: int, seed: int) -> torch.Tensor:
@@ -19,7 +19,7 @@ def heavy_tailed(count: int, seed: int) -> torch.Tensor:
 def test_what_is_drawn_counts_for_all(count, seed, share):
     """Weights average to one over many lots, that is over gradients whose last bits differ."""
     gradient = heavy_tailed(count, seed)
-    lots = [weights_by_lot(gradient * (1 + 1e-5 * k), share) for k in range(300)]
+    lots = [importance_weights(gradient * (1 + 1e-5 * k), share) for k in range(300)]
     mean = torch.stack(lots).mean(0)
     sizes = gradient.abs().sum(-1)
     error = ((mean - 1) * sizes).sum().abs() / sizes.sum()
@@ -30,14 +30,14 @@ def test_what_is_drawn_counts_for_all(count, seed, share):
 
 def test_neighbours_are_drawn_evenly():
     """Equal chances of a quarter: every fourth row, from any start."""
-    drawn = weights_by_lot(torch.full((64, 3), 0.3), 0.25) > 0
+    drawn = importance_weights(torch.full((64, 3), 0.3), 0.25) > 0
     assert drawn.nonzero().flatten().diff().tolist() == [4] * 15
 
 
 def test_large_gradients_are_certain_and_weigh_one():
     gradient = torch.full((100, 3), 0.05)
     gradient[7] = 5.0
-    weights = weights_by_lot(gradient, 0.3)
+    weights = importance_weights(gradient, 0.3)
     assert weights[7] == 1
     assert 1 < (weights > 0).sum() < 60
     assert weights.max() > 1
@@ -46,23 +46,23 @@ def test_large_gradients_are_certain_and_weigh_one():
 def test_rows_without_gradient_are_never_drawn_and_do_not_count():
     gradient = heavy_tailed(200, 3)
     gradient[::2] = 0
-    weights = weights_by_lot(gradient, 0.5)
+    weights = importance_weights(gradient, 0.5)
     assert not weights[::2].any()
-    assert torch.equal(weights[1::2], weights_by_lot(gradient[1::2], 0.5))
+    assert torch.equal(weights[1::2], importance_weights(gradient[1::2], 0.5))
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
 def test_a_gradient_that_is_no_number_is_not_hidden(bad):
     gradient = heavy_tailed(50, 3)
     gradient[20, 1] = bad
-    assert torch.equal(weights_by_lot(gradient, 0.2), torch.ones(50))
+    assert torch.equal(importance_weights(gradient, 0.2), torch.ones(50))
 
 
 def test_values_pass_and_gradients_are_weighted():
     values = torch.randn(80, 3, requires_grad=True)
     upstream = heavy_tailed(80, 1)
-    drawn = by_lot(values, 0.4)
+    drawn = importance_sampled(values, 0.4)
     assert torch.equal(drawn, values)
     drawn.backward(upstream)
-    assert torch.equal(values.grad, upstream * weights_by_lot(upstream, 0.4)[:, None])
-    assert by_lot(values, 1.0) is values
+    assert torch.equal(values.grad, upstream * importance_weights(upstream, 0.4)[:, None])
+    assert importance_sampled(values, 1.0) is values

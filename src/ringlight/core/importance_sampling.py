@@ -1,4 +1,4 @@
-"""Which rows of a backward pass are computed: the twin of kernels/step/importance_sampling.isa.hpp.
+"""Which rows of a backward pass are computed: the reference of kernels/step/importance_sampling.isa.hpp.
 
 A row is drawn with a chance in proportion to its upstream gradient, up to certainty, and what is drawn counts
 1 / chance: the expectation is the whole gradient, most of which a few rows hold (importance sampling). Chances are laid
@@ -19,20 +19,20 @@ MIXING = ((16, 0x7FEB352D), (15, 0x846CA68B), (16, 1))
 """Shifts and factors of Chris Wellons' lowbias32, a public-domain mixing of 32 bits."""
 
 
-def by_lot(values: Float[Tensor, "K 3"], share: float) -> Float[Tensor, "K 3"]:
+def importance_sampled(values: Float[Tensor, "K 3"], share: float) -> Float[Tensor, "K 3"]:
     """The values as they are. Backwards, at most ``share`` of the rows that have a gradient hand it on."""
     if share >= 1:
         return values
-    drawn: Tensor = _ByLot.apply(values, share)
+    drawn: Tensor = _ImportanceSampled.apply(values, share)
     return drawn
 
 
-def weights_by_lot(gradient: Float[Tensor, "K 3"], share: float) -> Float[Tensor, "K"]:
+def importance_weights(gradient: Float[Tensor, "K 3"], share: float) -> Float[Tensor, "K"]:
     """What each row counts: 0 if it was not drawn, else 1 / chance. Ones if a gradient is no finite number."""
     exact = gradient.float()
     sizes = exact[:, 0].abs() + exact[:, 1].abs() + exact[:, 2].abs()
-    sloped = int((sizes != 0).sum())
-    certain = (sizes.double().sum() / (share * max(sloped, 1))).float()
+    with_gradient = int((sizes != 0).sum())
+    certain = (sizes.double().sum() / (share * max(with_gradient, 1))).float()
     if not certain.isfinite():
         return torch.ones_like(sizes)
     chances = torch.where(sizes < certain, (sizes / certain * CERTAINTY).long(), CERTAINTY)
@@ -50,7 +50,7 @@ def _random_start(seed: Float[Tensor, ""]) -> int:
     return mixed
 
 
-class _ByLot(torch.autograd.Function):
+class _ImportanceSampled(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, values: Tensor, share: float) -> Tensor:
         ctx.share = share
@@ -59,4 +59,4 @@ class _ByLot(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
-        return gradient * weights_by_lot(gradient, ctx.share)[:, None].to(gradient), None
+        return gradient * importance_weights(gradient, ctx.share)[:, None].to(gradient), None
