@@ -8,7 +8,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.fields.networks import PerceptronStack
 from ringlight.fields.perceptron_kernel import stack_at
-from ringlight.fit.losses import Target, photometric_gradient
+from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.measure.metrics import ssim_same
 from ringlight.rasterize.cpu import CpuRasterizer

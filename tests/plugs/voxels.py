@@ -22,7 +22,7 @@ from ringlight.core.rendering import Channels, Rendering
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
-from ringlight.fit.loss import Compared
+from ringlight.fit.losses.contract import Compared
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.train import Training

@@ -12,7 +12,7 @@ from ringlight.bench.record import Circumstances
 from ringlight.bench.timing import SHORTEST_MS, Budget, Contestant, Timing, interleaved
 from ringlight.core.randomness import generator
 from ringlight.errors import RecipeError
-from ringlight.fit.losses import Target, photometric_gradient, photometric_reference
+from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient, photometric_reference
 from ringlight.fit.photometric import PhotometricLoss
 
 MOST_PIXELS = 8192

@@ -9,7 +9,7 @@ from ringlight.color.contract import ColorModel
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.data.batches import ImageBatches
-from ringlight.fit.loss import PhotographLoss
+from ringlight.fit.losses.photographs import PhotographLoss
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam

@@ -80,7 +80,7 @@ def _native_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -
 
 
 def _triton_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -> tuple[Tensor, Tensor]:
-    from ringlight.fit.photometric_triton import photometric_by_triton
+    from ringlight.fit.losses.photometric_triton import photometric_by_triton
 
     return photometric_by_triton(
         color, target.image, target.blur, target.square_blur, window_weights(color), (C1, C2),
