@@ -13,6 +13,7 @@ from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, Rate
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.cpu import CpuRasterizer
+from torch_graph import drawn
 
 
 @pytest.mark.parametrize("options", [RasterOptions(), RasterOptions(antialiased=True, absgrad=True)])
@@ -20,7 +21,8 @@ def test_image_and_gradients_are_the_rasterizers(options):
     work = workload(Size(300, 40))
     factor = torch.linspace(0.2, 1, 300)
     leaves = {name: getattr(work.gaussians, name).clone().requires_grad_() for name in GEOMETRY}
-    raster = CpuRasterizer()(Gaussians.from_columns(leaves), work.channels, work.camera, torch.ones(3), options, factor)
+    table, white = Gaussians.from_columns(leaves), torch.ones(3)
+    raster = drawn(CpuRasterizer(), table, work.channels, work.camera, white, options, factor)
     upstream = torch.randn(3, 40, 40, generator=torch.Generator().manual_seed(0))
     raster.image.backward(upstream.permute(1, 2, 0))
     alone = RasterKernel(work.gaussians, work.channels, work.camera, torch.ones(3), options, factor)

@@ -1,7 +1,6 @@
 """The benchmark draws what it says: its two passes are the contract's, and a peer sees the same inputs."""
 
 import pytest
-import torch
 
 from ringlight.bench.against import against
 from ringlight.bench.raster import OurRaster, bench_raster, image_gradient
@@ -23,20 +22,11 @@ def test_rows_tell_size_and_what_was_visible():
     assert row.ours.both.wall_ms > 0
 
 
-def test_a_horizon_is_timed_beside_the_kernels_and_says_what_it_hid():
-    crowd = Size(100_000, 160)
-    (row,) = bench_raster([TINY], rasterizer_for("cpu"), ONE_ROUND)
-    assert row.with_horizon is None
-    (row,) = bench_raster([crowd], rasterizer_for("cpu"), ONE_ROUND, horizon=True)
-    assert row.with_horizon.both.wall_ms > 0
-    assert 0 < row.hidden < row.visible
-
-
 def test_a_peer_that_draws_the_same_differs_by_nothing():
-    def twin(work, upstream):
+    def ours(work, upstream):
         return OurRaster(work, upstream, rasterizer_for("cpu"))
 
-    (row,) = bench_raster([TINY], rasterizer_for("cpu"), ONE_ROUND, twin)
+    (row,) = bench_raster([TINY], rasterizer_for("cpu"), ONE_ROUND, ours)
     assert row.largest_difference == 0
     assert row.wall_ratio > 0
     assert row.cpu_ratio >= 0
@@ -52,13 +42,17 @@ def test_kernels_are_set_up_only_for_the_rasterizer_that_is_made_of_them(monkeyp
     assert row.pairs is None
 
 
-def test_gradients_are_those_of_all_inputs():
+def test_gradients_are_those_of_the_geometry():
     work = workload(TINY)
     ours = OurRaster(work, image_gradient(TINY), rasterizer_for("cpu"))
     ours.forward()
     ours.backward()
-    assert [g.shape for g in ours.gradients] == [leaf.shape for leaf in ours.leaves]
-    assert all(torch.isfinite(g).all() for g in ours.gradients)
+    columns = {f"columns.{name}": column for name, column in ours.gaussians.columns().items()}
+    assert ours.gradients.keys() == columns.keys()
+    for name, gradient in ours.gradients.items():
+        assert gradient.shape == columns[name].shape
+        assert gradient.isfinite().all()
+        assert gradient.any()
 
 
 def test_against_names_what_is_missing(tmp_path):

@@ -1,5 +1,6 @@
 """Times the product's own parts while it trains: what a step calls is timed where it is called, and back."""
 
+import copy
 import dataclasses
 import time
 from collections.abc import Callable
@@ -37,6 +38,7 @@ class Stopwatch:
         model = training.model
         if isinstance(model, SplatModel):  # nothing else has these seams
             self._watch(model.color, "emit", "colour forward", "colour backward")
+            model.rasterize = copy.copy(model.rasterize)  # others draw with it too, on watches of their own
             self._watch(model.rasterize, "draw", "raster forward", "raster backward")
             self._watch(model.shader, "shade", "shade forward", "shade backward")
 
