@@ -1,4 +1,4 @@
-"""Adam's kernel and its reference are torch's Adam, on many parameters at once, in all rows or in those that were drawn."""
+"""Adam's kernel and its reference are torch's Adam, on many parameters at once, in all rows or in those drawn."""
 
 import pytest
 import torch
