@@ -13,16 +13,18 @@ from ringlight.color.drawable import drawable, drawable_rows
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
-from ringlight.color.visibility_mask import straight_through_mask
+from ringlight.color.visibility_mask import mask_factor, mask_gradient
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
+from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, Rate
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
+from torch_graph import channels, shaded
 
 pytest.importorskip("ringlight._kernels", reason="needs the compiled module")
 
@@ -54,7 +56,7 @@ def test_harmonics(data: st.DataObject, count: int, degree: int, z: float):
     rest = data.draw(tensors(count, 15, 3, largest=LARGEST_COEFFICIENT))
     for leaf in (means, constant, rest):
         leaf.requires_grad_()
-    rgb = SphericalHarmonics(degree).channels(table(means, sh_dc=constant, sh_rest=rest), camera_at(z))["rgb"]
+    rgb = channels(SphericalHarmonics(degree), table(means, sh_dc=constant, sh_rest=rest), camera_at(z))["rgb"]
     rgb.backward(torch.randn(count, 3))
     assert_finite(rgb=rgb, means=means.grad, constant=constant.grad, rest=rest.grad)
 
@@ -65,9 +67,8 @@ def test_a_nan_among_the_harmonics_stays_in_its_row(data: st.DataObject, count: 
     row = data.draw(st.integers(0, count - 1))
     constant = torch.randn(count, 3)
     constant[row, 1] = NAN
-    rgb = SphericalHarmonics(3).channels(
-        table(torch.randn(count, 3), sh_dc=constant, sh_rest=torch.randn(count, 15, 3)), camera_at(4)
-    )["rgb"]
+    gaussians = table(torch.randn(count, 3), sh_dc=constant, sh_rest=torch.randn(count, 15, 3))
+    rgb = SphericalHarmonics(3).emit(gaussians, camera_at(4), ("rgb",), Want.EXACT).channels
     others = torch.arange(count) != row
     assert rgb[row, 1].isnan(), "hidden where the rasterizer would have reported it"
     assert_finite(others=rgb[others])
@@ -103,11 +104,10 @@ def test_rows_worth_a_color_are_rows_of_the_table(data: st.DataObject, count: in
 @fuzzed
 @given(data=st.data(), count=COUNTS)
 def test_visibility_mask(data: st.DataObject, count: int):
-    logits = data.draw(tensors(count)).requires_grad_()
-    factor = straight_through_mask(logits, 0.01)
-    factor.backward(torch.randn(factor.shape))
+    logits = data.draw(tensors(count))
+    factor = mask_factor(logits, 0.01)
     assert ((factor == 0) | (factor == 1)).all()
-    assert_finite(gradient=logits.grad)
+    assert_finite(gradient=mask_gradient(logits, torch.randn(count)))
 
 
 def steps_of_adam(value: Tensor, gradients: list[Tensor]) -> tuple[Tensor, int]:
@@ -149,7 +149,7 @@ def test_reflection_shader(data: st.DataObject, height: int, width: int, z: floa
     buffers = {name: plane.permute(1, 2, 0).requires_grad_() for name, plane in planes.items()}
     view = replace(camera_at(z), width=width, height=height)
     SHADER.zero_grad()
-    color = SHADER.shade(buffers, view, torch.ones(3))
+    color = shaded(SHADER, buffers, view, torch.ones(3))
     color.backward(torch.randn(color.shape))
     gradients = {name: leaf.grad for name, leaf in buffers.items() if name != "depth"}
     assert_finite(color=color, **gradients, **{n.replace(".", "_"): p.grad for n, p in SHADER.named_parameters()})
@@ -168,7 +168,7 @@ def test_ring_field(data: st.DataObject, count: int, z: float):
     }
     RING.zero_grad()
     gaussians = table(means, **(columns | leaves))
-    rgb = RING.channels(gaussians, camera_at(z))["rgb"]
+    rgb = channels(RING, gaussians, camera_at(z))["rgb"]
     rgb.backward(torch.randn(count, 3))
     gradients = {name.replace(".", "_"): p.grad for name, p in RING.named_parameters() if p.grad is not None}
     assert_finite(rgb=rgb, **{name: leaf.grad for name, leaf in leaves.items()}, **gradients)

@@ -1,4 +1,4 @@
-"""Every instruction set gives what the slow twins give, and no two share code. A process chooses once."""
+"""Every instruction set gives what the slow references give, and no two share code. A process chooses once."""
 
 import importlib.util
 import os
@@ -24,12 +24,13 @@ KERNEL_TESTS = (
     "rasterize/test_gradients.py",
     "color/test_harmonics.py",
     "color/test_ring_kernel.py",
-    "color/test_ringlight_direct.py",
+    "color/test_ring_emission.py",
     "color/test_drawable.py",
     "color/test_visibility_mask.py",
-    "models/test_late.py",
-    "models/test_direct.py",
+    "models/test_lazy.py",
+    "models/test_way_back.py",
     "models/test_picture.py",
+    "models/test_wants.py",
     "fields/test_perceptron_kernel.py",
     "color/test_mirror_kernel.py",
     "shade/test_reflection_kernel.py",
@@ -39,13 +40,13 @@ KERNEL_TESTS = (
     "bench/test_kernels_alone.py",
     "test_fuzz_kernels.py",
 )
-# Some that must be among them: to leave out the twin's own tests by name once left these out too.
+# Some that must be among them: to leave out the reference's own tests by name once left these out too.
 INDISPENSABLE = (
     "test_equals_the_reference_for_any_number_of_channels[cpu-False-3]",
     "test_equals_the_reference_for_any_image_size[cpu-True-size5]",
     "test_equals_the_reference_on_random_scenes[cpu]",
-    "test_moving_gaussians_leave_the_bits_alone",
-    "test_kernel_and_twin_equal_torch",
+    "test_lazy_colors_change_no_bit_of_a_step[light0-0.9]",
+    "test_kernel_and_reference_equal_torch",
 )
 
 
@@ -63,7 +64,7 @@ def answer(name: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["generic", "avx2", "avx512", "avx512_bf16", "avx512_amx"])
-def test_the_kernels_equal_their_twins(name: str):
+def test_the_kernels_equal_their_references(name: str):
     if _kernels.isa() == name:
         pytest.skip("the whole suite runs on it already")
     if answer(name) != name:

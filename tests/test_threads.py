@@ -13,6 +13,7 @@ import torch
 
 from ringlight import _kernels
 from ringlight.bench.workload import Size, workload
+from ringlight.core.rendering import Emission
 from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import train
@@ -43,8 +44,8 @@ def test_a_run_has_the_same_bits_for_any_number_of_threads(method: str):
 
 def picture() -> str:
     work = workload(Size(3000, 64))
-    with torch.no_grad():
-        raster = rasterizer_for("cpu")(work.gaussians, work.channels, work.camera, torch.zeros(3))
+    emission = Emission({"rgb": 3}, work.channels)
+    raster = rasterizer_for("cpu").draw(work.gaussians, emission, work.camera, torch.zeros(3))
     return hashlib.sha256(raster.image.contiguous().numpy().tobytes()).hexdigest()
 
 

@@ -27,8 +27,8 @@ def columns(blocks: Iterable[Block]) -> list[list[str]]:
 
 def test_steps_have_both_ratios(circumstances):
     rows = (
-        StepRow("3dgs", 20, FIRST, FIRST, {}, {}, 1.25, 1.5),
-        StepRow("ringlight-mirror", 100_000, SECOND, SECOND, {}, {}, None, None),
+        StepRow("3dgs", 20, FIRST, {}, {}, 1.25, 1.5),
+        StepRow("ringlight-mirror", 100_000, SECOND, {}, {}, None, None),
     )
     found = columns(step_tables(StepBench(circumstances, "a scene", "cpu", "8x8", rows)))
     assert found[-4:] == [["1.00", "0.75"], ["1.00", "2.50"], ["1.25", "-"], ["1.50", "-"]]

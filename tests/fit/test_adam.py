@@ -1,4 +1,4 @@
-"""Adam's kernel and its twin are torch's Adam, on many parameters at once, in all rows or in those that were drawn."""
+"""Adam's kernel and its reference are torch's Adam, on many parameters at once, in all rows or in those drawn."""
 
 import pytest
 import torch
@@ -35,7 +35,7 @@ def some_radii(rows: int) -> torch.Tensor:
     return torch.where(drawn[:, None], 2.0, 0.0).repeat(1, 2)
 
 
-def test_kernel_and_twin_equal_torch():
+def test_kernel_and_reference_equal_torch():
     ours, twins, torchs = parameters(0), parameters(0), [p.requires_grad_() for p in parameters(0)]
     moments, twin_moments = zeros(), zeros()
     judge = torch.optim.Adam(
@@ -56,7 +56,7 @@ def test_kernel_and_twin_equal_torch():
         torch.testing.assert_close(twin, expected.detach(), rtol=0, atol=1e-6)
 
 
-def test_only_drawn_rows_move_in_kernel_and_twin():
+def test_only_drawn_rows_move_in_kernel_and_reference():
     radii = some_radii(ROWS)
     drawn = radii[:, 0] > 0
     assert 0 < int(drawn.sum()) < ROWS
@@ -118,7 +118,7 @@ def test_a_graph_that_needs_the_old_value_notices():
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf"), 1e30])
 @pytest.mark.parametrize("with_radii", [False, True])
-def test_elements_that_would_not_be_finite_stay_and_are_counted_in_kernel_and_twin(bad: float, with_radii: bool):
+def test_elements_that_would_not_be_finite_stay_and_are_counted_in_kernel_and_reference(bad: float, with_radii: bool):
     """A gradient of 1e30 is finite, its square is not."""
     values, twins, gradients = parameters(0), parameters(0), parameters(1)
     moments, twin_moments = zeros(), zeros()
