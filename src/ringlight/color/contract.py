@@ -51,7 +51,7 @@ class LateColors:
     """
 
     checked: Float[Tensor, "N 3"]
-    kernel: "_kernels.LateColors"
+    kernel: "_kernels.LazyColors"
     opacity_factor: Float[Tensor, "N"] | None
 
 
@@ -68,7 +68,7 @@ class DirectColor(Protocol):
     opacity_factor: Float[Tensor, "N"] | None
     """Of the last view drawn, see ``Channels``; not among ``widths``."""
 
-    late: "_kernels.LateColors | None"
+    late: "_kernels.LazyColors | None"
     """Of the last view drawn: what the rasterizer is to ask for "rgb", or None where ``draw`` returned it."""
 
     def draw(self, gaussians: Gaussians, camera: Camera, may_be_late: bool = False) -> Float[Tensor, "N C"]:

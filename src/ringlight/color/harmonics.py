@@ -145,7 +145,7 @@ class DirectHarmonics:
 
     widths: Mapping[str, int] = {"rgb": 3}
     opacity_factor: Float[Tensor, "N"] | None = None
-    late: "_kernels.LateColors | None" = None
+    late: "_kernels.LazyColors | None" = None
 
     def __init__(self, active_degree: Tensor):
         self._active_degree = active_degree

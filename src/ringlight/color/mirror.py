@@ -102,7 +102,7 @@ class DirectMirror:
 
     widths: Mapping[str, int]
     opacity_factor: Float[Tensor, "N"] | None = None
-    late: "_kernels.LateColors | None" = None
+    late: "_kernels.LazyColors | None" = None
 
     def __init__(self, lit: Tensor, latents: int):
         self._lit, self._lit_widths = lit, lit_widths(latents)

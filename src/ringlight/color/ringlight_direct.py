@@ -41,7 +41,7 @@ class DirectRingLight:
 
     widths: Mapping[str, int] = {"rgb": 3}
     opacity_factor: Float[Tensor, "N"] | None = None
-    late: "_kernels.LateColors | None" = None
+    late: "_kernels.LazyColors | None" = None
 
     def __init__(self, model: "RingLight"):
         self._model = model

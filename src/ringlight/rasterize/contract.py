@@ -65,7 +65,7 @@ class LateRasterizer(Protocol):
         self,
         gaussians: Gaussians,
         checked: Float[Tensor, "N 3"],
-        late: "_kernels.LateColors",
+        late: "_kernels.LazyColors",
         camera: Camera,
         background: Float[Tensor, "3"],
         options: RasterOptions = RasterOptions(),
@@ -110,7 +110,7 @@ class DirectRasterizer(Protocol):
         background: Float[Tensor, "C"],
         options: RasterOptions,
         opacity_factor: Float[Tensor, "N"] | None = None,
-        late: "_kernels.LateColors | None" = None,
+        late: "_kernels.LazyColors | None" = None,
     ) -> Raster:
         """As :class:`Rasterizer`. ``late`` colours, which are kept, go before the channels; one that is asked for
         and is not finite is a ValueError."""

@@ -69,7 +69,7 @@ class CpuRasterizer:
         self,
         gaussians: Gaussians,
         checked: Float[Tensor, "N 3"],
-        late: "_kernels.LateColors",
+        late: "_kernels.LazyColors",
         camera: Camera,
         background: Float[Tensor, "3"],
         options: RasterOptions = RasterOptions(),

@@ -70,7 +70,7 @@ class Job:
         self,
         workspace: "_kernels.Workspace",
         table: "_kernels.SplatTable",
-        late: "_kernels.LateColors | None" = None,
+        late: "_kernels.LazyColors | None" = None,
         shader: "_kernels.PictureShader | None" = None,
         blended: Tensor | None = None,
         early_stop: bool = False,

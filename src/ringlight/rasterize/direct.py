@@ -37,7 +37,7 @@ class DirectRaster:
         background: Float[Tensor, "C"],
         options: RasterOptions,
         opacity_factor: Float[Tensor, "N"] | None = None,
-        late: "_kernels.LateColors | None" = None,
+        late: "_kernels.LazyColors | None" = None,
     ) -> Raster:
         """See :class:`ringlight.rasterize.contract.DirectRasterizer`; every column is contiguous."""
         with self._begun(gaussians, channels, camera, background, options, opacity_factor):

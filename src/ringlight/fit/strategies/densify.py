@@ -132,7 +132,7 @@ def accumulate_pull_(
     if not (gradient.is_cpu and gradient.dtype == torch.float32):
         accumulate_pull_twin_(gradient, radii, pixels_to_ndc, pull, views)
         return
-    _kernels.accumulate_pull(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, pull, views)
+    _kernels.accumulate_screen_gradient(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, pull, views)
 
 
 def accumulate_pull_twin_(
