@@ -31,6 +31,11 @@ def shader_of(name: str, dtype: torch.dtype = torch.float32) -> nn.Module:
 def image_of(shader: nn.Module, dtype: torch.dtype = torch.float32) -> tuple[Tensor, Tensor]:
     """What the shader needs, side by side in planar memory, and alpha."""
     blended = buffers(VIEW, dict(shader.needs).get("latents", 0), dtype=dtype)
+    drawn = torch.Generator().manual_seed(2)
+    for channel, width in shader.needs.items():  # those that no shader of the product reads
+        if channel not in blended:
+            values = torch.rand(VIEW.height, VIEW.width, width, generator=drawn, dtype=torch.float64)
+            blended[channel] = values.to(dtype) * blended["alpha"]
     planes = torch.cat([blended[channel].permute(2, 0, 1) for channel in shader.needs])
     return planes.permute(1, 2, 0), blended["alpha"]
 
