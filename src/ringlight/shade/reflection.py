@@ -91,7 +91,7 @@ class ReflectionShader(nn.Module):
     @property
     def needs(self) -> Mapping[str, int]:
         """Base colours alone during the warm-up; depth where the settings look at it."""
-        if not self.lit:
+        if not self.lit.is_meta and not self.lit:  # an outline's switch has no value
             return {"rgb": 3}
         depth = {"depth": 1} if reads_depth(self.settings) else {}
         return {"rgb": 3, "normal": 3, "latents": self.settings.latents, **depth}
