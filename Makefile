@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ringlight-installed
 BUILT_FROM := pyproject.toml constraints.txt CMakeLists.txt cmake/write_convention.py \
-	src/ringlight/rasterize/convention.py $(wildcard kernels/*.*pp kernels/isa/*.*pp kernels/bindings/*.*pp)
+	src/ringlight/rasterize/convention.py src/ringlight/core/kernel_limits.py $(wildcard kernels/*/*.*pp)
 WORKERS ?= 2
 
 .PHONY: setup demo test lint bench unplug threads fuzz sanitize valgrind clean

@@ -1,8 +1,8 @@
 """Refuses object files whose code the linker might merge with code compiled for another instruction set.
 
 A function that two object files define under one weak name (a template of the standard library, say) ends up once in
-the module: the AVX-512 copy would crash an AVX2 machine. So all that kernels/isa/ defines must lie in the namespace of
-its instruction set.
+the module: the AVX-512 copy would crash an AVX2 machine. So all that kernels/*/*.isa.cpp define must lie in the
+namespace of their instruction set.
 
     python check_isa_symbols.py NM ISA OBJECT...
 """
@@ -26,7 +26,7 @@ def main(nm: str, isa: str, *objects: str) -> int:
     answer = subprocess.run([nm, "--defined-only", *objects], check=True, capture_output=True, text=True)
     shared = shared_code(answer.stdout, isa)
     for name in shared:
-        sys.stderr.write(f"{name} is defined for {isa} but not in its namespace; keep it out of kernels/isa\n")
+        sys.stderr.write(f"{name} is defined for {isa} but not in its namespace; keep it out of *.isa.cpp\n")
     return 1 if shared else 0
 
 

@@ -1,4 +1,7 @@
-"""Write kernels' convention.hpp from rasterize/convention.py, so that each shared number exists once."""
+"""Write kernels' convention.hpp from Python modules of numbers, so that each shared number exists once.
+
+python write_convention.py SOURCE... TARGET
+"""
 
 import ast
 import sys
@@ -14,8 +17,8 @@ def constants(source: str) -> dict[str, int | float]:
     return values
 
 
-def header(values: dict[str, int | float]) -> str:
-    lines = ["// Generated from src/ringlight/rasterize/convention.py; edit that file.", "#pragma once"]
+def header(values: dict[str, int | float], names: list[str]) -> str:
+    lines = [f"// Generated from {', '.join(names)}; edit these files.", "#pragma once"]
     lines.append("namespace ringlight::convention {")
     for name, value in values.items():
         kind, literal = ("int", str(value)) if isinstance(value, int) else ("float", f"{value!r}f")
@@ -23,6 +26,7 @@ def header(values: dict[str, int | float]) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-source, target = Path(sys.argv[1]), Path(sys.argv[2])
+*sources, target = map(Path, sys.argv[1:])
+values = {name: value for source in sources for name, value in constants(source.read_text()).items()}
 target.parent.mkdir(parents=True, exist_ok=True)
-target.write_text(header(constants(source.read_text())))
+target.write_text(header(values, [source.name for source in sources]))

@@ -21,7 +21,8 @@ from triton.compiler import ASTSource
 
 from ringlight.color import drawable_triton, harmonics_triton
 from ringlight.fields import octahedral_triton, perceptron_triton, ring_triton
-from ringlight.fit import adam_triton, photometric_triton
+from ringlight.fit import adam_triton
+from ringlight.fit.losses import photometric_triton
 from ringlight.rasterize import stored_form_triton
 
 INTEGERS = {"height", "width", "step_y", "step_x", "step_c", "count", "nodes", "side", "slab"}

@@ -10,9 +10,9 @@ from ringlight.data import hull
 from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
-from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import TRAINED
 
 pytestmark = pytest.mark.cuda
 
@@ -27,8 +27,6 @@ AS_GOOD = 1.0
 
 def built(method: str, scene: Scene, device: str, visible_only: bool = False) -> Training:
     recipe = dataclasses.replace(METHODS[method], steps=STEPS, visible_only=visible_only)
-    if isinstance(recipe, RingLightRecipe):
-        recipe = dataclasses.replace(recipe, shading="forward")
     return recipe.build(scene, rasterizer_for(device), seed=0)
 
 
@@ -39,7 +37,7 @@ def pictures(training: Training) -> list[torch.Tensor]:
 
 
 @pytest.mark.parametrize("visible_only", [False, True])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_a_model_trained_there_is_drawn_here(method: str, visible_only: bool, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(hull, "FINE_CELLS", 48)
     scene = tiny_scene(views=16, size=64)

@@ -11,7 +11,7 @@ from ringlight.core.rendering import Emission
 from ringlight.core.want import Want
 from ringlight.fields.networks import PerceptronStack
 from ringlight.fields.perceptron_kernel import stack_at, stack_gradients
-from ringlight.fit.losses import Target, photometric_gradient
+from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.measure.metrics import ssim_same
 from ringlight.rasterize.cpu import CpuRasterizer

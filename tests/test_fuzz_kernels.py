@@ -19,7 +19,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
 from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
-from ringlight.fit.losses import Target, photometric_gradient
+from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, Rate
 from ringlight.shade.reflection import ReflectionShader

@@ -12,6 +12,7 @@ import torch
 
 import ringlight
 from ringlight import _kernels
+from ringlight.core.camera import Camera
 from ringlight.core.memory import machine_memory
 from ringlight.rasterize.cpu import CpuRasterizer
 
@@ -19,7 +20,7 @@ STUB = Path(ringlight.__file__).with_name("_kernels.pyi")
 
 
 def arguments(function: ast.FunctionDef) -> list[str]:
-    return [argument.arg for argument in function.args.args]
+    return [argument.arg for argument in [*function.args.args, *function.args.kwonlyargs]]
 
 
 def signature(name: str) -> list[str]:
@@ -79,13 +80,17 @@ def test_a_workspace_for_nothing_is_refused(sizes):
         _kernels.photometric_workspace(*sizes)
 
 
+def square_camera(size: int) -> _kernels.Camera:
+    return Camera(torch.eye(4), (float(size), float(size)), (size / 2, size / 2), size, size).native
+
+
 def test_a_forward_pass_that_failed_has_no_backward_pass():
     count = 70_000  # Gaussians that each cover 65,536 tiles
     means = torch.tensor([0.0, 0, 1]).repeat(count, 1)
     columns = [means, torch.full((count, 3), 3.0), torch.ones(count, 4), torch.zeros(count)]
     table = _kernels.SplatTable(*columns, None, torch.ones(count, 1), torch.zeros(1))
     gradients = _kernels.SplatGradients(*columns, None, torch.ones(count, 1), torch.zeros(count, 2), None)
-    camera = _kernels.Pinhole(torch.eye(4), (8192.0, 8192.0), (4096.0, 4096.0), 8192, 8192)
+    camera = square_camera(8192)
     settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
     image, alpha, footprint = torch.empty(1, 8192, 8192), torch.empty(8192, 8192), torch.empty(count, 2)
     workspace = _kernels.Workspace()
@@ -100,7 +105,7 @@ def test_no_buffer_takes_more_than_half_of_the_memory_that_is_stated():
     means = torch.tensor([[0.0, 0, 1]])
     columns = [means, torch.full((1, 3), -9.0), torch.ones(1, 4), torch.zeros(1)]
     table = _kernels.SplatTable(*columns, None, torch.ones(1, 1), torch.zeros(1))
-    camera = _kernels.Pinhole(torch.eye(4), (512.0, 512.0), (256.0, 256.0), size, size)
+    camera = square_camera(size)
     settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
     image, alpha, footprint = torch.empty(1, size, size), torch.empty(size, size), torch.empty(1, 2)
 
@@ -123,13 +128,36 @@ def test_no_buffer_takes_more_than_half_of_the_memory_that_is_stated():
 
 def test_every_number_of_a_camera_is_looked_at_alone():
     """Two large focal lengths have a sum that is not finite."""
-    _kernels.Pinhole(torch.eye(4), (3e38, 3e38), (4.0, 4.0), 8, 8)
+    columns = [torch.empty(0, 3), torch.empty(0, 3), torch.empty(0, 4), torch.empty(0)]
+    table = _kernels.SplatTable(*columns, None, torch.empty(0, 1), torch.zeros(1))
+    settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
+    image, alpha, footprint = torch.empty(1, 8, 8), torch.empty(8, 8), torch.empty(0, 2)
+
+    def draw(focal_x: float, focal_y: float, center_x: float, center_y: float) -> None:
+        camera = Camera(torch.eye(4), (focal_x, focal_y), (center_x, center_y), 8, 8).native
+        _kernels.Workspace().forward(table, camera, settings, image, alpha, footprint, footprint.clone())
+
+    draw(3e38, 3e38, 4.0, 4.0)
     for bad in (float("nan"), float("inf")):
         numbers = [8.0, 8.0, 4.0, 4.0]
         for place in range(4):
-            focal_x, focal_y, center_x, center_y = [*numbers[:place], bad, *numbers[place + 1 :]]
             with pytest.raises(ValueError, match="camera must be finite"):
-                _kernels.Pinhole(torch.eye(4), (focal_x, focal_y), (center_x, center_y), 8, 8)
+                draw(*numbers[:place], bad, *numbers[place + 1 :])
+
+
+@pytest.mark.parametrize(("name", "size"), [("rank", 0), ("rank", 33), ("features", 65), ("nodes", 1), ("latents", 17)])
+def test_sizes_that_the_light_field_does_not_take_are_refused(name: str, size: int):
+    sizes = {"rank": 8, "features": 12, "render_hidden": 32, "modulation_hidden": 0, "nodes": 8, "view_nodes": 4}
+    with pytest.raises(ValueError, match=f"{name} out of range"):
+        _kernels.RingShape(**{**sizes, "latents": 0, "diagonal": False, name: size})
+
+
+@pytest.mark.parametrize(("name", "size"), [("hidden", 129), ("layers", 1), ("sides", []), ("sides", [1025])])
+def test_sizes_that_the_reflection_shader_does_not_take_are_refused(name: str, size: int | list[int]):
+    sizes = {"hidden": 32, "layers": 3, "latents": 0, "shells": 1, "features": 4, "sides": [8], "axis_nodes": 0}
+    kind = {"parallax": False, "direction": False, "depth_gradient": False}
+    with pytest.raises(ValueError, match="out of range"):
+        _kernels.ReflectionShape(**{**sizes, **kind, name: size})
 
 
 def freed(tensor: torch.Tensor) -> torch.Tensor:

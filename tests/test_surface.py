@@ -48,7 +48,7 @@ def test_files_named_by_the_documents_exist():
     missing = []
     for document in ("ARCHITECTURE.md", "CONTRIBUTING.md", "docs/conventions.md"):
         for name in re.findall(
-            r"`((?:[a-z_]+/)+[a-z_]+\.(?:py|cpp|hpp))`", (ROOT / document).read_text(encoding="utf-8")
+            r"`((?:[a-z_]+/)+[a-z_]+(?:\.isa)?\.(?:py|cpp|hpp))`", (ROOT / document).read_text(encoding="utf-8")
         ):
             if name.rsplit("/", 1)[-1] == "x.py":
                 continue

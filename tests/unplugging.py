@@ -38,7 +38,7 @@ from ringlight.runs.verify import digest_of
 WORDS = (*QUICK, "--save-every", "0.00001")
 """A checkpoint after every step: most moments of such a run are moments of saving."""
 
-SMALL: dict[str, tuple[str, ...]] = {"3dgs": (), "ringlight": SMALL_LIGHT}
+SMALL: dict[str, tuple[str, ...]] = {"3dgs": (), "ringlight-ring": SMALL_LIGHT}
 
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
 TIMED |= {"peak_bytes", "training_bytes", "machine"}
@@ -173,7 +173,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="ringlight-unplug-") as home:
         scene = write_tiny_scene(Path(home) / "balls")
         alone, length = {}, {}
-        for method in ("3dgs", "ringlight"):
+        for method in ("3dgs", "ringlight-ring"):
             words = [str(scene), method, *WORDS, *SMALL[method]]
             log = Path(home) / "log"
             process = start([*words, "--out", f"{home}/{method}"], log)

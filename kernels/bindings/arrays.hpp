@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <type_traits>
 
-#include "dlpack.hpp"
+#include "bindings/dlpack.hpp"
 
 namespace ringlight {
 

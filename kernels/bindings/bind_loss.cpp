@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "ssim.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "step/ssim.hpp"
 
 namespace nb = nanobind;
 

@@ -2,10 +2,10 @@
 
 #include <vector>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "mirror_channels.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "reflection/mirror_channels.hpp"
+#include "simd/dispatch.hpp"
 
 namespace nb = nanobind;
 
@@ -14,12 +14,9 @@ namespace {
 
 using Rows = Tensor<const float, -1, -1>;
 
-MirrorScene scene_from(const std::vector<float>& view, std::size_t count, std::size_t latents) {
-  require(view.size() == 9, "mirror_channels: a view is the camera's position, the depth's row, and two bounds");
-  require(latents <= MIRROR_MAX_LATENTS, "mirror_channels: too many latents");
-  const float* from = view.data();
-  return {count, static_cast<int>(latents), {from[0], from[1], from[2]}, {from[3], from[4], from[5], from[6]}, from[7],
-          from[8]};
+MirrorScene scene_from(const MirrorView& view, std::size_t count, std::size_t latents) {
+  require(latents <= convention::MIRROR_MAX_LATENTS, "mirror_channels: too many latents");
+  return {view, count, static_cast<int>(latents)};
 }
 
 template <class Float, class Array>
@@ -31,7 +28,7 @@ MirrorColumns<Float> columns_from(const MirrorScene& scene, const std::vector<Ar
   return {columns[0].data(), columns[1].data(), columns[2].data(), columns[3].data()};
 }
 
-void forward(const std::vector<float>& view, const std::vector<Input>& columns, Tensor<float, -1, -1> channels) {
+void forward(const MirrorView& view, const std::vector<Input>& columns, Tensor<float, -1, -1> channels) {
   require(channels.shape(1) >= 7, "mirror_channels: channels must be [N 7 + L]");
   const MirrorScene scene = scene_from(view, channels.shape(0), channels.shape(1) - 7);
   const auto from = columns_from<const float>(scene, columns);
@@ -39,7 +36,7 @@ void forward(const std::vector<float>& view, const std::vector<Input>& columns, 
   RINGLIGHT_CHOSEN(mirror_channels)(scene, from, channels.data());
 }
 
-bool backward(const std::vector<float>& view, const std::vector<Input>& columns, Rows upstream,
+bool backward(const MirrorView& view, const std::vector<Input>& columns, Rows upstream,
               const std::vector<Array>& gradients) {
   require(upstream.shape(1) >= 7, "mirror_channels: channels must be [N 7 + L]");
   const MirrorScene scene = scene_from(view, upstream.shape(0), upstream.shape(1) - 7);
@@ -52,6 +49,9 @@ bool backward(const std::vector<float>& view, const std::vector<Input>& columns,
 }  // namespace
 
 void bind_mirror(nb::module_& module) {
+  nb::class_<MirrorView>(module, "MirrorView", "From where, and the bounds of normals that color/mirror.py explains.")
+      .def(nb::init<Camera, float, float>(), nb::kw_only(), nb::arg("camera"), nb::arg("flip_below"),
+           nb::arg("smallest_length"));
   module.def("mirror_channels", &forward, nb::arg("view"), nb::arg("columns"), nb::arg("channels"),
              "Base colour, unit normal, latents and depth of each Gaussian, side by side.");
   module.def("mirror_gradient", &backward, nb::arg("view"), nb::arg("columns"), nb::arg("upstream"),

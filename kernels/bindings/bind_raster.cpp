@@ -9,11 +9,11 @@
 #include <optional>
 #include <utility>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "pairs.hpp"
-#include "picture_shader.hpp"
-#include "rasterizer.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "bindings/picture_shader.hpp"
+#include "raster/pairs.hpp"
+#include "raster/rasterizer.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -56,22 +56,11 @@ struct Table {
   }
 };
 
-Pinhole pinhole(const In<4, 4>& world_to_camera, std::pair<float, float> focal,
-                std::pair<float, float> center, int width, int height) {
-  Pinhole camera;
-  std::copy_n(world_to_camera.data(), 12, camera.world_to_camera);
-  camera.focal_x = focal.first, camera.focal_y = focal.second;
-  camera.center_x = center.first, camera.center_y = center.second;
-  camera.width = width, camera.height = height;
-  constexpr int MAX_SIDE = MAX_TILES * convention::TILE;
+bool is_finite(const Camera& camera) {
   const auto finite = [](float value) { return std::isfinite(value); };  // each: a sum may overflow
   const float lens[] = {camera.focal_x, camera.focal_y, camera.center_x, camera.center_y};
-  require(std::all_of(std::begin(lens), std::end(lens), finite) &&
-              std::all_of(std::begin(camera.world_to_camera), std::end(camera.world_to_camera), finite),
-          "rasterizer: the camera must be finite");
-  require(width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE,
-          "rasterizer: width and height must be 1 to 8192");
-  return camera;
+  return std::all_of(std::begin(lens), std::end(lens), finite) &&
+         std::all_of(std::begin(camera.world_to_camera), std::end(camera.world_to_camera), finite);
 }
 
 RasterSettings settings(float eps2d, float near, float max_alpha, bool antialiased, bool absgrad) {
@@ -81,20 +70,23 @@ RasterSettings settings(float eps2d, float near, float max_alpha, bool antialias
 }
 
 template <class Array>
-bool is_image(const Array& array, const Pinhole& camera) {
+bool is_image(const Array& array, const Camera& camera) {
   const std::size_t last = array.ndim() - 1;
   return array.shape(last - 1) == static_cast<std::size_t>(camera.height) &&
          array.shape(last) == static_cast<std::size_t>(camera.width);
 }
 
-void forward(Workspace& workspace, const Table& table, const Pinhole& camera, const RasterSettings& settings,
+void forward(Workspace& workspace, const Table& table, const Camera& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
-             std::optional<Out<-1, -1>> horizon, const LateColors* late, const PictureShader* shader,
-             std::optional<Out<-1, -1, -1>> blended) {
+             const LateColors* late, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
+             bool early_stop) {
+  require(is_finite(camera), "rasterizer: the camera must be finite");
+  require(camera.width >= 1 && camera.height >= 1 && camera.width <= MAX_IMAGE_SIDE && camera.height <= MAX_IMAGE_SIDE,
+          "rasterizer: width and height must be 1 to 8192");
   const Splats splats = table.splats();
   const std::size_t channels = table.channels.shape(1);
-  require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count && !horizon),
-          "rasterizer: late colours are three for each row of the table, and go without a horizon");
+  require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count),
+          "rasterizer: late colours are three for each row of the table");
   require(!shader || shader->channels() == channels, "rasterizer: the shader takes another number of channels");
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == (shader ? 3 : channels),
           "rasterizer: image must be [C H W], or [3 H W] with a shader, and alpha [H W]");
@@ -102,17 +94,10 @@ void forward(Workspace& workspace, const Table& table, const Pinhole& camera, co
           "rasterizer: what was blended goes with a shader, and must be [C H W]");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
-  const auto tiles_along = [](int pixels) {
-    return static_cast<std::size_t>((pixels + convention::TILE - 1) / convention::TILE);
-  };
-  require(!horizon ||
-              (horizon->shape(0) == tiles_along(camera.height) && horizon->shape(1) == tiles_along(camera.width)),
-          "rasterizer: the horizon needs one depth per tile");
   const nb::gil_scoped_release unlocked;
   const Images images{image.data(), alpha.data(), shader ? &shader->shader() : nullptr,
-                      blended ? blended->data() : nullptr};
-  workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()},
-                    horizon ? horizon->data() : nullptr, late);
+                      blended ? blended->data() : nullptr, early_stop};
+  workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()}, late);
 }
 
 struct Gradients {
@@ -167,12 +152,8 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
 std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
   require(workspace.complete(), "rasterizer: there is no forward pass whose pairs could be counted");
   const nb::gil_scoped_release unlocked;
-  const PairCounts counts = count_pairs(workspace.frame()), again = count_pairs(workspace.again());
-  return {counts.evaluated + again.evaluated, counts.blended + again.blended};
-}
-
-std::pair<std::uint64_t, int> beyond_horizon(const Workspace& workspace) {
-  return {workspace.hidden(), workspace.again().tile_count};
+  const PairCounts counts = count_pairs(workspace.frame());
+  return {counts.evaluated, counts.blended};
 }
 
 nb::dict stage_seconds(const Workspace& workspace) {
@@ -187,13 +168,6 @@ nb::dict stage_seconds(const Workspace& workspace) {
 void bind_raster(nb::module_& module) {
   // A graph that is alive when Python exits holds a workspace: no leak of ours.
   nb::set_leak_warnings(false);
-  module.attr("MAX_IMAGE_SIDE") = MAX_TILES * convention::TILE;
-
-  nb::class_<Pinhole>(module, "Pinhole", "A camera as the rasterizer sees it; lengths in pixels.")
-      .def("__init__", [](Pinhole* self, const In<4, 4>& world_to_camera, std::pair<float, float> focal,
-                          std::pair<float, float> center, int width, int height) {
-        new (self) Pinhole(pinhole(world_to_camera, focal, center, width, height));
-      }, "world_to_camera"_a, "focal"_a, "center"_a, "width"_a, "height"_a);
 
   nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")
       .def("__init__", [](RasterSettings* self, float eps2d, float near, float max_alpha, bool antialiased,
@@ -225,17 +199,15 @@ void bind_raster(nb::module_& module) {
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
-           "means2d"_a, "radii"_a, "horizon"_a = nb::none(), "late"_a = nb::none(), "shader"_a = nb::none(),
-           "blended"_a = nb::none(),
-           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. The horizon [tiles down, tiles across] "
-           "holds depths that an earlier picture of this view left, infinity for none; it changes time alone, and is "
-           "renewed. Late colours take the place of the table's channels where these can be seen; there is no "
-           "backward pass unless they are kept. A shader makes colours of what was blended, the image is [3 H W], and "
-           "there is no backward pass unless blended [C H W] is there to keep what the shader was given.")
+           "means2d"_a, "radii"_a, "late"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(),
+           "early_stop"_a = false,
+           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Late colours take the place of the table's "
+           "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
+           "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W] is there "
+           "to keep what the shader was given. With early_stop the last 1/64 of a pixel's light may be what lies in "
+           "front of it, with alpha 1, and there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
            "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
-      .def_prop_ro("beyond_horizon", &beyond_horizon,
-                   "Of the last forward pass: Gaussians that the horizon hid, tiles about which it was wrong.")
       .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");
 }
 

@@ -1,15 +1,14 @@
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
-#include <optional>
+#include <algorithm>
 #include <vector>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "buffer.hpp"
-#include "dispatch.hpp"
-#include "picture_shader.hpp"
-#include "reflection.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "bindings/picture_shader.hpp"
+#include "machine/buffer.hpp"
+#include "reflection/reflection.hpp"
+#include "simd/dispatch.hpp"
 
 namespace nb = nanobind;
 
@@ -18,28 +17,25 @@ namespace {
 
 bool within(int value, int least, int most) { return least <= value && value <= most; }
 
-ReflectionShape shape_from(const std::vector<int>& sizes) {
-  constexpr std::size_t FIXED = 9;
-  require(sizes.size() > FIXED && sizes.size() <= FIXED + REFLECTION_MAX_LEVELS,
-          "reflection: a shape is hidden, layers, latents, shells, features, parallax, direction, depth_gradient, "
-          "axis_nodes, sides");
+ReflectionShape shape_from(int hidden, int layers, int latents, int shells, int features, const std::vector<int>& sides,
+                           bool parallax, bool direction, bool depth_gradient, int axis_nodes) {
+  using namespace convention;
   ReflectionShape shape{};
-  shape.hidden = sizes[0], shape.layers = sizes[1];
-  shape.latents = sizes[2], shape.shells = sizes[3], shape.features = sizes[4];
-  shape.parallax = sizes[5] != 0, shape.direction = sizes[6] != 0, shape.depth_gradient = sizes[7] != 0;
-  require(within(shape.hidden, 1, REFLECTION_MAX_HIDDEN), "reflection: hidden out of range");
-  require(within(shape.layers, 2, REFLECTION_MAX_LAYERS), "reflection: layers out of range");
-  require(within(shape.latents, 0, REFLECTION_MAX_LATENTS), "reflection: latents out of range");
-  require(within(shape.shells, 1, REFLECTION_MAX_SHELLS), "reflection: shells out of range");
-  require(within(shape.features, REFLECTION_QUAD, REFLECTION_MAX_FEATURES) && shape.features % REFLECTION_QUAD == 0,
+  shape.hidden = hidden, shape.layers = layers, shape.latents = latents, shape.shells = shells;
+  shape.features = features, shape.axis_nodes = axis_nodes;
+  shape.parallax = parallax, shape.direction = direction, shape.depth_gradient = depth_gradient;
+  require(within(hidden, 1, REFLECTION_MAX_HIDDEN), "reflection: hidden out of range");
+  require(within(layers, 2, REFLECTION_MAX_LAYERS), "reflection: layers out of range");
+  require(within(latents, 0, REFLECTION_MAX_LATENTS), "reflection: latents out of range");
+  require(within(shells, 1, REFLECTION_MAX_SHELLS), "reflection: shells out of range");
+  require(within(features, REFLECTION_QUAD, REFLECTION_MAX_FEATURES) && features % REFLECTION_QUAD == 0,
           "reflection: features must come in fours");
-  shape.axis_nodes = sizes[8];
-  require(shape.axis_nodes == 0 || within(shape.axis_nodes, 2, REFLECTION_MAX_SIDE),
-          "reflection: nodes of the axes out of range");
-  require(reads_depth(shape) || !shape.depth_gradient, "reflection: without spheres and axes depth has no gradient");
-  for (std::size_t i = FIXED; i < sizes.size(); i++) {
-    require(within(sizes[i], 2, REFLECTION_MAX_SIDE), "reflection: a side is out of range");
-    shape.sides[shape.levels++] = sizes[i];
+  require(axis_nodes == 0 || within(axis_nodes, 2, REFLECTION_MAX_SIDE), "reflection: nodes of the axes out of range");
+  require(reads_depth(shape) || !depth_gradient, "reflection: without spheres and axes depth has no gradient");
+  require(!sides.empty() && sides.size() <= REFLECTION_MAX_LEVELS, "reflection: number of levels out of range");
+  for (const int side : sides) {
+    require(within(side, 2, REFLECTION_MAX_SIDE), "reflection: a side is out of range");
+    shape.sides[shape.levels++] = side;
   }
   return shape;
 }
@@ -70,22 +66,33 @@ ReflectionParameters<Float> parameters_from(const ReflectionShape& shape, const 
   return parameters;
 }
 
-ReflectionView view_from(const std::vector<float>& numbers, std::size_t height, std::size_t width) {
-  constexpr std::size_t MOST_SIDE = 1 << 13;  // MAX_IMAGE_SIDE: a pixel's number fits 32 bits
-  require(height <= MOST_SIDE && width <= MOST_SIDE, "reflection: the image is too large");
-  require(numbers.size() == 23,
-          "reflection: a view is rotation, focal, center, origin, scale, background, three bounds");
+// Lengths in half of the longest side of the box, from its middle; in doubles, as Python counts.
+ReflectionView view_from(const Camera& camera, const Tensor<const float, 2, 3>& box,
+                         const Tensor<const float, 3>& background, float faintest, float shortest_normal,
+                         float smallest_chord) {
   ReflectionView view{};
-  view.height = static_cast<int>(height), view.width = static_cast<int>(width);
-  const float* from = numbers.data();
-  for (float& number : view.rotation) number = *from++;
-  for (float& number : view.focal) number = *from++;
-  for (float& number : view.center) number = *from++;
-  for (float& number : view.origin) number = *from++;
-  view.scale = *from++;
-  for (float& number : view.background) number = *from++;
-  view.faintest = from[0], view.shortest_normal = from[1], view.smallest_chord = from[2];
+  view.camera = camera;
+  const float *low = box.data(), *high = low + 3;
+  double side[3];
+  for (int axis = 0; axis < 3; axis++) side[axis] = static_cast<double>(high[axis]) - low[axis];
+  const double scale = 2 / *std::max_element(side, side + 3);
+  for (int axis = 0; axis < 3; axis++) {
+    const double middle = 0.5 * (static_cast<double>(low[axis]) + high[axis]);
+    view.origin[axis] = static_cast<float>((camera.position[axis] - middle) * scale);
+  }
+  view.scale = static_cast<float>(scale);
+  std::copy_n(background.data(), 3, view.background);
+  view.faintest = faintest, view.shortest_normal = shortest_normal, view.smallest_chord = smallest_chord;
   return view;
+}
+
+template <class Image>
+void require_picture(const ReflectionView& view, const Image& image) {
+  const Camera& camera = view.camera;
+  require(image.shape(1) <= MAX_IMAGE_SIDE && image.shape(2) <= MAX_IMAGE_SIDE, "reflection: the image is too large");
+  require(image.shape(1) == static_cast<std::size_t>(camera.height) &&
+              image.shape(2) == static_cast<std::size_t>(camera.width),
+          "reflection: the image is not of the camera's size");
 }
 
 // rgb [3 H W], normal [3 H W], latents [L H W], alpha [1 H W], and depth [1 H W] unless it is not needed.
@@ -93,7 +100,7 @@ template <class Float, class Array>
 ReflectionBuffers<Float> buffers_from(const ReflectionShape& shape, const ReflectionView& view,
                                       const std::vector<Array>& planes, bool with_depth) {
   require(planes.size() == (with_depth ? 5u : 4u), "reflection: buffers are rgb, normal, latents, alpha and depth");
-  const std::size_t pixels = static_cast<std::size_t>(view.height) * view.width;
+  const std::size_t pixels = static_cast<std::size_t>(view.camera.height) * view.camera.width;
   const std::size_t channels[] = {3, 3, static_cast<std::size_t>(shape.latents), 1, 1};
   for (std::size_t i = 0; i < planes.size(); i++)
     require(planes[i].size() == channels[i] * pixels, "reflection: a buffer has the wrong size");
@@ -104,24 +111,22 @@ ReflectionBuffers<Float> buffers_from(const ReflectionShape& shape, const Reflec
 using Image = Tensor<float, 3, -1, -1>;
 using ImageInput = Tensor<const float, 3, -1, -1>;
 
-void forward(const std::vector<int>& sizes, const std::vector<Input>& parameters, const std::vector<float>& numbers,
+void forward(const ReflectionShape& shape, const std::vector<Input>& parameters, const ReflectionView& view,
              const std::vector<Input>& planes, Image color) {
-  const ReflectionShape shape = shape_from(sizes);
+  require_picture(view, color);
   const auto weights = parameters_from<const float>(shape, parameters);
-  const ReflectionView view = view_from(numbers, color.shape(1), color.shape(2));
   const auto buffers = buffers_from<const float>(shape, view, planes, reads_depth(shape));
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(reflection_forward)(shape, weights, view, buffers, color.data());
 }
 
-void backward(const std::vector<int>& sizes, const std::vector<Input>& parameters, const std::vector<float>& numbers,
+void backward(const ReflectionShape& shape, const std::vector<Input>& parameters, const ReflectionView& view,
               const std::vector<Input>& planes, ImageInput color_gradient, double share,
               const std::vector<Array>& gradients, const std::vector<Array>& plane_gradients) {
   require(share > 0, "reflection: share must be above 0");
-  const ReflectionShape shape = shape_from(sizes);
+  require_picture(view, color_gradient);
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
-  const ReflectionView view = view_from(numbers, color_gradient.shape(1), color_gradient.shape(2));
   const auto buffers = buffers_from<const float>(shape, view, planes, reads_depth(shape));
   const auto to = buffers_from<float>(shape, view, plane_gradients, shape.depth_gradient);
   const nb::gil_scoped_release unlocked;
@@ -132,12 +137,12 @@ void backward(const std::vector<int>& sizes, const std::vector<Input>& parameter
 // Keeps parameters, which must not be given other memory meanwhile.
 class ReflectionPicture : public PictureShader {
  public:
-  ReflectionPicture(const std::vector<int>& sizes, const std::vector<Input>& parameters,
-                    const std::vector<float>& numbers, bool exact)
+  ReflectionPicture(const ReflectionShape& shape, const std::vector<Input>& parameters, const ReflectionView& view,
+                    bool exact)
       : parameters_(parameters) {
-    shading_.shape = shape_from(sizes);
+    shading_.shape = shape;
     shading_.parameters = parameters_from<const float>(shading_.shape, parameters_);
-    shading_.view = view_from(numbers, 0, 0);
+    shading_.view = view;
     shading_.exact = exact;
     char* const room = room_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(reflection_room)(shading_));
     RINGLIGHT_CHOSEN_WITH_BF16(reflection_prepare)(shading_, room);
@@ -155,6 +160,25 @@ class ReflectionPicture : public PictureShader {
 }  // namespace
 
 void bind_reflection(nb::module_& module) {
+  nb::class_<ReflectionShape>(module, "ReflectionShape",
+                              "Sizes of a reflection shader; axis_nodes 0: no factors of the reflecting point.")
+      .def("__init__", [](ReflectionShape* self, int hidden, int layers, int latents, int shells, int features,
+                          const std::vector<int>& sides, bool parallax, bool direction, bool depth_gradient,
+                          int axis_nodes) {
+        new (self) ReflectionShape(shape_from(hidden, layers, latents, shells, features, sides, parallax, direction,
+                                              depth_gradient, axis_nodes));
+      }, nb::kw_only(), nb::arg("hidden"), nb::arg("layers"), nb::arg("latents"), nb::arg("shells"),
+         nb::arg("features"), nb::arg("sides"), nb::arg("parallax"), nb::arg("direction"), nb::arg("depth_gradient"),
+         nb::arg("axis_nodes"));
+  nb::class_<ReflectionView>(module, "ReflectionView",
+                             "From where, in which box, over what, and the bounds that shade/ explains.")
+      .def("__init__", [](ReflectionView* self, const Camera& camera, const Tensor<const float, 2, 3>& box,
+                          const Tensor<const float, 3>& background, float faintest, float shortest_normal,
+                          float smallest_chord) {
+        new (self) ReflectionView(
+            view_from(camera, box, background, faintest, shortest_normal, smallest_chord));
+      }, nb::kw_only(), nb::arg("camera"), nb::arg("box"), nb::arg("background"), nb::arg("faintest"),
+         nb::arg("shortest_normal"), nb::arg("smallest_chord"));
   module.def("reflection_forward", &forward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
              nb::arg("planes"), nb::arg("color"),
              "Shades the pixels that are opaque enough; the others keep their rgb.");
@@ -165,7 +189,7 @@ void bind_reflection(nb::module_& module) {
   nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",
                                                "Shades tiles of a picture as reflection_forward shades its planes; "
                                                "where exact with the same bits, else with a layer in bytes.")
-      .def(nb::init<const std::vector<int>&, const std::vector<Input>&, const std::vector<float>&, bool>(),
+      .def(nb::init<const ReflectionShape&, const std::vector<Input>&, const ReflectionView&, bool>(),
            nb::arg("shape"), nb::arg("parameters"), nb::arg("view"), nb::arg("exact") = false);
 }
 

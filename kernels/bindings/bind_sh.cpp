@@ -4,10 +4,11 @@
 #include <optional>
 #include <tuple>
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "sh.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "raster/camera.hpp"
+#include "simd/dispatch.hpp"
+#include "step/sh.hpp"
 
 namespace nb = nanobind;
 
@@ -16,21 +17,20 @@ namespace {
 
 using Points = Tensor<const float, -1, 3>;
 using Rest = Tensor<const float, -1, 15, 3>;
-using Position = Tensor<const float, 3>;
 using PointsOut = Tensor<float, -1, 3>;
 using RestOut = Tensor<float, -1, 15, 3>;
 
 std::size_t slope_count(std::size_t rows) { return (rows + 15) / 16 * 16 * SH_SLOPES; }
 
-Harmonics as_table(const Points& means, const Position& position, int degree) {
+Harmonics as_table(const Points& means, const Camera& camera, int degree) {
   require(degree >= 0 && degree <= 3, "sh: the degree must be 0 to 3");
-  const float* p = position.data();
+  const float* const p = camera.position;
   return {means.data(), nullptr, nullptr, means.shape(0), {p[0], p[1], p[2]}, degree};
 }
 
-void colors(const Points& means, const Points& constant, const Rest& rest, const Position& position, int degree,
+void colors(const Points& means, const Points& constant, const Rest& rest, const Camera& camera, int degree,
             const PointsOut& out, const std::optional<Array>& slopes) {
-  Harmonics table = as_table(means, position, degree);
+  Harmonics table = as_table(means, camera, degree);
   require(constant.shape(0) == table.count && rest.shape(0) == table.count && out.shape(0) == table.count,
           "sh_colors: all columns must have the same number of rows");
   require(!slopes || slopes->size() >= slope_count(table.count), "sh_colors: slopes must hold sh_slopes(rows) floats");
@@ -51,19 +51,19 @@ void gradient(const Points& upstream, const Points& colors, const Input& slopes,
   RINGLIGHT_CHOSEN(sh_gradient)(from, {by_means.data(), by_constant.data(), add});
 }
 
-void rest_gradient(const Points& means, const Position& position, int degree, const Points& by_constant,
+void rest_gradient(const Points& means, const Camera& camera, int degree, const Points& by_constant,
                    const RestOut& by_rest) {
-  const Harmonics table = as_table(means, position, degree);
+  const Harmonics table = as_table(means, camera, degree);
   require(by_constant.shape(0) == table.count && by_rest.shape(0) == table.count,
           "sh_rest_gradient: all columns must have the same number of rows");
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN(sh_rest_gradient)(table, by_constant.data(), by_rest.data());
 }
 
-std::size_t rest_adam(const Points& means, const Position& position, int degree, const Points& by_constant,
+std::size_t rest_adam(const Points& means, const Camera& camera, int degree, const Points& by_constant,
                const RestOut& rest, const RestOut& mean, const RestOut& square,
                const std::tuple<float, float, float, float, long>& step) {
-  const Harmonics table = as_table(means, position, degree);
+  const Harmonics table = as_table(means, camera, degree);
   require(by_constant.shape(0) == table.count && rest.shape(0) == table.count && mean.shape(0) == table.count &&
               square.shape(0) == table.count,
           "sh_rest_adam: value, moments and gradient must have the same number of rows");
@@ -79,16 +79,16 @@ std::size_t rest_adam(const Points& means, const Position& position, int degree,
 
 void bind_sh(nb::module_& module) {
   module.def("sh_slopes", &slope_count, nb::arg("rows"), "Floats that sh_colors leaves for sh_gradient.");
-  module.def("sh_colors", &colors, nb::arg("means"), nb::arg("constant"), nb::arg("rest"), nb::arg("position"),
+  module.def("sh_colors", &colors, nb::arg("means"), nb::arg("constant"), nb::arg("rest"), nb::arg("camera"),
              nb::arg("degree"), nb::arg("colors"), nb::arg("slopes").none() = nb::none(),
-             "Fill colors [N 3], clamped at black (a clamped one is -0), towards a camera at position [3].");
+             "Fill colors [N 3], clamped at black (a clamped one is -0), towards the camera.");
   module.def("sh_gradient", &gradient, nb::arg("upstream"), nb::arg("colors"), nb::arg("slopes"), nb::arg("by_means"),
              nb::arg("by_constant"), nb::arg("add"),
              "Fill by_constant with the gradient of sh_colors; by_means too, or add to it.");
-  module.def("sh_rest_gradient", &rest_gradient, nb::arg("means"), nb::arg("position"), nb::arg("degree"),
+  module.def("sh_rest_gradient", &rest_gradient, nb::arg("means"), nb::arg("camera"), nb::arg("degree"),
              nb::arg("by_constant"), nb::arg("by_rest"),
              "Fill by_rest from what sh_gradient left in by_constant; zero above the degree.");
-  module.def("sh_rest_adam", &rest_adam, nb::arg("means"), nb::arg("position"), nb::arg("degree"),
+  module.def("sh_rest_adam", &rest_adam, nb::arg("means"), nb::arg("camera"), nb::arg("degree"),
              nb::arg("by_constant"), nb::arg("rest"), nb::arg("mean"), nb::arg("square"), nb::arg("step"),
              "adam of rest with the gradient of sh_rest_gradient, in place.");
 }

@@ -3,12 +3,12 @@
 #include <malloc.h>
 #endif
 
-#include "arrays.hpp"
-#include "bindings.hpp"
-#include "dispatch.hpp"
-#include "memory.hpp"
-#include "parallel.hpp"
-#include "peak.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "machine/memory.hpp"
+#include "machine/parallel.hpp"
+#include "simd/dispatch.hpp"
+#include "simd/peak.hpp"
 
 namespace nb = nanobind;
 

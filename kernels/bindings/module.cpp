@@ -2,21 +2,22 @@
 // includes nanobind.
 #include <nanobind/nanobind.h>
 
-#include "bindings.hpp"
-#include "dispatch.hpp"
+#include "bindings/bindings.hpp"
+#include "simd/dispatch.hpp"
 
 NB_MODULE(_kernels, module) {
   module.doc() = "CPU kernels of ringlight: functions fill arrays that the caller made.";
   module.def("isa", [] { return ringlight::isa_name(ringlight::current_isa()); },
              "Instruction set in use: 'avx512', 'avx2' or 'generic'.");
   ringlight::bind_threads(module);
+  ringlight::bind_camera(module);
   ringlight::bind_raster(module);
-  ringlight::bind_fit(module);
-  ringlight::bind_sh(module);
-  ringlight::bind_loss(module);
-  ringlight::bind_field(module);
-  ringlight::bind_heads(module);
+  ringlight::bind_visibility(module);
+  ringlight::bind_ring(module);
+  ringlight::bind_perceptron(module);
   ringlight::bind_mirror(module);
   ringlight::bind_reflection(module);
-  ringlight::bind_visibility(module);
+  ringlight::bind_sh(module);
+  ringlight::bind_loss(module);
+  ringlight::bind_step(module);
 }

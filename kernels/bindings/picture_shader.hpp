@@ -2,7 +2,7 @@
 #pragma once
 #include <cstddef>
 
-#include "tile_shader.hpp"
+#include "raster/tile_shader.hpp"
 
 namespace ringlight {
 

@@ -41,7 +41,7 @@ def sh_colors(
     means: Tensor,
     constant: Tensor,
     rest: Tensor,
-    position: Tensor,
+    camera: Camera,
     degree: int,
     colors: Tensor,
     slopes: Tensor | None = None,
@@ -49,10 +49,10 @@ def sh_colors(
 def sh_gradient(
     upstream: Tensor, colors: Tensor, slopes: Tensor, by_means: Tensor, by_constant: Tensor, add: bool
 ) -> None: ...
-def sh_rest_gradient(means: Tensor, position: Tensor, degree: int, by_constant: Tensor, by_rest: Tensor) -> None: ...
+def sh_rest_gradient(means: Tensor, camera: Camera, degree: int, by_constant: Tensor, by_rest: Tensor) -> None: ...
 def sh_rest_adam(
     means: Tensor,
-    position: Tensor,
+    camera: Camera,
     degree: int,
     by_constant: Tensor,
     rest: Tensor,
@@ -60,26 +60,43 @@ def sh_rest_adam(
     square: Tensor,
     step: tuple[float, float, float, float, int],
 ) -> int: ...
+
+class RingShape:
+    def __init__(
+        self,
+        *,
+        rank: int,
+        features: int,
+        render_hidden: int,
+        modulation_hidden: int,
+        nodes: int,
+        view_nodes: int,
+        latents: int,
+        diagonal: bool,
+    ) -> None: ...
+
 def ring_forward(
-    shape: Sequence[int],
+    shape: RingShape,
     parameters: Sequence[Tensor],
     means: Tensor,
     base: Tensor,
     latents: Tensor,
     visible: Tensor,
-    frame: Tensor,
+    camera: Camera,
+    box: Tensor,
     color: Tensor,
     residual: Tensor | None = None,
     modulation: Tensor | None = None,
 ) -> None: ...
 def ring_backward(
-    shape: Sequence[int],
+    shape: RingShape,
     parameters: Sequence[Tensor],
     means: Tensor,
     base: Tensor,
     latents: Tensor,
     visible: Tensor,
-    frame: Tensor,
+    camera: Camera,
+    box: Tensor,
     color: Tensor,
     color_gradient: Tensor,
     share: float,
@@ -94,23 +111,26 @@ class LateColors: ...
 class LateRing(LateColors):
     def __init__(
         self,
-        shape: Sequence[int],
+        shape: RingShape,
         parameters: Sequence[Tensor],
         means: Tensor,
         base: Tensor,
         latents: Tensor,
-        frame: Tensor,
+        camera: Camera,
+        box: Tensor,
         colors: Tensor | None = None,
     ) -> None: ...
 
-def ring_workspace(shape: Sequence[int], visible_count: int) -> int: ...
+def ring_workspace(shape: RingShape, visible_count: int) -> int: ...
 
 MAX_IMAGE_SIDE: int
 
-class Pinhole:
+class Camera:
     def __init__(
         self,
+        *,
         world_to_camera: Tensor,
+        position: Tensor,
         focal: tuple[float, float],
         center: tuple[float, float],
         width: int,
@@ -147,9 +167,37 @@ class SplatGradients:
 
 class PictureShader: ...
 
+class ReflectionShape:
+    def __init__(
+        self,
+        *,
+        hidden: int,
+        layers: int,
+        latents: int,
+        shells: int,
+        features: int,
+        sides: Sequence[int],
+        parallax: bool,
+        direction: bool,
+        depth_gradient: bool,
+        axis_nodes: int,
+    ) -> None: ...
+
+class ReflectionView:
+    def __init__(
+        self,
+        *,
+        camera: Camera,
+        box: Tensor,
+        background: Tensor,
+        faintest: float,
+        shortest_normal: float,
+        smallest_chord: float,
+    ) -> None: ...
+
 class ReflectionPicture(PictureShader):
     def __init__(
-        self, shape: Sequence[int], parameters: Sequence[Tensor], view: Sequence[float], exact: bool = False
+        self, shape: ReflectionShape, parameters: Sequence[Tensor], view: ReflectionView, exact: bool = False
     ) -> None: ...
 
 class Workspace:
@@ -161,19 +209,17 @@ class Workspace:
     def forward(
         self,
         table: SplatTable,
-        camera: Pinhole,
+        camera: Camera,
         settings: RasterSettings,
         image: Tensor,
         alpha: Tensor,
         means2d: Tensor,
         radii: Tensor,
-        horizon: Tensor | None = None,
         late: LateColors | None = None,
         shader: PictureShader | None = None,
         blended: Tensor | None = None,
+        early_stop: bool = False,
     ) -> None: ...
-    @property
-    def beyond_horizon(self) -> tuple[int, int]: ...
     def backward(
         self,
         table: SplatTable,
@@ -188,21 +234,25 @@ def perceptron_forward(parameters: Sequence[Tensor], rows: Tensor, results: Tens
 def perceptron_backward(
     parameters: Sequence[Tensor], rows: Tensor, upstream: Tensor, gradients: Sequence[Tensor]
 ) -> None: ...
-def mirror_channels(view: Sequence[float], columns: Sequence[Tensor], channels: Tensor) -> None: ...
+
+class MirrorView:
+    def __init__(self, *, camera: Camera, flip_below: float, smallest_length: float) -> None: ...
+
+def mirror_channels(view: MirrorView, columns: Sequence[Tensor], channels: Tensor) -> None: ...
 def mirror_gradient(
-    view: Sequence[float], columns: Sequence[Tensor], upstream: Tensor, gradients: Sequence[Tensor]
+    view: MirrorView, columns: Sequence[Tensor], upstream: Tensor, gradients: Sequence[Tensor]
 ) -> bool: ...
 def reflection_forward(
-    shape: Sequence[int],
+    shape: ReflectionShape,
     parameters: Sequence[Tensor],
-    view: Sequence[float],
+    view: ReflectionView,
     planes: Sequence[Tensor],
     color: Tensor,
 ) -> None: ...
 def reflection_backward(
-    shape: Sequence[int],
+    shape: ReflectionShape,
     parameters: Sequence[Tensor],
-    view: Sequence[float],
+    view: ReflectionView,
     planes: Sequence[Tensor],
     color_gradient: Tensor,
     share: float,
@@ -210,7 +260,16 @@ def reflection_backward(
     plane_gradients: Sequence[Tensor],
 ) -> None: ...
 def drawable_rows(
-    means: Tensor, log_scales: Tensor, opacity_logits: Tensor, view: Sequence[float], rows: Tensor
+    means: Tensor,
+    log_scales: Tensor,
+    opacity_logits: Tensor,
+    camera: Camera,
+    rows: Tensor,
+    *,
+    reach_sigmas: float,
+    reach_pixels: float,
+    slope_margin: float,
+    faintest_logit: float,
 ) -> int: ...
 def straight_through(logits: Tensor, threshold: float, factor: Tensor) -> None: ...
 def straight_through_gradient(logits: Tensor, upstream: Tensor, gradient: Tensor) -> None: ...

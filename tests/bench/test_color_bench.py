@@ -17,7 +17,7 @@ def test_each_model_gives_a_row_for_each_count():
 
 def test_light_fields_are_those_that_the_methods_train():
     models = color_models()
-    for name, method in {"ring": "ringlight", "ring-paper": "ringlight-paper"}.items():
+    for name, method in {"ring": "ringlight-ring", "ring-paper": "ringlight-paper"}.items():
         assert models[name].settings == METHODS[method].light
 
 

@@ -20,5 +20,5 @@ QUICK = (
 
 SMALL_LIGHT = (
     *flags(light__ring__rank=4, light__ring__features=8, light__ring__position_nodes=64),
-    *flags(light__ring__head_hidden=16, warmup=0.3, shading="forward"),
+    *flags(light__ring__head_hidden=16, warmup=0.3),
 )

@@ -35,7 +35,7 @@ def trained(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, P
     """Finished runs by method; tests that write into one take a copy."""
     home = tmp_path_factory.mktemp("runs")
     runs = {}
-    for method, flags in (("3dgs", ()), ("ringlight", SMALL_LIGHT)):
+    for method, flags in (("3dgs", ()), ("ringlight-ring", SMALL_LIGHT)):
         runs[method] = home / method
         assert run(["train", str(tiny), method, "--out", str(runs[method]), *QUICK, *flags]) == 0
     return runs
@@ -44,7 +44,7 @@ def trained(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, P
 @pytest.fixture
 def run_folder(trained: dict[str, Path], tmp_path: Path) -> Path:
     """A copy of the RingLight run, to do with as one likes."""
-    return Path(shutil.copytree(trained["ringlight"], tmp_path / "run"))
+    return Path(shutil.copytree(trained["ringlight-ring"], tmp_path / "run"))
 
 
 @pytest.fixture

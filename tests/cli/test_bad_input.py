@@ -69,7 +69,7 @@ def test_settings_beyond_their_range(flag: tuple[str, str], tiny: Path, tmp_path
 def test_settings_of_the_light_beyond_their_range(
     flag: tuple[str, str], tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:
-    words = ("train", tiny, "ringlight", "--out", tmp_path / "out", *flag, "--quiet")
+    words = ("train", tiny, "ringlight-ring", "--out", tmp_path / "out", *flag, "--quiet")
     refused(ringlight(*words), 1, flag[0].strip("-").replace("-", "_"))
     assert not (tmp_path / "out").exists()
 
@@ -92,7 +92,7 @@ def test_folders_above_and_below_a_scene(tiny: Path, tmp_path: Path, ringlight: 
 
 def test_a_folder_of_runs_names_them(trained: dict[str, Path], ringlight: Command) -> None:
     for verb in ("eval", "render", "info", "compare"):
-        refused(ringlight(verb, trained["3dgs"].parent), 1, trained["3dgs"], trained["ringlight"])
+        refused(ringlight(verb, trained["3dgs"].parent), 1, trained["3dgs"], trained["ringlight-ring"])
 
 
 def test_a_forgotten_method_is_not_mistaken_for_a_flags_value(tiny: Path, ringlight: Command) -> None:
@@ -199,7 +199,9 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
     refused(ringlight("train", tiny, "--steps", "3", *out), 2, "--steps is a method's and goes behind its name")
     refused(ringlight("train", tiny, "ringlight", "--rank", "3", *out), 2, "perhaps you meant --light.ring.rank")
     refused(ringlight("train", tiny, "3dgs", "--steps", "many", *out), 2, "--steps", "whole number")
-    refused(ringlight("train", tiny, "3dgs", "--warmup", "0.1", *out), 2, "--warmup", "ringlight")
+    refused(ringlight("train", tiny, "3dgs", "--warmup", "0.1", *out), 2, "--warmup", "ringlight-ring")
+    refused(ringlight("train", tiny, "ringlight", "--light.mask", *out), 2, "--light.mask", "give it to ringlight-ring")
+    refused(ringlight("train", tiny, "ringlight", "--base-rate=1", *out), 2, "--base-rate", "ringlight-mirror")
     refused(ringlight("train", tiny, "--seed", "3", "nonsense", *out), 2, "nonsense", "3dgs")
     refused(ringlight("train", tiny, *out), 2, "3dgs")
     refused(ringlight("train", tiny, "--steps", "10"), 2)

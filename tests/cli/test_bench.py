@@ -8,7 +8,7 @@ from ringlight.cli.main import run
 
 QUICK = ["--rounds", "1", "--seconds", "0"]
 SMALL = {
-    "raster": ["--sizes", "200@16", "300@24", "--horizon"],
+    "raster": ["--sizes", "200@16", "300@24"],
     "loss": ["--sizes", "24"],
     "adam": ["--gaussians", "50"],
     "color": ["--gaussians", "50"],

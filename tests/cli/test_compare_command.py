@@ -12,7 +12,7 @@ from ringlight.cli.main import run
 @pytest.fixture
 def runs(trained):
     """Two short runs of one scene."""
-    return [str(trained["3dgs"]), str(trained["ringlight"])]
+    return [str(trained["3dgs"]), str(trained["ringlight-ring"])]
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +27,7 @@ def test_table_fits_and_names_every_run(runs, width, capsys, monkeypatch):
     assert run(["compare", *runs]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= width
-    assert all(any(line.startswith(name) for line in lines) for name in ("3dgs", "ringlight"))
+    assert all(any(line.startswith(name) for line in lines) for name in ("3dgs", "ringlight-ring"))
 
 
 def test_a_sheet_is_written_only_where_it_is_asked_for(runs, here, capsys):
@@ -54,8 +54,8 @@ def test_a_named_sheet_is_replaced_only_when_asked(runs, here, capsys):
 def test_json_holds_whole_reports(runs, capsys):
     assert run(["compare", *runs, "--json", "--baseline", runs[1], "--sheet", "a.png"]) == 0
     record = json.loads(capsys.readouterr().out)
-    assert record["baseline"] == "ringlight"
-    assert [each["label"] for each in record["runs"]] == ["ringlight", "3dgs"]
+    assert record["baseline"] == "ringlight-ring"
+    assert [each["label"] for each in record["runs"]] == ["ringlight-ring", "3dgs"]
     assert all(each["report"]["images"] for each in record["runs"])
     assert record["sheet"].endswith(".png")
 
@@ -63,7 +63,7 @@ def test_json_holds_whole_reports(runs, capsys):
 def test_markdown_has_every_run(runs, capsys):
     assert run(["compare", *runs, "--markdown"]) == 0
     table = capsys.readouterr().out
-    assert len(re.findall(r"(?m)^\| (3dgs|ringlight) ", table)) == 2
+    assert len(re.findall(r"(?m)^\| (3dgs|ringlight-ring) ", table)) == 2
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ PAPER = METHODS["ringlight-paper"]
 
 
 def test_a_folder_may_be_called_like_a_preset():
-    assert preset_of(["ringlight", "ringlight-paper"], PAPER) == "ringlight-paper"
-    assert preset_of(["ringlight-paper", "ringlight"], METHODS["ringlight"]) == "ringlight"
-    assert preset_of(["3dgs", "ringlight-paper", "--out", "ringlight"], PAPER) == "ringlight-paper"
+    assert preset_of(["ringlight-ring", "ringlight-paper"], PAPER) == "ringlight-paper"
+    assert preset_of(["ringlight-paper", "ringlight-ring"], METHODS["ringlight-ring"]) == "ringlight-ring"
+    assert preset_of(["3dgs", "ringlight-paper", "--out", "ringlight-ring"], PAPER) == "ringlight-paper"
 
 
 def test_changed_settings_keep_the_name():

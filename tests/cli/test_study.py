@@ -11,7 +11,7 @@ from ringlight.cli import progress
 from ringlight.measure.report import read_report
 from ringlight.runs.record import RunRecord
 
-WORDS = ("--steps", "3", "--base", "ringlight", "--quiet", "--lpips")
+WORDS = ("--steps", "3", "--base", "ringlight-ring", "--quiet", "--lpips")
 ONLY = ("--only", "full", "3dgs", "3dgs-equal")
 
 
@@ -31,7 +31,7 @@ def test_each_run_has_its_folder_and_the_study_its_table(study: Path) -> None:
     runs = sorted(path.relative_to(study / "balls") for path in study.glob("balls/*/*"))
     assert [str(path) for path in runs] == [f"{v}/seed-{s}" for v in ("3dgs", "3dgs-equal", "full") for s in (0, 1)]
     record = json.loads((study / "ablation.json").read_text())
-    assert (record["study"], record["base"], record["steps"]) == ("ablation", "ringlight", 3)
+    assert (record["study"], record["base"], record["steps"]) == ("ablation", "ringlight-ring", 3)
     assert [row["variant"] for row in record["rows"]] == ["full", "3dgs", "3dgs-equal"]
     full = record["rows"][0]
     measured = [read_report(study / "balls" / "full" / f"seed-{seed}").psnr for seed in (0, 1)]
@@ -43,7 +43,7 @@ def test_equal_means_no_more_gaussians_than_the_full_method(study: Path) -> None
     for seed in (0, 1):
         full = read_report(study / "balls" / "full" / f"seed-{seed}")
         record = RunRecord.read(study / "balls" / "3dgs-equal" / f"seed-{seed}")
-        assert record.recipe.densify.max_gaussians == full.n_gaussians
+        assert record.recipe.densify.max_gaussians == full.counted
         assert record.recipe.loss.pixel == "l2"
         assert record.preset == "3dgs"
         assert record.seed == seed
@@ -103,7 +103,7 @@ def test_refusals(study: Path, tiny: Path, tmp_path: Path, ringlight: Command) -
     refused(ringlight("study", "rank", tiny, tiny, *out), 1, tiny.name)
     assert not any(tmp_path.iterdir())
     before = snapshot(study)
-    again = ("study", "ablation", tiny, "--out", study, "--base", "ringlight")
+    again = ("study", "ablation", tiny, "--out", study, "--base", "ringlight-ring")
     refused(ringlight(*again, "--steps", "4"), 1, study, "--out")
     refused(ringlight(*again, "--steps", "3", "--background", "black"), 1, study, "--out")
     assert snapshot(study) == before

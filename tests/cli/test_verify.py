@@ -11,7 +11,7 @@ from refusal import refused
 from ringlight.fit.optimizer import Optimizer
 
 
-@pytest.mark.parametrize(("method", "flags"), [("3dgs", ()), ("ringlight", SMALL_LIGHT)])
+@pytest.mark.parametrize(("method", "flags"), [("3dgs", ()), ("ringlight-ring", SMALL_LIGHT)])
 def test_every_trial_has_the_same_bits(
     method: str, flags: tuple[str, ...], tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,7 +1,5 @@
 """Training lights only the rows that a dense view shows, and nothing but time tells."""
 
-import dataclasses
-
 import pytest
 import torch
 from torch import Tensor
@@ -9,7 +7,7 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.bench.step import subject_of_workload
 from ringlight.bench.workload import Size, workload_camera
-from ringlight.color.ring_kernel import late_light, ring_parameters
+from ringlight.color.ring_kernel import lazy_light, ring_parameters
 from ringlight.color.ringlight import RingLight
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
@@ -17,10 +15,10 @@ from ringlight.core.gradients import dense
 from ringlight.core.rendering import Emission, LazyColors, Raster
 from ringlight.core.want import Want
 from ringlight.errors import BackendError
-from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import with_settings
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -30,10 +28,8 @@ WHITE = torch.ones(3)
 
 def ball(opacity: float, **light: object) -> tuple[SplatModel, RingLight]:
     """Twenty Gaussians for every pixel: nearly opaque ones hide most of them."""
-    recipe = METHODS["ringlight"]
-    assert isinstance(recipe, RingLightRecipe)
-    recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, **light), shading="forward")
-    model = subject_of_workload("ringlight", recipe, Size.parse("20k@96"), rasterizer_for("cpu")).training.model
+    recipe = with_settings(METHODS["ringlight-ring"], {"light": light})
+    model = subject_of_workload("ringlight-ring", recipe, Size.parse("20k@96"), rasterizer_for("cpu")).training.model
     with torch.no_grad():
         model.columns["opacity_logits"].fill_(torch.tensor(opacity).logit().item())
         model.get_parameter("color.shading.render.4.weight").mul_(8)  # residuals that count, and some that are clamped
@@ -133,7 +129,7 @@ def test_a_row_that_fills_up_a_group_may_be_anything_unless_it_is_asked_for():
     base, latents = gaussians.appearance["base"], gaussians.appearance["latents"]
     parameters = ring_parameters(color.tables(Want.EXACT), color.shading, color.layers_of_shading)
     for colors in (None, torch.zeros_like(base)):
-        kernel = late_light(gaussians.means, color.frame(camera), base, latents, parameters, colors)
+        kernel = lazy_light(gaussians.means, color.frame(camera), base, latents, parameters, colors)
         raster = drawn_lazily(model, gaussians, base, kernel, camera)
         assert raster.image.isfinite().all()
     assert colors[260].isnan().all()  # lit, and not shown

@@ -23,7 +23,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
 from ringlight.core.want import Want
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.methods.ringlight import OURS
+from ringlight.methods.ringlight_ring import OURS
 from torch_graph import channels
 
 BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")

@@ -13,7 +13,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, read_model_header, write_model_file
 from ringlight.files.packed import PACKINGS, PLAN, Packed, bytes_stored, pack_tensors, unpack_tensors
-from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
+from ringlight.files.tensor_file import read_tensors, write_tensors
 
 SEEDS = st.integers(0, 10_000)
 ROWS = st.integers(0, 40)
@@ -140,9 +140,8 @@ def model_tensors(rows: int = 300, seed: int = 0) -> dict[str, torch.Tensor]:
     }
 
 
-HEADER = ModelHeader(
-    "ringlight", "ringlight", {}, 3, SceneFacts("s", "d", "white", (8, 8), ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)), 2.0)
-)
+BOX = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+HEADER = ModelHeader("ringlight-ring", "ringlight", {}, 3, SceneFacts("s", "d", "white", (8, 8), BOX, 2.0, (), {}))
 
 
 def test_the_plan_names_packings_that_exist() -> None:
@@ -202,7 +201,7 @@ def test_packing_again_loses_nothing_more() -> None:
         torch.testing.assert_close(twice[name], tensor, rtol=1e-5, atol=1e-6, msg=name)
 
 
-def test_a_packed_file_reads_as_a_model_and_older_programs_are_told(tmp_path: Path) -> None:
+def test_a_packed_file_reads_as_a_model(tmp_path: Path) -> None:
     packed = pack_tensors(model_tensors())
     write_model_file(tmp_path / "m", packed, HEADER)
     found = read_model_file(tmp_path / "m")
@@ -211,14 +210,6 @@ def test_a_packed_file_reads_as_a_model_and_older_programs_are_told(tmp_path: Pa
     expected = unpack_tensors(packed)
     assert found.tensors.keys() == expected.keys()
     assert all(torch.equal(found.tensors[name], tensor) for name, tensor in expected.items())
-    assert read_metadata(tmp_path / "m")["format"] == "2", "a program of format 1 refuses it as newer"
-
-
-def test_a_plain_file_stays_one_that_older_programs_read(tmp_path: Path) -> None:
-    write_model_file(tmp_path / "m", model_tensors(), HEADER)
-    metadata = read_metadata(tmp_path / "m")
-    assert metadata["format"] == "1"
-    assert not {"packing", "storage"} & metadata.keys()
 
 
 def damaged(path: Path, change) -> str:  # type: ignore[no-untyped-def]

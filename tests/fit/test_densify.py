@@ -11,7 +11,7 @@ from ringlight.core.rendering import Footprint, Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
-from ringlight.fit.strategies.densify import Densify, accumulate_pull_
+from ringlight.fit.strategies.densify import Densify, accumulate_screen_gradients_
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.prune import Prune
 from ringlight.models.splats import SplatModel
@@ -36,24 +36,24 @@ def model_of(log_scales: list[float], opacities: list[float]) -> SplatModel:
     return SplatModel(table, SphericalHarmonics(), PassThrough(), ReferenceRasterizer())
 
 
-def rendering_with(pulls: list[float]) -> Rendering:
-    """A rendering whose backward pass left these pulls, in NDC units, on the Gaussians; negative: not drawn."""
-    gradient = torch.tensor([[max(pull, 0.0) / (SIZE / 2), 0.0] for pull in pulls])
-    radii = torch.tensor([[1.0 if pull >= 0 else 0.0] * 2 for pull in pulls])
+def rendering_with(lengths: list[float]) -> Rendering:
+    """A rendering whose backward pass left these lengths, in NDC units, on the Gaussians; negative: not drawn."""
+    gradient = torch.tensor([[max(length, 0.0) / (SIZE / 2), 0.0] for length in lengths])
+    radii = torch.tensor([[1.0 if length >= 0 else 0.0] * 2 for length in lengths])
     alpha = torch.zeros(SIZE, SIZE, 1)
     image = torch.zeros(SIZE, SIZE, 3)
-    return Rendering(image, alpha, {}, Footprint(torch.zeros(len(pulls), 2), radii, gradient))
+    return Rendering(image, alpha, {}, Footprint(torch.zeros(len(lengths), 2), radii, gradient))
 
 
-def densify_once(model: SplatModel, pulls: list[float], settings: DensifySettings = SETTINGS, step: int = 1) -> None:
+def densify_once(model: SplatModel, lengths: list[float], settings: DensifySettings = SETTINGS, step: int = 1) -> None:
     optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.0))}, steps=100)
-    Densify(settings, EXTENT, steps=100, seed=0, white=False).update(step, model, optimizer, rendering_with(pulls))
+    Densify(settings, EXTENT, steps=100, seed=0, white=False).update(step, model, optimizer, rendering_with(lengths))
 
 
 SMALL, LARGE = math.log(0.005), math.log(0.05)
 
 
-def test_small_ones_under_pull_are_cloned():
+def test_small_ones_with_large_gradients_are_cloned():
     model = model_of([SMALL, SMALL], [0.5, 0.5])
     densify_once(model, [0.2, 0.05])
     means = model.columns["means"].detach()
@@ -61,7 +61,7 @@ def test_small_ones_under_pull_are_cloned():
     assert (means == torch.tensor([0.0, 1.0, 2.0])).all(1).sum() == 2
 
 
-def test_large_ones_under_pull_become_two_narrower_ones():
+def test_large_ones_with_large_gradients_become_two_narrower_ones():
     model = model_of([LARGE, SMALL], [0.5, 0.5])
     densify_once(model, [0.2, 0.0])
     scales = model.columns["log_scales"].detach()[:, 0].sort().values
@@ -75,7 +75,7 @@ def test_faint_and_huge_ones_are_removed():
     assert len(model) == 1
 
 
-def test_the_budget_goes_to_the_strongest_pulls():
+def test_the_budget_goes_to_the_largest_gradients():
     model = model_of([SMALL] * 4, [0.5] * 4)
     densify_once(
         model, [0.2, 0.5, 0.3, 0.4], DensifySettings(threshold=0.1, begin=0, every=1, max_gaussians=6, stop=1.0)
@@ -95,7 +95,7 @@ def test_never_everything_is_removed():
     assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.003])
 
 
-def test_faint_ones_under_pull_do_not_empty_the_table():
+def test_faint_ones_with_large_gradients_do_not_empty_the_table():
     model = model_of([SMALL] * 3, [0.001, 0.003, 0.002])
     densify_once(model, [0.5, 0.0, 0.5])
     assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.003])
@@ -129,12 +129,12 @@ def test_nothing_changes_after_the_last_step():
     assert len(model) == 2
 
 
-def test_the_pull_is_a_mean_over_the_views_that_saw_the_gaussian():
-    pull, views = torch.zeros(2), torch.zeros(2)
-    for pulls in ([0.4, 0.2], [0.2, -1.0]):
-        footprint = rendering_with(pulls).footprint
-        accumulate_pull_(footprint.means2d_gradient, footprint.radii, (SIZE / 2, SIZE / 2), pull, views)
-    assert (pull / views).tolist() == pytest.approx([0.3, 0.2])
+def test_the_screen_space_gradient_is_a_mean_over_the_views_that_saw_the_gaussian():
+    length, views = torch.zeros(2), torch.zeros(2)
+    for lengths in ([0.4, 0.2], [0.2, -1.0]):
+        footprint = rendering_with(lengths).footprint
+        accumulate_screen_gradients_(footprint.means2d_gradient, footprint.radii, (SIZE / 2, SIZE / 2), length, views)
+    assert (length / views).tolist() == pytest.approx([0.3, 0.2])
     assert views.tolist() == [2.0, 1.0]
 
 

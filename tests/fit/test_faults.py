@@ -18,7 +18,7 @@ from ringlight.rasterize.choose import rasterizer_for
 
 BAD = (float("nan"), float("inf"), -float("inf"))
 
-FAMILIES = ("3dgs", "ringlight", "ringlight-mirror")
+FAMILIES = ("3dgs", "ringlight-ring", "ringlight-mirror")
 """Of recipes: harmonics, light on Gaussians, light on pixels."""
 
 
@@ -33,8 +33,6 @@ class BrokenView(View):
 
 def training_of(method: str = "3dgs", steps: int = 40, scene=None) -> Training:
     recipe = dataclasses.replace(METHODS[method], steps=steps)
-    if method == "ringlight":
-        recipe = dataclasses.replace(recipe, shading="forward")
     return recipe.build(scene or tiny_scene(views=4, size=16), rasterizer_for("auto"), seed=0)
 
 

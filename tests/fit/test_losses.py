@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ringlight import _kernels
-from ringlight.fit.losses import Target, photometric_gradient, photometric_reference, ssim_map
+from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient, photometric_reference, ssim_map
 from ringlight.fit.photometric import PhotometricLoss
 
 L1 = PhotometricLoss()

@@ -5,8 +5,8 @@ import torch
 
 import interpreted
 from ringlight.fit import losses
+from ringlight.fit.losses.photometric_triton import photometric_by_triton
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.photometric_triton import photometric_by_triton
 
 
 @pytest.mark.parametrize("size", [(1, 1), (5, 7), (13, 30), (40, 37)])

@@ -11,27 +11,20 @@ from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import train
-from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.shade.reflection import ReflectionShader
+from small_recipes import TRAINED, small
 
 QUICK = DensifySettings(threshold=1e-5, begin=4, every=5, stop=0.8, reset_every=12, max_gaussians=900)
 
 
 def quick(method: str, steps: int = 30):
-    recipe = dataclasses.replace(METHODS[method], steps=steps, densify=QUICK)
-    if isinstance(recipe, RingLightRecipe):
-        ring = dataclasses.replace(
-            recipe.light.ring, rank=4, features=6, head_hidden=8, position_nodes=16, view_nodes=4
-        )
-        light = dataclasses.replace(recipe.light, ring=ring, render_hidden=8, modulation_hidden=8)
-        recipe = dataclasses.replace(recipe, light=light, shading="forward")
-    return recipe
+    return small(method, steps=steps, densify=QUICK)
 
 
 @pytest.mark.parametrize("visible_only", [False, True])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_a_restored_run_goes_on_with_the_same_bits(method: str, visible_only: bool):
     scene, rasterize = tiny_scene(), rasterizer_for("auto")
     recipe = dataclasses.replace(quick(method), visible_only=visible_only)
@@ -49,7 +42,7 @@ def test_a_restored_run_goes_on_with_the_same_bits(method: str, visible_only: bo
     assert all(torch.equal(end[name], again[name]) for name in end)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_same_seed_same_bits_and_another_seed_another_run(method: str):
     def end(seed: int) -> dict[str, torch.Tensor]:
         training = quick(method, steps=8).build(tiny_scene(), rasterizer_for("auto"), seed)
@@ -71,7 +64,7 @@ def test_training_is_paused_by_not_asking():
 
 
 def test_the_loss_shown_is_the_sum_of_its_terms():
-    recipe = dataclasses.replace(quick("ringlight"), mask_penalty=0.1)
+    recipe = dataclasses.replace(quick("ringlight-ring"), mask_penalty=0.1)
     training = recipe.build(tiny_scene(), rasterizer_for("auto"), seed=0)
     progress = next(train(training))
     assert set(progress.losses) == {"photometric", "mask"}
@@ -79,7 +72,7 @@ def test_the_loss_shown_is_the_sum_of_its_terms():
 
 
 def test_the_light_field_waits_for_the_warm_up():
-    recipe = dataclasses.replace(quick("ringlight"), warmup=0.1)  # of 30 steps
+    recipe = dataclasses.replace(quick("ringlight-ring"), warmup=0.1)  # of 30 steps
     training = recipe.build(tiny_scene(), rasterizer_for("auto"), seed=0)
     before = {n: t.clone() for n, t in training.model.named_parameters() if n.startswith("color.")}
     steps = train(training)

@@ -39,6 +39,7 @@ from ringlight.runs.demo import PLAN_NAME, Demo
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.opened import Opened, recorded_scene
 from ringlight.runs.record import RECORD_NAME, RunRecord
+from small_recipes import with_settings
 
 REFUSALS = RinglightError
 
@@ -119,12 +120,8 @@ def tensor_file() -> Target:
 
 def _recipe(method: str) -> Any:
     """With the smallest tensors: a mutation then hits what is said of them more often than what is in them."""
-    recipe = METHODS[method]
-    if method != "ringlight":
-        return recipe
-    ring = dataclasses.replace(recipe.light.ring, rank=2, features=2, head_hidden=4, position_nodes=8, view_nodes=4)
-    light = dataclasses.replace(recipe.light, ring=ring, render_hidden=4, modulation_hidden=4)
-    return dataclasses.replace(recipe, light=light, shading="forward")
+    ring = {"rank": 2, "features": 2, "head_hidden": 4, "position_nodes": 8, "view_nodes": 4}
+    return with_settings(METHODS[method], {"light": {"ring": ring, "render_hidden": 4, "modulation_hidden": 4}})
 
 
 def _training(method: str) -> Training:
@@ -151,7 +148,7 @@ def model() -> Target:
                 stored.model.render(stored.cameras[0].resized(8, 8), torch.ones(3))
         recorded_scene(Opened(path, None, stored))
 
-    wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in ("3dgs", "ringlight")]
+    wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in ("3dgs", "ringlight-ring")]
     seeds = [(0, wholes[0]), *((0, _without_checksum(whole)) for whole in wholes)]
     return Target(seeds, _reading("model.safetensors", open_and_draw))
 
@@ -159,9 +156,16 @@ def model() -> Target:
 def checkpoint() -> Target:
     training = _training("3dgs")
     own = {name: tensor.clone() for name, tensor in training.state().items()}
+    fresh = _training("3dgs")
     folder = RunFolder(HOME / "run")
     folder.path.mkdir(exist_ok=True)
-    facts = {"wall_seconds": "1.5", "cpu_seconds": "1.5", "saving_seconds": "0.5", "training_views": "2"}
+    facts = {
+        "wall_seconds": "1.5",
+        "cpu_seconds": "1.5",
+        "saving_seconds": "0.5",
+        "peak_bytes": "0",
+        "training_views": "2",
+    }
     write_checkpoint(folder, own, facts)
     whole = folder.checkpoint.read_bytes()
 
@@ -169,7 +173,7 @@ def checkpoint() -> Target:
         folder.checkpoint.write_bytes(content)
         stored = read_checkpoint(folder)[0] if kind == 0 else read_tensors(folder.checkpoint)
         with contextlib.suppress(KeyError, RuntimeError, ValueError):  # as Session.resume
-            refuse_misfits(stored.tensors, own)
+            refuse_misfits(stored.tensors, fresh)
             training.restore(stored.tensors)
 
     return Target([(0, whole), (1, _without_checksum(whole))], restore)
@@ -177,7 +181,7 @@ def checkpoint() -> Target:
 
 def recipe() -> Target:
     seeds = []
-    for method in ("3dgs", "ringlight"):
+    for method in ("3dgs", "ringlight-ring"):
         RunRecord(method, METHODS[method], Path("scene"), SceneOptions(), 0, "auto", "0.1").write(HOME)
         seeds.append((0, (HOME / RECORD_NAME).read_bytes()))
     return Target(seeds, _reading(RECORD_NAME, lambda path: RunRecord.read(path.parent)))

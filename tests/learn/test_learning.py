@@ -1,6 +1,5 @@
 """Each method must fit a tiny scene in seconds, held-out views included."""
 
-import dataclasses
 import math
 
 import pytest
@@ -10,10 +9,10 @@ from ringlight.core.scene import Scene
 from ringlight.data import hull
 from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import train
-from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import TRAINED, with_settings
 
 STEPS = 300
 
@@ -31,14 +30,12 @@ def held_out_psnr(model: SplatModel, scene: Scene) -> float:
     return -10 * math.log10(sum(errors) / len(errors))
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_a_method_learns(method: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(hull, "FINE_CELLS", 48)
     scene = tiny_scene(views=16, size=32)
-    recipe = dataclasses.replace(METHODS[method], steps=STEPS)
-    if isinstance(recipe, RingLightRecipe):
-        ring = dataclasses.replace(recipe.light.ring, position_nodes=64, view_nodes=8)
-        recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, ring=ring), shading="forward")
+    ring = {"position_nodes": 64, "view_nodes": 8}
+    recipe = with_settings(METHODS[method], {"steps": STEPS, "light": {"ring": ring}})
     training = recipe.build(scene, rasterizer_for("auto"), seed=0)
     before = held_out_psnr(training.model, scene)
     for _ in train(training):

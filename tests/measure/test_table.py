@@ -14,7 +14,7 @@ from ringlight.measure.table import ResultsTable
 
 RUNS = (
     ("3dgs", sample_report()),
-    ("ringlight", sample_report(psnr=25.9, ssim_same=0.931, bytes_raw=950_000, n_gaussians=10_000, fps=55.04)),
+    ("ringlight", sample_report(psnr=25.9, ssim_same=0.931, bytes_raw=950_000, counted=10_000, fps=55.04)),
     ("3dgs", sample_report(scene="carpaint_200", psnr=24.42)),
     ("ringlight", sample_report(scene="carpaint_200", psnr=25.95)),
 )
@@ -85,6 +85,21 @@ def test_differences_are_from_the_baseline_of_the_same_scene():
     ]
     assert [row["dPSNR"] for row in rows] == ["-", "+3.77", "-", "+1.53"]
     assert [row["x raw"] for row in rows] == ["-", "0.14", "-", "1.00"]
+
+
+def test_the_column_of_what_is_counted_is_called_by_its_noun():
+    runs = [("a", sample_report(counted=512, noun="voxels")), ("b", sample_report(counted=64, noun="voxels"))]
+    table = ResultsTable(runs).markdown()
+    assert " voxels |" in table.splitlines()[0]
+    assert "| **64** |" in table
+
+
+def test_what_is_made_of_different_things_has_its_noun_and_does_not_compete():
+    runs = [("3dgs", sample_report()), ("grid", sample_report(counted=262_144, noun="voxels"))]
+    table = ResultsTable(runs).markdown()
+    assert " made of |" in table.splitlines()[0]
+    assert "| 28,123 Gaussians |" in table
+    assert "| 262,144 voxels |" in table
 
 
 def test_memory_is_shown_where_a_run_knows_it():

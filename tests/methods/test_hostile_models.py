@@ -18,15 +18,16 @@ from ringlight.methods.store import load_model, model_header, save_model, scene_
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import refuse_misfits
+from small_recipes import TRAINED
 
 SETTINGS = [
-    ("ringlight", ("light", "render_hidden"), 1024),
-    ("ringlight", ("light", "render_hidden"), 10**9),
-    ("ringlight", ("light", "modulation_hidden"), 10**30),
-    ("ringlight", ("light", "ring", "rank"), 128),
-    ("ringlight", ("light", "ring", "position_nodes"), 65_536 * 100),
-    ("ringlight", ("light", "ring", "features"), 1023),
-    ("ringlight", ("light", "latents"), 16),
+    ("ringlight-ring", ("light", "render_hidden"), 1024),
+    ("ringlight-ring", ("light", "render_hidden"), 10**9),
+    ("ringlight-ring", ("light", "modulation_hidden"), 10**30),
+    ("ringlight-ring", ("light", "ring", "rank"), 128),
+    ("ringlight-ring", ("light", "ring", "position_nodes"), 65_536 * 100),
+    ("ringlight-ring", ("light", "ring", "features"), 1023),
+    ("ringlight-ring", ("light", "latents"), 16),
     ("3dgs", ("sh_degree",), 10**9),
     ("3dgs", ("steps",), -1.5),
     ("ringlight-mirror", ("shader", "levels"), [1024] * 500),
@@ -124,24 +125,24 @@ def test_tensors_of_another_shape_are_refused(name: str, spoiled: torch.Tensor, 
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_a_state_of_any_size_fits_its_recipe_and_no_other_does(method: str) -> None:
     trained, fresh = training_of(method), training_of(method)
     for _ in train(trained):
         pass
     trained.optimizer.edit_rows(torch.arange(7))
     state = trained.state()
-    refuse_misfits(state, fresh.state())
+    refuse_misfits(state, fresh)
     for name in state:
         with pytest.raises(KeyError):
-            refuse_misfits({key: value for key, value in state.items() if key != name}, fresh.state())
+            refuse_misfits({key: value for key, value in state.items() if key != name}, fresh)
         if name.startswith("strategy."):
             continue
         for spoiled in (state[name][None], state[name].to(torch.float16), torch.tensor(3.0)):
             if spoiled.shape == state[name].shape and spoiled.dtype == state[name].dtype:
                 continue
             with pytest.raises(ValueError, match=r"is torch\..* of shape"):
-                refuse_misfits(state | {name: spoiled}, fresh.state())
+                refuse_misfits(state | {name: spoiled}, fresh)
 
 
 @pytest.mark.parametrize(("name", "number"), [("step", -5), ("step", 2**62), ("faults", -1), ("optimizer.updates", -1)])
@@ -149,16 +150,16 @@ def test_a_state_that_counts_what_cannot_be_is_refused(name: str, number: int) -
     training = training_of("3dgs")
     state = training.state()
     with pytest.raises(ValueError, match=f"{name} counts"):
-        refuse_misfits(state | {name: torch.full_like(state[name], number)}, training.state())
+        refuse_misfits(state | {name: torch.full_like(state[name], number)}, training)
 
 
-def test_a_state_with_views_of_other_rows_than_pulls_is_refused() -> None:
+def test_a_state_with_views_of_other_rows_than_gradients_is_refused() -> None:
     training = training_of("3dgs")
     with pytest.raises(ValueError, match="views for 7"):
         training.restore(training.state() | {"strategy.1.views": torch.zeros(7)})
 
 
 def test_tables_that_no_tensor_shows_are_bounded() -> None:
-    light = METHODS["ringlight"].light
+    light = METHODS["ringlight-ring"].light
     with pytest.raises(RecipeError, match="gigabyte"):
         dataclasses.replace(light.ring, rank=64, position_nodes=65_536)

@@ -17,8 +17,7 @@ from ringlight.data.shrunk import shrunk
 from ringlight.data.synthetic import tiny_scene
 from ringlight.methods import reflection_trial as module
 from ringlight.methods.reflection_trial import FEWEST_VIEWS, SIDE, ReflectionTrial, reflection_trial
-from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
-from ringlight.methods.table import METHODS
+from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
 
 
@@ -30,16 +29,16 @@ def opaque_scene(views: int = FEWEST_VIEWS) -> Scene:
 def test_a_scene_without_masks_has_no_trial_and_is_lit_per_pixel_from_its_points():
     assert reflection_trial(opaque_scene(), rasterizer_for("auto"), 0, 5) is None
     settled, why = METHODS["ringlight"].settled(opaque_scene(), rasterizer_for("auto"), 0)
-    assert isinstance(settled, RingLightMirrorRecipe)
+    assert method_of(settled) == "ringlight-mirror"
     assert why is not None
-    assert why.startswith("shading: deferred (no masks")
+    assert why.startswith("shading: deferred, as ringlight-mirror (no masks")
 
 
 def test_points_that_lie_on_nothing_are_no_surface():
     scene = opaque_scene()
     random = dataclasses.replace(scene, points=random_points(scene.box, 50, seed=0))
     settled, why = METHODS["ringlight"].settled(random, rasterizer_for("auto"), 0)
-    assert settled.shading == "forward"
+    assert method_of(settled) == "ringlight-ring"
     assert "fewer than 100 points" in why
 
 
@@ -52,13 +51,13 @@ def test_masks_that_leave_nothing_are_lit_forward():
     scene = tiny_scene(views=FEWEST_VIEWS)
     beside = dataclasses.replace(scene, box=scene.box + 100)
     settled, why = METHODS["ringlight"].settled(beside, rasterizer_for("auto"), 0)
-    assert settled.shading == "forward"
+    assert method_of(settled) == "ringlight-ring"
     assert "leaves no surface" in why
 
 
 def test_few_photographs_without_masks_are_lit_forward():
     settled, why = METHODS["ringlight"].settled(opaque_scene(FEWEST_VIEWS - 1), rasterizer_for("auto"), 0)
-    assert settled.shading == "forward"
+    assert method_of(settled) == "ringlight-ring"
     assert f"fewer than {FEWEST_VIEWS}" in why
 
 

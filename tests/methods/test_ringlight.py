@@ -1,38 +1,59 @@
-"""How the light field's Adam bears the jumps that density control makes of its gradients is a setting."""
+"""ringlight chooses a method: its recipe, the settings that all have, and the reason."""
 
 import dataclasses
 
 import pytest
-import torch
 
+from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
-from ringlight.fit.adam import Update, adam_
-from ringlight.fit.rates import Rate
-from ringlight.methods.ringlight import RingLightRecipe
+from ringlight.methods import reflection_trial
+from ringlight.methods.ringlight import GrowthBound, RingLightRecipe
+from ringlight.methods.table import METHODS, method_of
+from ringlight.rasterize.choose import rasterizer_for
 
-JUMP = 30.0
-"""When opacities are reset the picture is all wrong at once."""
-
-
-def longest_step(recipe: RingLightRecipe) -> float:
-    """After a jump of the gradients, in units of the rate."""
-    group = dataclasses.replace(recipe._groups(extent=1.0)["color.*"], rate=Rate.constant(1.0))
-    value, mean, square = torch.zeros(1), torch.zeros(1), torch.zeros(1)
-    longest = 0.0
-    for number in range(1, 1100):
-        before = value.clone()
-        gradient = torch.full((1,), JUMP if number > 1000 else 1.0)
-        adam_([Update(value, gradient, mean, square, group, 1.0, number)])
-        longest = max(longest, (value - before).abs().item())
-    return longest
+RINGLIGHT = RingLightRecipe()
+METHOD_OF_SHADING = {"forward": "ringlight-ring", "deferred": "ringlight-mirror"}
 
 
-def test_a_shorter_memory_makes_shorter_steps_after_a_jump():
-    assert longest_step(RingLightRecipe(field_beta2=0.99)) < 2.5
-    assert longest_step(RingLightRecipe(field_beta2=0.999)) > 5
+def settled(recipe: RingLightRecipe):
+    return recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
 
 
-@pytest.mark.parametrize("beta2", [-0.1, 1.0, float("nan")])
-def test_a_memory_that_never_ends_is_refused(beta2: float):
-    with pytest.raises(RecipeError, match="field_beta2"):
-        RingLightRecipe(field_beta2=beta2)
+@pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
+def test_who_asks_for_a_shading_gets_its_method_without_a_reason(shading: str, method: str):
+    assert settled(dataclasses.replace(RINGLIGHT, shading=shading)) == (METHODS[method], None)
+
+
+@pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
+def test_where_it_is_open_the_trial_decides_and_gives_the_reason(
+    shading: str, method: str, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(reflection_trial, "chosen_shading", lambda *_: (shading, "told so"))
+    recipe, why = settled(RINGLIGHT)
+    assert method_of(recipe) == method
+    assert why == f"shading: {shading}, as {method} (told so)"
+    assert settled(recipe) == (recipe, None)
+
+
+@pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
+def test_its_settings_are_those_of_the_chosen_method(shading: str, method: str):
+    recipe = RingLightRecipe(70, shading, visible_only=True, densify=GrowthBound(900))
+    expected = dataclasses.replace(METHODS[method], steps=70, visible_only=True).ending_with(900)
+    assert settled(recipe)[0] == expected
+
+
+@pytest.mark.parametrize("given", [None, True, False])
+def test_pixels_are_antialiased_unless_that_was_said(given: bool | None):
+    for shading in METHOD_OF_SHADING:
+        recipe, _ = settled(RingLightRecipe(shading=shading, antialiased=given))
+        assert recipe.antialiased is (shading == "deferred" if given is None else given)
+
+
+def test_there_is_no_model_of_a_choice():
+    with pytest.raises(RecipeError, match="chooses a method"):
+        RINGLIGHT.model(tiny_scene().box, rasterizer_for("auto"))
+
+
+def test_a_bound_below_nothing_is_refused():
+    with pytest.raises(RecipeError, match=r"densify\.max_gaussians is -1"):
+        GrowthBound(-1)

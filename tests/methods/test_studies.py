@@ -8,11 +8,9 @@ import pytest
 from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
-from ringlight.methods.studies import FULL, STUDIES, study_named
+from ringlight.methods.studies import BASES, FULL, STUDIES, study_named
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
-
-BASES = ("ringlight", "ringlight-paper")
 
 
 def differences(one: Any, other: Any, where: str = "") -> set[str]:
@@ -29,10 +27,8 @@ def differences(one: Any, other: Any, where: str = "") -> set[str]:
 
 
 def changes(study: str, base: str) -> dict[str, set[str]]:
-    """But for the shading, which studies of the light field make forward throughout."""
     return {
-        variant.name: differences(METHODS[variant.preset], variant.recipe) - {"shading", "antialiased"}
-        for variant in study_named(study, base, None)
+        variant.name: differences(METHODS[variant.preset], variant.recipe) for variant in study_named(study, base, None)
     }
 
 
@@ -41,7 +37,7 @@ def changes(study: str, base: str) -> dict[str, set[str]]:
 def test_every_variant_is_a_run_that_train_could_make(study: str, base: str) -> None:
     variants = study_named(study, base, 70)
     assert variants[0].name == FULL
-    assert variants[0].recipe == dataclasses.replace(METHODS[base], steps=70, shading="forward", antialiased=False)
+    assert variants[0].recipe == dataclasses.replace(METHODS[base], steps=70)
     names = [variant.name for variant in variants]
     assert len(set(names)) == len(names) > 2
     for variant in variants:
@@ -88,10 +84,10 @@ def test_a_varied_number_is_the_only_change(study: str, setting: str, base: str)
 
 @pytest.mark.parametrize("own", ["ring", "cp"])
 def test_the_bases_own_field_is_not_run_twice(own: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    recipe = METHODS["ringlight"]
+    recipe = BASES["ringlight-ring"]
     changed = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, field=own))
-    monkeypatch.setitem(METHODS, "ringlight", changed)
-    variants = study_named("field", "ringlight", None)
+    monkeypatch.setitem(BASES, "ringlight-ring", changed)
+    variants = study_named("field", "ringlight-ring", None)
     fields = [variant.recipe.light.field for variant in variants]
     assert fields[0] == own
     assert sorted(fields) == sorted(["ring", "discrete", "cp", "tt", "vm", "mlp"])
@@ -101,7 +97,7 @@ def test_the_bases_own_field_is_not_run_twice(own: str, monkeypatch: pytest.Monk
 def test_the_papers_numbers_are_beside_their_settings() -> None:
     ranks = {variant.at: variant.paper for variant in study_named("rank", "ringlight-paper", None)}
     assert ranks == {4: 27.71, 8: 28.94, 16: 29.01, 24: 29.10}
-    features = {variant.at: variant.paper for variant in study_named("feature", "ringlight", None)}
+    features = {variant.at: variant.paper for variant in study_named("feature", "ringlight-ring", None)}
     assert features == {12: 28.42, 24: 28.93, 48: 29.01, 60: 29.20}
 
 
@@ -113,6 +109,6 @@ def test_the_threshold_goes_with_gamma() -> None:
 
 def test_unknown_names_are_answered() -> None:
     with pytest.raises(RecipeError, match="perhaps you meant 'ablation'"):
-        study_named("ablations", "ringlight", None)
-    with pytest.raises(RecipeError, match="3dgs: it has no light field"):
+        study_named("ablations", "ringlight-ring", None)
+    with pytest.raises(RecipeError, match="no light field to study; give ringlight-paper or ringlight-ring"):
         study_named("rank", "3dgs", None)

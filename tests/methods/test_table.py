@@ -1,15 +1,18 @@
 """Every preset belongs to one method, which files and reports name, whatever was changed in it."""
 
 import dataclasses
+import json
 
 import pytest
 import torch
 
 from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
+from ringlight.methods.recipe import recipe_to_dict
 from ringlight.methods.store import model_header, scene_facts
-from ringlight.methods.table import METHODS, method_named, method_of
+from ringlight.methods.table import METHODS, method_named, method_of, recipe_of_method
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import TRAINED, small
 
 
 def test_presets_of_one_paper_share_their_method():
@@ -17,12 +20,13 @@ def test_presets_of_one_paper_share_their_method():
     names = {preset: method_of(recipe) for preset, recipe in METHODS.items()}
     assert names == {
         "ringlight": "ringlight",
+        "ringlight-ring": "ringlight-ring",
         "ringlight-mirror": "ringlight-mirror",
-        "ringlight-paper": "ringlight",
+        "ringlight-paper": "ringlight-ring",
         "3dgs": "3dgs",
     }
-    assert method_of(dataclasses.replace(METHODS["ringlight-paper"], steps=5)) == "ringlight"
-    assert model_header("ringlight-paper", METHODS["ringlight-paper"], 0, facts).method == "ringlight"
+    assert method_of(dataclasses.replace(METHODS["ringlight-paper"], steps=5)) == "ringlight-ring"
+    assert model_header("ringlight-paper", METHODS["ringlight-paper"], 0, facts).method == "ringlight-ring"
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():
@@ -30,31 +34,35 @@ def test_an_unknown_name_is_answered_with_the_nearest():
         method_named("ringlite")
 
 
-def test_what_is_asked_for_is_not_decided():
-    asked = dataclasses.replace(METHODS["ringlight"], shading="forward", antialiased=False)
-    for recipe in (asked, METHODS["ringlight-paper"], METHODS["3dgs"], METHODS["ringlight-mirror"]):
-        assert recipe.settled(tiny_scene(), rasterizer_for("auto"), 0) == (recipe, None)
+@pytest.mark.parametrize("method", TRAINED)
+def test_what_is_asked_for_is_not_decided(method: str):
+    recipe = METHODS[method]
+    assert recipe.settled(tiny_scene(), rasterizer_for("auto"), 0) == (recipe, None)
 
 
-def test_older_files_that_say_deferred_have_no_factors_of_the_place():
-    recipe = dataclasses.replace(METHODS["ringlight"], shading="deferred")
-    scene = tiny_scene()
-    table = recipe.build(scene, rasterizer_for("auto"), 3).model.gaussians
-    model = recipe.model(table, scene.box, rasterizer_for("auto"))
-    newer = recipe.mirror.model(table, scene.box, rasterizer_for("auto"))
-    assert set(newer.state_dict()) - set(model.state_dict()) == {"shader.places.axes"}
+@pytest.mark.parametrize("method", TRAINED)
+def test_a_file_has_a_recipe_of_its_method(method: str):
+    recipe = METHODS[method]
+    stored = json.loads(json.dumps(recipe_to_dict(recipe)))
+    assert recipe_of_method(method_of(recipe), stored, "file") == recipe
 
 
-def test_deferred_ringlight_is_the_mirror_with_the_settings_that_both_have():
-    densify = dataclasses.replace(METHODS["ringlight"].densify, max_gaussians=900)
-    recipe = dataclasses.replace(METHODS["ringlight"], steps=70, densify=densify, shading="deferred")
-    mirror = METHODS["ringlight-mirror"]
-    bounded = dataclasses.replace(mirror.densify, max_gaussians=900)
-    assert recipe.mirror == dataclasses.replace(mirror, steps=70, densify=bounded)
-    ours = recipe.build(tiny_scene(), rasterizer_for("auto"), 3).state()
-    its = recipe.mirror.build(tiny_scene(), rasterizer_for("auto"), 3).state()
-    assert ours.keys() == its.keys()
-    assert all(torch.equal(ours[name], its[name]) for name in ours)
+@pytest.mark.parametrize("name", ["ringlight", "ringlight-paper", "4dgs"])
+def test_no_file_is_of_a_chooser_or_an_unknown_method(name: str):
+    with pytest.raises(KeyError):
+        recipe_of_method(name, {}, "file")
+
+
+@pytest.mark.parametrize("method", TRAINED)
+def test_a_model_takes_the_tensors_of_a_trained_one(method: str):
+    scene, rasterize = tiny_scene(views=4, size=16), rasterizer_for("auto")
+    recipe = small(method)
+    tensors = recipe.build(scene, rasterize, 3).model.rendering_tensors()
+    model = recipe.model(scene.box, rasterize)
+    assert model.counted().number == 0
+    model.load_tensors(tensors)
+    assert model.rendering_tensors().keys() == tensors.keys()
+    assert all(torch.equal(tensor, tensors[name]) for name, tensor in model.state_dict().items())
 
 
 def test_short_runs_see_photographs_of_full_size_for_most_of_their_steps():

@@ -1,16 +1,14 @@
 """Mirrors that show something, for tests of their pictures."""
 
-import dataclasses
-
 import torch
 
 from ringlight.bench.step import subject_of_workload
 from ringlight.bench.workload import Size, workload_camera
 from ringlight.core.camera import Camera
-from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import with_settings
 
 WHITE = torch.ones(3)
 LIKE_TRAINED = 0.47
@@ -20,9 +18,7 @@ whether it is 32 or 64."""
 
 def mirror(size: str = "600@96", **shader: object) -> SplatModel:
     """The workload's ball as a mirror, with residuals as large as those of a trained one."""
-    recipe = METHODS["ringlight-mirror"]
-    assert isinstance(recipe, RingLightMirrorRecipe)
-    recipe = dataclasses.replace(recipe, shader=dataclasses.replace(recipe.shader, **shader))
+    recipe = with_settings(METHODS["ringlight-mirror"], {"shader": shader})
     model = subject_of_workload("ringlight-mirror", recipe, Size.parse(size), rasterizer_for("cpu")).training.model
     drawn = torch.Generator().manual_seed(3)
     with torch.no_grad():

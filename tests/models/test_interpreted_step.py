@@ -11,10 +11,10 @@ from ringlight.core import triton_kernels
 from ringlight.data import hull
 from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import Training, train
-from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import Rasterizer
+from small_recipes import with_settings
 
 POINTS = 40
 """Gaussians: the interpreter takes a hundred microseconds an operation of a kernel."""
@@ -36,20 +36,18 @@ def training(method: str, rasterize: Rasterizer) -> Training:
     scene = dataclasses.replace(scene, points=dataclasses.replace(
         scene.points, positions=scene.points.positions[:POINTS], colors=scene.points.colors[:POINTS], normals=None
     ))  # fmt: skip
-    recipe = dataclasses.replace(METHODS[method], steps=3)
-    if isinstance(recipe, RingLightRecipe):
-        ring = dataclasses.replace(recipe.light.ring, rank=4, position_nodes=8, view_nodes=6)
-        light = dataclasses.replace(recipe.light, ring=ring, render_hidden=16, modulation_hidden=16, gradient_share=1.0)
-        recipe = dataclasses.replace(recipe, light=light, warmup=0.0, shading="forward")
-    else:
-        recipe = dataclasses.replace(
-            recipe, shader=dataclasses.replace(recipe.shader, hidden=16, levels=(4, 6), gradient_share=1.0), warmup=0.0
-        )
-    return recipe.build(scene, rasterize, seed=0)
+    ring = {"rank": 4, "position_nodes": 8, "view_nodes": 6}
+    settings = {
+        "steps": 3,
+        "warmup": 0.0,
+        "light": {"ring": ring, "render_hidden": 16, "modulation_hidden": 16, "gradient_share": 1.0},
+        "shader": {"hidden": 16, "levels": (4, 6), "gradient_share": 1.0},
+    }
+    return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)
 
 
 @pytest.mark.skipif(interpreted.HAS_GPU, reason="tests marked cuda run the kernels themselves")
-@pytest.mark.parametrize("method", ["ringlight", "ringlight-mirror"])
+@pytest.mark.parametrize("method", ["ringlight-ring", "ringlight-mirror"])
 def test_steps_with_kernels_interpreted(method: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(hull, "FINE_CELLS", 8)
     native = training(method, rasterizer_for("cpu"))

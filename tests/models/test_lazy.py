@@ -13,10 +13,10 @@ from ringlight.core.camera import Camera
 from ringlight.core.rendering import Emission, LazyColors, Raster, Rendering
 from ringlight.core.want import Want
 from ringlight.errors import BackendError
-from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import with_settings
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -28,10 +28,8 @@ WHITE = torch.ones(3)
 
 def lit_model(size: str, opacity: float, **light: object) -> SplatModel:
     """The workload's ball with residuals as large as those of a trained field, which the first weights do not make."""
-    recipe = METHODS["ringlight"]
-    assert isinstance(recipe, RingLightRecipe)
-    recipe = dataclasses.replace(recipe, light=dataclasses.replace(recipe.light, **light), shading="forward")
-    model = subject_of_workload("ringlight", recipe, Size.parse(size), rasterizer_for("cpu")).training.model
+    recipe = with_settings(METHODS["ringlight-ring"], {"light": light})
+    model = subject_of_workload("ringlight-ring", recipe, Size.parse(size), rasterizer_for("cpu")).training.model
     with torch.no_grad():
         model.columns["opacity_logits"].fill_(torch.tensor(opacity).logit().item())
         model.get_parameter("color.shading.render.4.weight").mul_(8)

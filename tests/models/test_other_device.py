@@ -18,14 +18,13 @@ from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
-from ringlight.methods.ringlight import RingLightRecipe
-from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.rasterize.cuda import CudaRasterizer
 from ringlight.rasterize.gsplat_seam import TILE, Ellipses, Gsplat, tile_counts
+from small_recipes import TRAINED, with_settings
 
 STEPS = 12
 
@@ -74,16 +73,14 @@ def rasterizer_elsewhere() -> CudaRasterizer:
 def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
     """Twelve steps with everything in them: density control, the light field switched on. Whole gradients: which rows
     are drawn by lot depends on a sum's last bit."""
-    recipe = dataclasses.replace(METHODS[method], steps=STEPS)
-    densify = DensifySettings(threshold=1e-5, begin=4, every=5, stop=1.0, reset_every=7)
-    recipe = dataclasses.replace(recipe, densify=densify)
-    if isinstance(recipe, RingLightRecipe):
-        ring = dataclasses.replace(recipe.light.ring, position_nodes=32, view_nodes=8)
-        light = dataclasses.replace(recipe.light, ring=ring, gradient_share=1.0)
-        recipe = dataclasses.replace(recipe, light=light, shading="forward")
-    elif isinstance(recipe, RingLightMirrorRecipe):
-        recipe = dataclasses.replace(recipe, shader=dataclasses.replace(recipe.shader, gradient_share=1.0))
-    return recipe.build(scene, rasterize, seed=0)
+    whole = {"gradient_share": 1.0}
+    settings = {
+        "steps": STEPS,
+        "densify": DensifySettings(threshold=1e-5, begin=4, every=5, stop=1.0, reset_every=7),
+        "light": {"ring": {"position_nodes": 32, "view_nodes": 8}} | whole,
+        "shader": whole,
+    }
+    return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)
 
 
 def pictures(model: SplatModel, scene: Scene) -> list[torch.Tensor]:
@@ -91,7 +88,7 @@ def pictures(model: SplatModel, scene: Scene) -> list[torch.Tensor]:
         return [model.render(view.camera, scene.background_color).color.cpu() for view in scene.test]
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_training_elsewhere_is_training_here(method: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(hull, "FINE_CELLS", 24)
     scene = tiny_scene(views=6, size=24)

@@ -21,7 +21,7 @@ def test_equals_the_twin(with_factor: bool):
     table.quats[8] = 0.0
     columns = {name: column.requires_grad_() for name, column in table.columns().items()}
     factor = case.opacity_factor.requires_grad_() if with_factor else None
-    twin = stored_form.active_form_twin(Gaussians.from_columns(columns), case.camera, near, factor)
+    twin = stored_form.active_form_reference(Gaussians.from_columns(columns), case.camera, near, factor)
     upstream = [torch.randn_like(getattr(twin, field.name)) for field in dataclasses.fields(twin)]
     expected = [getattr(twin, field.name) for field in dataclasses.fields(twin)]
     torch.autograd.backward(expected, upstream)

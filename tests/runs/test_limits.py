@@ -12,7 +12,6 @@ from scenes_on_disk import write_tiny_scene
 from ringlight.cli.main import run
 from ringlight.core.scene import PointCloud
 from ringlight.data.synthetic import tiny_scene
-from ringlight.fit.strategies.densify import Densify
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs import limits
@@ -57,7 +56,7 @@ def test_the_bound_counts_what_is_dropped_later(steps: int, kept: int):
     assert changed.densify.max_gaussians == kept
     assert "at most 100 Gaussians" in notes[0]
     grown = changed.build(scene, rasterizer_for("auto"), seed=0).strategies
-    assert [strategy.most for strategy in grown if isinstance(strategy, Densify)] == [100]
+    assert [strategy.most for strategy in grown if strategy.most is not None] == [100]
 
 
 def test_who_states_a_bound_knows_better():
@@ -65,6 +64,12 @@ def test_who_states_a_bound_knows_better():
     assert bounded(recipe, scene, training, 100) == (recipe, scene, ())
     many = dataclasses.replace(scene, points=PointCloud(torch.zeros(1000, 3), torch.zeros(1000, 3)))
     assert len(bounded(recipe, many, training, 100)[1].points.positions) == 450
+
+
+def test_what_does_not_grow_is_left_alone():
+    recipe, scene, training = built()
+    fixed = dataclasses.replace(training, strategies=training.strategies[:1])
+    assert bounded(recipe, scene, fixed, 100) == (recipe, scene, ())
 
 
 def test_the_bound_is_said_recorded_and_kept_when_resumed(
@@ -78,7 +83,7 @@ def test_the_bound_is_said_recorded_and_kept_when_resumed(
     assert "200 of the 300 points" in told
     record = json.loads((tmp_path / "run" / "recipe.json").read_text())
     assert record["recipe"]["densify"]["max_gaussians"] == 200
-    assert json.loads((tmp_path / "run" / "report.json").read_text())["n_gaussians"] <= 200
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["counted"] <= 200
 
 
 def test_verify_keeps_within_the_same_bound(

@@ -9,7 +9,6 @@ from ringlight.bench.step import subject_of_workload
 from ringlight.bench.workload import Size, workload_camera
 from ringlight.errors import RecipeError
 from ringlight.files.bake import bake_to_sh
-from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.picture_fit import LONGEST_SIDE, _small, fitted_to_pictures, with_harmonics
@@ -21,7 +20,6 @@ WHITE = torch.ones(3)
 @pytest.fixture(scope="module")
 def mirror():
     recipe = METHODS["ringlight-mirror"]
-    assert isinstance(recipe, RingLightMirrorRecipe)
     subject = subject_of_workload("ringlight-mirror", recipe, Size.parse(f"400@{SIDE}"), rasterizer_for("cpu"))
     model = subject.training.model
     draw = torch.Generator().manual_seed(3)

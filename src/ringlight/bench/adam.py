@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ringlight.bench.kernels_alone import AdamKernel
+from ringlight import _kernels
 from ringlight.bench.record import Circumstances
 from ringlight.bench.timing import SHORTEST_MS, Budget, Contestant, Timing, interleaved
 from ringlight.core.randomness import generator
@@ -65,12 +65,25 @@ def torch_step(columns: Sequence[Tensor], gradients: Sequence[Tensor], *, fused:
     return judge.step
 
 
+class AdamKernel:
+    """One update of copies of the columns, again and again."""
+
+    def __init__(self, columns: Sequence[Tensor], gradients: Sequence[Tensor]):
+        self._values, self._gradients = [column.clone() for column in columns], list(gradients)
+        self._means, self._squares = ([torch.zeros_like(value) for value in self._values] for _ in range(2))
+        # Far into a run, where both moments are warm.
+        self._steps = [(GROUP.rate.at(0.5), *GROUP.betas, GROUP.epsilon, 1000) for _ in columns]
+
+    def run(self) -> None:
+        _kernels.adam(self._values, self._gradients, self._means, self._squares, self._steps)
+
+
 def _row(count: int, budget: Budget, seed: int) -> AdamRow:
     draw = generator(seed, count, "adam")
     columns = [torch.randn(count, width, generator=draw) for width in WIDTHS]
     gradients = [torch.randn(count, width, generator=draw) for width in WIDTHS]
     contestants = {
-        KERNEL: AdamKernel(columns, gradients, [GROUP] * len(columns)).run,
+        KERNEL: AdamKernel(columns, gradients).run,
         FUSED: torch_step(columns, gradients, fused=True),
         FOREACH: torch_step(columns, gradients, fused=False),
     }

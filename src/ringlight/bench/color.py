@@ -19,7 +19,7 @@ from ringlight.core.rendering import Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
-from ringlight.methods.ringlight import OURS, PAPER
+from ringlight.methods.ringlight_ring import OURS, PAPER
 from ringlight.models.splats import move
 
 PIXELS = 400

@@ -3,16 +3,16 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 
 from ringlight.bench.record import Circumstances
-from ringlight.bench.step import subject_of_workload
+from ringlight.bench.step import splats_of, subject_of_workload
 from ringlight.bench.timing import SHORTEST_MS, Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload_camera
 from ringlight.core.want import Want
 from ringlight.measure.speed import device_name
+from ringlight.methods.recipe import Recipe
 from ringlight.rasterize.contract import Rasterizer
 
 VIEWS = 8
@@ -46,7 +46,7 @@ class FpsBench:
 
 
 def bench_fps(
-    recipes: Sequence[tuple[str, Any]], sizes: Sequence[Size], rasterize: Rasterizer, budget: Budget, seed: int = 0
+    recipes: Sequence[tuple[str, Recipe]], sizes: Sequence[Size], rasterize: Rasterizer, budget: Budget, seed: int = 0
 ) -> tuple[FpsRow, ...]:
     """Every method at every size, those of a size in turns; ``budget`` is each method's, of which a half goes to the
     pass before each that is timed."""
@@ -54,19 +54,18 @@ def bench_fps(
 
 
 def _rows(
-    recipes: Sequence[tuple[str, Any]], size: Size, rasterize: Rasterizer, budget: Budget, seed: int
+    recipes: Sequence[tuple[str, Recipe]], size: Size, rasterize: Rasterizer, budget: Budget, seed: int
 ) -> list[FpsRow]:
     contestants = {name: Contestant({PASS: _pass(name, recipe, size, rasterize, seed)}) for name, recipe in recipes}
     passes = Budget(budget.rounds, budget.seconds * len(contestants))
-    with torch.no_grad():
-        timings = interleaved(contestants, passes)
+    timings = interleaved(contestants, passes)
     return [_row(name, size, timings[name][PASS], rasterize.device) for name in contestants]
 
 
-def _pass(method: str, recipe: Any, size: Size, rasterize: Rasterizer, seed: int) -> Callable[[], None]:
+def _pass(method: str, recipe: Recipe, size: Size, rasterize: Rasterizer, seed: int) -> Callable[[], None]:
     """What shows all views once."""
     training = subject_of_workload(method, recipe, size, rasterize, seed).training
-    model, background = training.model.eval(), training.batches.scene.background_color
+    model, background = splats_of(training, method).eval(), torch.ones(3)
     for name in model.color.training_columns:  # a model file is without
         if name in model.columns:
             model.columns.pop(name)

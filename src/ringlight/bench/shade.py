@@ -27,8 +27,7 @@ SHOW, FORWARD, BACKWARD = "show", "forward", "backward"
 
 @dataclass(frozen=True)
 class ShadeRow:
-    """One width on one ball. ``show`` records no gradient, as in rendering; ``both`` is a training step's;
-    ``reference`` the same in torch."""
+    """One width on one ball. ``show`` wants no gradient, ``both`` is a step's, ``reference`` the same in torch."""
 
     hidden: int
     covered: int

@@ -7,25 +7,21 @@ import argparse
 import sys
 from collections.abc import Mapping
 
-import torch
-
 from ringlight import _kernels
-from ringlight.bench.kernels_alone import RasterKernel
+from ringlight.bench.raster import OneView
 from ringlight.bench.workload import Size, workload
+from ringlight.rasterize.cpu import CpuRasterizer
 
 ROUNDS = 300
 
 
 def fastest_stages(size: Size, rounds: int = ROUNDS) -> dict[str, float]:
     """Milliseconds of each stage of forward and backward on the standard workload, default options."""
-    work = workload(size)
-    kernel = RasterKernel(work.gaussians, work.channels, work.camera, torch.zeros(size.channels))
-    upstream = torch.ones_like(kernel.image)
-    best: dict[str, float] = {}
+    view, best = OneView(workload(size), rasterizer := CpuRasterizer()), dict[str, float]()
     for _ in range(rounds):
-        kernel.forward()
-        kernel.backward(upstream)
-        for name, seconds in kernel.stage_seconds.items():
+        view.forward()
+        view.backward()
+        for name, seconds in rasterizer.spare[-1].stage_seconds.items():
             best[name] = min(best.get(name, seconds * 1e3), seconds * 1e3)
     return best
 

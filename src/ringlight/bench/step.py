@@ -5,47 +5,40 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import cast
 
-import torch
-
-from ringlight.bench.kernels_alone import AdamKernel, LossKernel, RasterKernel, gradients_like
-from ringlight.bench.raster import NATIVE
 from ringlight.bench.record import Circumstances
 from ringlight.bench.stopwatch import Stopwatch
-from ringlight.bench.timing import SHORTEST_MS, TOTAL, Budget, Contestant, Timing, interleaved
+from ringlight.bench.timing import Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload, workload_scene
 from ringlight.core.gaussians import GEOMETRY
-from ringlight.core.want import Want
+from ringlight.data.batches import ImageBatch
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.fit.train import Training, train
-from ringlight.models.splats import COLUMNS_PREFIX
+from ringlight.methods.recipe import Recipe
+from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
 SCHEDULED_STEP = 7_501
 """The workload's step: densification counts pulls, as in half of a run, but edits no rows at this one."""
 
-WHOLE, KERNELS = "whole", "kernels"
+WHOLE = "whole"
 
 
 @dataclass(frozen=True)
 class StepRow:
     """One method's step.
 
-    ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs; what they leave is the
-    loop's own. ``kernels`` are the floor: the compiled rasterizer, loss and Adam on the same inputs, called alone. The
-    floor ratios are whole over their sum; without the CPU's rasterizer there is no such floor.
+    ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs. What they leave of it is
+    the loop's own.
     """
 
     method: str
     gaussians: int
     whole: Timing
     stages: dict[str, Timing]
-    kernels: dict[str, Timing]
-    wall_floor_ratio: float | None
-    cpu_floor_ratio: float | None
 
 
 @dataclass(frozen=True)
@@ -68,19 +61,39 @@ class Subject:
     training: Training
     step: int
 
+    @property
+    def model(self) -> SplatModel:
+        """What is trained."""
+        return splats_of(self.training, self.method)
 
-def subject_of_workload(method: str, recipe: Any, size: Size, rasterize: Rasterizer, seed: int = 0) -> Subject:
+    @property
+    def batch(self) -> ImageBatch:
+        """The photograph of the step."""
+        return cast(ImageBatch, self.training.batches.at(self.step))
+
+
+def splats_of(training: Training, method: str) -> SplatModel:
+    """The model that is trained. Raises RecipeError where it is no table of Gaussians, whose parts could be timed."""
+    model = training.model.splats()
+    if model is None:
+        raise RecipeError(f"{method} has no Gaussians, and this benchmark times their parts; name another method")
+    return model
+
+
+def subject_of_workload(method: str, recipe: Recipe, size: Size, rasterize: Rasterizer, seed: int = 0) -> Subject:
     """The method on the standard workload, with every schedule at its end: all harmonics, the light field on."""
     if size.channels != 3:
         raise RecipeError(f"a training step draws 3 channels, not {size.channels}; leave --channels away")
     work = workload(size, seed)
     scene = workload_scene(work, seed)
+    recipe, _ = recipe.settled(scene, rasterize, seed)
     training = recipe.build(scene, rasterize, seed)
-    training.model.load_columns({name: getattr(work.gaussians, name) for name in GEOMETRY})
+    model = splats_of(training, method)
+    model.load_columns({name: getattr(work.gaussians, name) for name in GEOMETRY})
     # A model made for rendering has everything switched on; only a build for training starts with less.
-    finished = recipe.model(training.model.gaussians, scene.box, rasterize)
+    finished = recipe.model(scene.box, rasterize)
     shown = finished.state_dict()
-    for name, buffer in training.model.named_buffers():
+    for name, buffer in model.named_buffers():
         if name in shown:
             buffer.copy_(shown[name])
     training.step = min(SCHEDULED_STEP, recipe.steps) - 1
@@ -101,7 +114,9 @@ class Photographs:
     gaussians: int = 0
 
 
-def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasterize: Rasterizer, seed: int) -> Subject:
+def subject_of_scene(
+    method: str, recipe: Recipe, photographs: Photographs, rasterize: Rasterizer, seed: int
+) -> Subject:
     """The method on photographs. Raises SceneError, and RecipeError, also for more Gaussians than the bound."""
     if photographs.steps:
         recipe = dataclasses.replace(recipe, steps=photographs.steps)
@@ -110,14 +125,14 @@ def subject_of_scene(method: str, recipe: Any, photographs: Photographs, rasteri
     scene = load_scene(photographs.path, SceneOptions())
     settled, _ = recipe.settled(scene, rasterize, seed)
     if photographs.gaussians:
-        bounded = dataclasses.replace(settled.densify, max_gaussians=photographs.gaussians, drop_share=0.0)
-        settled = dataclasses.replace(settled, densify=bounded)
+        settled = settled.ending_with(photographs.gaussians, dropping=False)
     training = settled.build(scene, rasterize, seed)
     for _ in islice(train(training), photographs.after):
         pass
-    if photographs.gaussians and len(training.model) > photographs.gaussians:
+    count = len(splats_of(training, method))
+    if photographs.gaussians and count > photographs.gaussians:
         raise RecipeError(
-            f"{method} has {len(training.model):,} Gaussians after {photographs.after} steps, more than --gaussians "
+            f"{method} has {count:,} Gaussians after {photographs.after} steps, more than --gaussians "
             f"{photographs.gaussians}; give a later --after, or more"
         )
     where = f"{scene.name} after {photographs.after} steps of {recipe.steps}"
@@ -128,80 +143,33 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
     """Repeat one step of each, whole and cut into stages, all in turns; everything is put back before each round, off
     the clock. ``budget`` is each method's. Raises RecipeError where methods are given photographs of different sizes,
     as at the beginning of a run of 3dgs."""
-    cameras = [subject.training.batches.at(subject.step).camera for subject in subjects]
+    cameras = [subject.batch.camera for subject in subjects]
     images = [f"{camera.width}x{camera.height}" for camera in cameras]
     if len(set(images)) > 1:
         sizes = ", ".join(f"{subject.method} {image}" for subject, image in zip(subjects, images, strict=True))
         raise RecipeError(f"photographs are of different sizes at that step ({sizes}); give a later --after")
     watches = [Stopwatch(subject.training) for subject in subjects]
-    contestants = {
-        (subject.method, part): contestant
-        for subject, watch in zip(subjects, watches, strict=True)
-        for part, contestant in _contestants_of(subject, watch).items()
-    }
+    contestants = {s.method: _contestant(s, watch) for s, watch in zip(subjects, watches, strict=True)}
     timings = interleaved(contestants, Budget(budget.rounds, budget.seconds * len(subjects)))
     first = subjects[0]
     return StepBench(
         circumstances=now,
         scene=first.scene,
-        rasterizer=first.training.model.rasterize.name,
+        rasterizer=first.model.rasterize.name,
         image=images[0],
-        rows=tuple(_row(subject, watch, timings) for subject, watch in zip(subjects, watches, strict=True)),
+        rows=tuple(
+            StepRow(subject.method, len(subject.model), timings[subject.method][WHOLE], watch.timings())
+            for subject, watch in zip(subjects, watches, strict=True)
+        ),
     )
 
 
-def _contestants_of(subject: Subject, watch: Stopwatch) -> dict[str, Contestant]:
-    training = subject.training
-    put_back = _snapshot(training)
-
+def _contestant(subject: Subject, watch: Stopwatch) -> Contestant:
     def one_step() -> None:
-        next(train(training))
+        next(train(subject.training))
         watch.end_round()
 
-    contestants = {WHOLE: Contestant({WHOLE: one_step}, put_back)}
-    if training.model.rasterize.name == NATIVE:
-        # Put back as well, though nothing has changed: caches are then as cold for both.
-        contestants[KERNELS] = Contestant(_kernels_alone(subject), put_back)
-    return contestants
-
-
-def _row(subject: Subject, watch: Stopwatch, timings: dict[tuple[str, str], dict[str, Timing]]) -> StepRow:
-    whole = timings[subject.method, WHOLE][WHOLE]
-    kernels = timings.get((subject.method, KERNELS), {})
-    floor = kernels.get(TOTAL)
-    return StepRow(
-        method=subject.method,
-        gaussians=len(subject.training.model),
-        whole=whole,
-        stages=watch.timings(),
-        kernels=kernels,
-        wall_floor_ratio=whole.wall_ms / max(floor.wall_ms, SHORTEST_MS) if floor else None,
-        cpu_floor_ratio=whole.cpu_ms / max(floor.cpu_ms, SHORTEST_MS) if floor else None,
-    )
-
-
-def _kernels_alone(subject: Subject) -> dict[str, Callable[[], object]]:
-    """The step's kernels on the step's inputs; Adam updates every parameter of the model."""
-    training = subject.training
-    batch = training.batches.at(subject.step)
-    model, table = training.model, training.model.gaussians
-    emission = model.color.emit(table, batch.camera, tuple(model.shader.needs), Want.EXACT)
-    channels = emission.channels
-    behind = torch.nn.functional.pad(batch.background, (0, channels.shape[1] - len(batch.background)))
-    raster = RasterKernel(table, channels, batch.camera, behind, model.options, emission.opacity_factor)
-    # For channels that the loss does not see any number will do: what a gradient costs does not depend on it.
-    by_image = torch.ones_like(raster.image)
-    loss = LossKernel(raster.image[:3], training.loss.targets.of(batch), training.loss.settings, by_image[:3])
-    parameters = dict(model.named_parameters())
-    known = {COLUMNS_PREFIX + name: gradient for name, gradient in raster.gradients.items()}
-    groups = [training.optimizer.groups[name] for name in parameters]
-    adam = AdamKernel(list(parameters.values()), gradients_like(parameters, known), groups)
-    return {
-        "raster forward": raster.forward,
-        "loss": loss.run,
-        "raster backward": lambda: raster.backward(by_image),
-        "adam": adam.run,
-    }
+    return Contestant({WHOLE: one_step}, _snapshot(subject.training))
 
 
 def _snapshot(training: Training) -> Callable[[], None]:

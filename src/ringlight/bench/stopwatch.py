@@ -8,7 +8,6 @@ from typing import Any
 
 from ringlight.bench.timing import WARMUP_ROUNDS, Timing, timing_of, wait_for_gpu
 from ringlight.fit.train import Training
-from ringlight.models.splats import SplatModel
 
 STAGES = (
     "photograph and loss",
@@ -35,10 +34,10 @@ class Stopwatch:
         self._watch(training.optimizer, "step", "adam")
         for strategy in training.strategies:
             self._watch(strategy, "update", "strategies")
-        model = training.model
-        if isinstance(model, SplatModel):  # nothing else has these seams
+        model = training.model.splats()
+        if model is not None:  # nothing else has these seams
             self._watch(model.color, "emit", "colour forward", "colour backward")
-            model.rasterize = copy.copy(model.rasterize)  # others draw with it too, on watches of their own
+            model.rasterize = copy.copy(model.rasterize)  # which other trainings may use too
             self._watch(model.rasterize, "draw", "raster forward", "raster backward")
             self._watch(model.shader, "shade", "shade forward", "shade backward")
 

@@ -1,6 +1,6 @@
 """Benchmark records as tables for a terminal of 80 characters or more."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -10,11 +10,11 @@ from ringlight.bench.adam import AdamBench
 from ringlight.bench.color import ColorBench
 from ringlight.bench.fps import FpsBench
 from ringlight.bench.loss import LossBench
-from ringlight.bench.raster import Passes, RasterBench, RasterRow
+from ringlight.bench.raster import RasterBench, RasterRow
 from ringlight.bench.record import Circumstances
 from ringlight.bench.shade import ShadeBench
 from ringlight.bench.step import StepBench, StepRow
-from ringlight.bench.timing import SHORTEST_MS, TOTAL
+from ringlight.bench.timing import SHORTEST_MS
 
 Block = Table | Text
 
@@ -23,46 +23,33 @@ COMMIT_DIGITS = 10
 NAMES = ("size", "model", "stage", "method")
 """Titles of columns that hold words."""
 
-NARROW_RATIO = 1.0
-"""Ratios up to here are shown as good."""
-
 
 def raster_tables(record: RasterBench) -> Iterator[Block]:
-    """Milliseconds a frame; with a peer a second table of the same, and the ratios."""
+    """Milliseconds a frame, and the work that is in them."""
     yield Text(f"rasterizer {record.rasterizer}: milliseconds a frame of the standard workload, medians", style="bold")
     yield from _circumstances(record.circumstances)
-    table = _table("size", "channels", "forward", "backward", "both", "CPU both", "per second")
-    for row in record.rows:
-        per_second = f"{1e3 / row.ours.both.wall_ms:,.0f}"
-        table.add_row(row.size.name, str(row.size.channels), *_passes(row.ours), per_second)
-    yield table
-    counted = [row for row in record.rows if row.kernels]
-    if counted:
-        yield Text("the compiled kernels alone; GFLOP/s of blending in their fastest round", style="bold")
-        yield _kernel_table(counted, record.circumstances)
-    compared = [row for row in record.rows if row.peer]
-    if compared:
-        yield Text(f"beside it, in turns, on the same inputs: {record.peer}", style="bold")
-        yield _peer_table(compared)
-
-
-def _kernel_table(rows: list[RasterRow], now: Circumstances) -> Table:
-    titles = ("forward", "backward", "both", "CPU", "tried", "blended", "GFLOP/s", "of FMA", "of mm")
-    table = _table("size", *titles)
-    for row in rows:
-        if row.kernels and row.pairs and row.gflops is not None:
+    now = record.circumstances
+    yield _table_of_passes(record.rows)
+    counted = [row for row in record.rows if row.pairs and row.gflops is not None]
+    if not counted:
+        return
+    yield Text("pairs of Gaussian and pixel; GFLOP/s of blending in the fastest round", style="bold")
+    table = _table("size", "tried", "blended", "GFLOP/s", "of FMA", "of mm")
+    for row in counted:
+        if row.pairs and row.gflops is not None:
             pairs = (f"{row.pairs.evaluated / 1e6:.1f}M", f"{row.pairs.blended / 1e6:.1f}M")
             shares = (f"{100 * row.gflops / peak:.0f}%" for peak in (now.fma_gflops, now.matrix_gflops))
-            table.add_row(row.size.name, *_passes(row.kernels), *pairs, f"{row.gflops:.0f}", *shares)
-    return table
+            table.add_row(row.size.name, *pairs, f"{row.gflops:.0f}", *shares)
+    yield table
 
 
-def _peer_table(rows: list[RasterRow]) -> Table:
-    table = _table("size", "forward", "backward", "both", "CPU both", "wall ratio", "CPU ratio", "max diff")
+def _table_of_passes(rows: Sequence[RasterRow]) -> Table:
+    table = _table("size", "channels", "forward", "backward", "both", "CPU both", "per second")
     for row in rows:
-        if row.peer and row.wall_ratio and row.cpu_ratio:
-            ratios = (_ratio(row.wall_ratio), _ratio(row.cpu_ratio))
-            table.add_row(row.size.name, *_passes(row.peer), *ratios, f"{row.largest_difference:.0e}")
+        passes = row.passes
+        times = (passes.forward.wall_ms, passes.backward.wall_ms, passes.both.wall_ms, passes.both.cpu_ms)
+        per_second = f"{1e3 / passes.both.wall_ms:,.0f}"
+        table.add_row(row.size.name, str(row.size.channels), *(_ms(time) for time in times), per_second)
     return table
 
 
@@ -95,13 +82,13 @@ def loss_tables(record: LossBench) -> Iterator[Block]:
     """Milliseconds an image."""
     yield Text("photometric loss, value and gradient, milliseconds an image, medians", style="bold")
     yield from _circumstances(record.circumstances)
-    table = _table("pixels", "kernel", "CPU", "step", "CPU", "twin", "CPU", "twin : step", "CPU", "max diff")
+    table = _table("pixels", "kernel", "CPU", "step", "CPU", "reference", "CPU", "ref. : step", "CPU", "max diff")
     for row in record.rows:
-        times = (time for timing in (row.kernel, row.step, row.twin) for time in (timing.wall_ms, timing.cpu_ms))
+        times = (time for timing in (row.kernel, row.step, row.reference) for time in (timing.wall_ms, timing.cpu_ms))
         ratios = (f"{row.wall_ratio:.1f}", f"{row.cpu_ratio:.1f}", f"{row.largest_difference:.0e}")
         table.add_row(f"{row.pixels}x{row.pixels}", *(_ms(time) for time in times), *ratios)
     yield table
-    yield Text("kernel: called alone; step: as training calls it; twin: in torch, to be read, not fast", style="dim")
+    yield Text("kernel: called alone; step: as training calls it; reference: torch, not fast", style="dim")
 
 
 def adam_tables(record: AdamBench) -> Iterator[Block]:
@@ -122,18 +109,17 @@ def step_tables(record: StepBench) -> Iterator[Block]:
     yield Text(f"one training step on {record.scene}, medians", style="bold")
     yield Text(f"{record.image} pixels, {record.rasterizer} rasterizer, methods in turns", style="dim")
     yield from _circumstances(record.circumstances)
-    table = _table("method", "Gaussians", "ms", "CPU ms", "best", "it/s", "times", "CPU", "floor", "CPU")
+    table = _table("method", "Gaussians", "ms", "CPU ms", "best", "it/s", "times", "CPU")
     first = record.rows[0].whole
     for row in record.rows:
         whole = row.whole
         rate = f"{1e3 / max(whole.wall_ms, SHORTEST_MS):,.0f}"
         times = (_times(whole.wall_ms, first.wall_ms), _times(whole.cpu_ms, first.cpu_ms))
-        floors = ("-" if ratio is None else f"{ratio:.2f}" for ratio in (row.wall_floor_ratio, row.cpu_floor_ratio))
         spent = (_ms(time) for time in (whole.wall_ms, whole.cpu_ms, whole.best_ms))
-        table.add_row(row.method, f"{row.gaussians:,}", *spent, rate, *times, *floors)
+        table.add_row(row.method, f"{row.gaussians:,}", *spent, rate, *times)
     yield table
     yield from (_stage_table(row) for row in record.rows)
-    yield Text("times: the first method's; floor: its own rasterizer, loss and Adam kernels'", style="dim")
+    yield Text("times: the first method's; stages are timed while the whole step runs", style="dim")
 
 
 def _stage_table(row: StepRow) -> Table:
@@ -144,11 +130,6 @@ def _stage_table(row: StepRow) -> Table:
         table.add_row(name, _ms(timing.wall_ms), _ms(timing.cpu_ms), share)
     table.add_section()
     table.add_row("whole step", _ms(row.whole.wall_ms), _ms(row.whole.cpu_ms), "")
-    if row.kernels:
-        table.add_section()
-        for name, timing in row.kernels.items():
-            title = "kernels alone" if name == TOTAL else f"{name}, kernel"
-            table.add_row(title, _ms(timing.wall_ms), _ms(timing.cpu_ms), "", style="bold" if name == TOTAL else "")
     return table
 
 
@@ -188,17 +169,7 @@ def _table(*titles: str) -> Table:
     return table
 
 
-def _passes(passes: Passes) -> tuple[str, str, str, str]:
-    times = (passes.forward.wall_ms, passes.backward.wall_ms, passes.both.wall_ms, passes.both.cpu_ms)
-    first, second, both, cpu = (_ms(time) for time in times)
-    return first, second, both, cpu
-
-
 def _ms(milliseconds: float) -> str:
     """Three significant digits while small: 0.742, 6.35, 13.0, 128."""
     digits = 3 if milliseconds < 1 else 2 if milliseconds < 10 else 1 if milliseconds < 100 else 0
     return f"{milliseconds:.{digits}f}"
-
-
-def _ratio(value: float) -> Text:
-    return Text(f"{value:.2f}", style="bold green" if value <= NARROW_RATIO else "bold")

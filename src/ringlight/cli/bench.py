@@ -26,17 +26,17 @@ class Common:
     """What all benchmarks share."""
 
     threads: int = 0
-    """Threads of the kernels; 0 takes every core. RINGLIGHT_ISA=avx2 or generic in the environment forces those."""
+    """Threads of the kernels; 0 takes every core. RINGLIGHT_ISA=avx2 or generic forces those kernels."""
     rounds: int = 20
     """Rounds timed; medians are shown."""
     seconds: float = 5.0
-    """No further round of one size begins after this; where methods take turns, each has so many."""
+    """No round of a size begins after this many seconds. Methods that take turns have so many each."""
     seed: int = 0
-    """Of the workload."""
+    """Seed of the workload."""
     json: bool = False
     """Print the record as JSON instead of tables."""
     save: str | None = None
-    """Keep the record as benchmarks/results/SAVE.json, in place of an earlier one."""
+    """Write the record to benchmarks/results/SAVE.json; an earlier one is replaced."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,14 @@ class RasterArguments:
     """Gaussians@pixels on a side."""
     channels: int = 3
     """Blended channels."""
-    against: Path | None = None
-    """Folder of another kernel (kernel.cpp, bind.cpp, common.h, simd.h): compiled, and run in turns with ours."""
     device: Device = "auto"
-    """Rasterizer; reference is plain torch and wants small sizes."""
+    """Rasterizer. reference is plain torch and wants small sizes."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
 
 
 @dataclass(frozen=True)
 class LossArguments:
-    """The photometric loss, value and gradient, beside its slow twin in torch."""
+    """The photometric loss, value and gradient, beside its reference in torch."""
 
     sizes: tuple[int, ...] = (200, 400, 800)
     """Pixels on a side."""
@@ -74,12 +72,12 @@ class AdamArguments:
 
 @dataclass(frozen=True)
 class ColorArguments:
-    """Colour of every Gaussian towards one camera: spherical harmonics, the tensor ring."""
+    """Colour of every Gaussian towards one camera: spherical harmonics and the tensor ring."""
 
     gaussians: tuple[int, ...] = (10_000, 100_000)
     """Numbers of Gaussians."""
     models: tuple[str, ...] = ("harmonics", "ring", "ring-paper")
-    """harmonics, ring (our preset), ring-paper (the paper's sizes), ring-exact (the same without tables, the twin)."""
+    """harmonics; ring (our sizes); ring-paper (the paper's sizes); ring-exact (the paper's without tables)."""
     device: Device = "auto"
     """Where the colours are computed."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
@@ -87,7 +85,7 @@ class ColorArguments:
 
 @dataclass(frozen=True)
 class ShadeArguments:
-    """The reflection shader of ringlight-mirror on a ball, beside its slow twin in torch."""
+    """The reflection shader of ringlight-mirror on a ball, beside its reference in torch."""
 
     hidden: tuple[int, ...] = (64, 32)
     """Widths of the network's hidden layers."""
@@ -98,21 +96,21 @@ class ShadeArguments:
 
 @dataclass(frozen=True)
 class StepArguments:
-    """Whole training steps of methods, in turns, and their stages, on the standard workload or on photographs."""
+    """Training steps of methods in turns, and their stages, on the standard workload or on photographs."""
 
     methods: tyro.conf.Positional[tuple[str, ...]] = ("3dgs",)
-    """Methods whose step is taken; the first is what the others are compared with."""
+    """Methods that take a step. The others are compared with the first."""
     size: str = "100k@400"
     """Gaussians@pixels of the workload."""
     scene: Path | None = None
-    """Folder of photographs, instead of the workload."""
+    """Folder of photographs, in place of the workload."""
     after: int = 0
     """Training steps on the photographs before the one that is timed."""
     steps: int = 0
-    """Length of the run on the photographs, to which schedules scale; 0 takes each method's own."""
+    """Length of the run on the photographs; schedules scale with it. 0 takes each method's own."""
     gaussians: int = 0
-    """On photographs: density control ends with no more than so many, and nothing is dropped. Methods that grow to it
-    have equally many once it has ended, after half of the steps; 0 leaves each to itself."""
+    """Most Gaussians on photographs; nothing is dropped. Methods that grow to it have equally many after half of the
+    steps, when density control has ended. 0 leaves each method its own bound."""
     device: Device = "auto"
     """Rasterizer."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
@@ -133,9 +131,9 @@ class StepArguments:
 
 @dataclass(frozen=True)
 class FpsArguments:
-    """Frames per second of whole renderings, of models with everything switched on."""
+    """Pictures per second of whole models with the light switched on."""
 
-    methods: tuple[str, ...] = ("3dgs", "ringlight")
+    methods: tuple[str, ...] = ("3dgs", "ringlight-ring")
     """Methods whose models are shown."""
     sizes: tuple[str, ...] = ("100k@400", "300k@800")
     """Gaussians@pixels on a side."""
@@ -146,7 +144,7 @@ class FpsArguments:
 
 @dataclass(frozen=True)
 class BenchArguments:
-    """Measure speed: medians of interleaved rounds, wall and CPU time, beside what this machine can do at best."""
+    """Measure speed: medians of rounds in turns, wall and CPU time, beside what this machine can do at best."""
 
     what: Annotated[
         Annotated[RasterArguments, tyro.conf.subcommand("raster", prefix_name=False)]
@@ -201,17 +199,9 @@ def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterato
     from ringlight.bench.workload import Size
 
     sizes = [Size.parse(text, asked.channels) for text in asked.sizes]
-    rasterize, peer = _rasterizer(asked.device), None
-    if asked.against is not None:
-        from ringlight.bench.against import against, check_sources
-
-        check_sources(asked.against)
-        sys.stderr.write(f"compiling {asked.against}, about half a minute\n")
-        peer = against(asked.against, now.machine.threads, now.machine.isa, asked.channels)
-    rows = bench_raster(sizes, rasterize, _budget(asked.common), peer, asked.common.seed)
-    # Two names tell kernels apart; the rest of the path is nobody's business in a record that may be published.
-    name = "/".join(asked.against.resolve().parts[-2:]) if asked.against else None
-    record = RasterBench(now, rasterize.name, name, rows)
+    rasterize = _rasterizer(asked.device)
+    rows = bench_raster(sizes, rasterize, _budget(asked.common), asked.common.seed)
+    record = RasterBench(now, rasterize.name, rows)
     return record, raster_tables(record)
 
 

@@ -27,11 +27,11 @@ class CompareArguments:
     ]
     """Folders that train or eval --out wrote."""
     baseline: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
-    """The run that others are compared with; by default the first."""
+    """The run with which the others are compared; by default the first."""
     views: int = 3
     """Test views on the sheet."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
-    """Write the contact sheet, the picture with the views, to this file."""
+    """Write the contact sheet, one picture with the views, to this file."""
     overwrite: bool = False
     """Replace --sheet if it exists."""
     markdown: bool = False

@@ -23,8 +23,8 @@ class CompressArguments:
     """Write a model in fewer bytes: colours and opacities in 8 bit, rotations in 32, positions in 48 or 72, networks
     and tables in 8 bit a value.
 
-    The file is a model like any other: eval, render, export, compare and info take it. What it costs is measured on the
-    test views of SCENE or of the run, stored in the file, and shown by 'ringlight info'.
+    The file is a model like any other: eval, render, export, compare and info take it. The loss in PSNR is measured on
+    the test views of SCENE or of the run. It is stored in the file and shown by 'ringlight info'.
     """
 
     model: ModelPath
@@ -83,7 +83,7 @@ def _sentences(compressed: "Compressed") -> str:
     losses = compressed.losses
     ratio = losses.bytes_before / max(losses.bytes_after, 1)
     lines = [
-        f"{compressed.file}: {compressed.n_gaussians:,} Gaussians, {compressed.bytes_file / 1e6:.3f} MB instead of "
+        f"{compressed.file}: {compressed.counted:,} {compressed.noun}, {compressed.bytes_file / 1e6:.3f} MB instead of "
         f"{compressed.bytes_file_before / 1e6:.3f} MB",
         f"  what rendering needs: {losses.bytes_after:,} of {losses.bytes_before:,} bytes, {ratio:.2f} times smaller",
     ]

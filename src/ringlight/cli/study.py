@@ -38,24 +38,24 @@ class StudyArguments:
         tyro.conf.Positional[tuple[Path, ...]],
         tyro.conf.arg(metavar="SCENE [SCENE ...]", help_behavior_hint="(required)"),
     ]
-    """Folders of photographs with cameras; toaster and carpaint are bundled."""
+    """Folders of photographs with cameras. toaster and carpaint are bundled."""
     options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
-    base: Literal["ringlight-paper", "ringlight"] = "ringlight-paper"
+    base: Literal["ringlight-paper", "ringlight-ring"] = "ringlight-paper"
     """What the variants change: the paper's settings, or ours."""
     steps: int | None = None
-    """Training steps of each run; by default the method's own, 30000."""
+    """Training steps of each run; by default the method's 30000."""
     seeds: int = 2
-    """Runs of each variant, with seeds 0, 1, ...; the table shows mean and standard deviation."""
+    """Runs of each variant, with seeds 0, 1, .... The table shows mean and standard deviation."""
     out: MaybeFolder = None
     """Folder of the study; by default runs/study-BASE."""
     only: tuple[str, ...] = ()
     """Variants to run and show, by name; --dry-run lists them."""
     lpips: tuple[Net, ...] = ("alex",)
-    """Networks for LPIPS; their weights come by 'ringlight fetch-lpips'."""
+    """Networks of LPIPS. 'ringlight fetch-lpips' gets their weights."""
     threads: int = 0
     """Threads of the kernels; 0 takes every core."""
     dry_run: bool = False
-    """List the runs, and which of them are finished; do nothing."""
+    """List the runs and which of them are finished. Nothing is run."""
     json: bool = False
     """Print the result as JSON instead of the table."""
     quiet: bool = False

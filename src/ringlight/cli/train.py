@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -17,6 +17,7 @@ from ringlight.cli.parse import parse, refuse
 from ringlight.cli.verifying import check_verify, verify_run
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
+from ringlight.methods.recipe import Recipe
 from ringlight.methods.table import METHODS, method_named
 
 if TYPE_CHECKING:
@@ -44,11 +45,11 @@ class TrainArguments:
     seed: int = 0
     """Same seed, same machine kind: the same bits."""
     device: Device = "auto"
-    """Rasterizer: auto is the fastest that this machine has; reference is slow, plain torch."""
+    """Rasterizer. auto is the fastest of this machine; reference is plain torch, and slow."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
-    """Go on with this run, in place of SCENE and METHOD; it keeps its recipe, scene and seed."""
+    """Go on with this run, in place of SCENE and METHOD. It keeps its recipe, scene and seed."""
     verify: int | None = None
-    """Write nothing: do this many steps four times, in other circumstances each time, and compare all bits."""
+    """Do this many steps four times, in other circumstances each time, and compare all bits. Nothing is written."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +64,13 @@ class ResumeArguments:
 RESUMED = {"--resume"} | flags_of(ReaderOptions)
 OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(ReaderOptions) | flags_of(SceneOptions) | {"--help"}
 KNOWN = OF_ANY_METHOD.union(*(flags_of(recipe, in_pairs=True) for recipe in METHODS.values()))
-"""Flags of any method: which of them goes with which is for the parser to say."""
+"""Flags of all methods."""
 
 
 def main(arguments: list[str]) -> int:
     """Train, then measure; returns the exit code."""
     _refuse_unknown_and_misplaced_flags(arguments)
+    _refuse_flags_of_other_methods(arguments)
     return _resume(arguments) if "--resume" in flags_in(arguments) else _start(arguments)
 
 
@@ -81,7 +83,7 @@ def _start(arguments: list[str]) -> int:
             refuse("train", str(error))
     asked = parse(TrainArguments, "train", arguments, in_pairs=True)
     preset = preset_of(arguments, asked.method)
-    recipe: Any = asked.method
+    recipe: Recipe = asked.method
     check_steps(asked.reader, recipe.steps)
     from ringlight.cli.threads import use_threads
     from ringlight.runs.folder import free_folder
@@ -135,6 +137,16 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
     for flag in flags_in(arguments[:at]):
         if flag not in OF_ANY_METHOD:
             refuse("train", f"{flag} is a method's and goes behind its name: ringlight train SCENE METHOD {flag} …")
+
+
+def _refuse_flags_of_other_methods(arguments: list[str]) -> None:
+    """The parser would not say all methods that a flag belongs to."""
+    named = [word for word in arguments if word in METHODS]  # a folder may be called like a method
+    own = OF_ANY_METHOD.union(*(flags_of(METHODS[name], in_pairs=True) for name in named))
+    for flag in flags_in(arguments):
+        if named and flag not in own:
+            owners = [name for name, recipe in METHODS.items() if flag in flags_of(recipe, in_pairs=True)]
+            refuse("train", f"{flag} is no setting of {named[-1]}; give it to {' or '.join(owners)}")
 
 
 def _train(session: "Session", options: ReaderOptions) -> int:

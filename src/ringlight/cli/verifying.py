@@ -2,11 +2,11 @@
 
 import sys
 from pathlib import Path
-from typing import Any
 
 from ringlight.cli.main import WRONG_INPUT
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
+from ringlight.methods.recipe import Recipe
 
 MOST_NAMED = 5
 """Tensors that a line names."""
@@ -18,7 +18,7 @@ def check_verify(steps: int, planned: int) -> None:
         raise RecipeError(f"--verify is {steps}; give 2 to {planned} steps, which is how many this run has")
 
 
-def verify_run(scene_path: Path, options: SceneOptions, recipe: Any, seed: int, device: str, steps: int) -> int:
+def verify_run(scene_path: Path, options: SceneOptions, recipe: Recipe, seed: int, device: str, steps: int) -> int:
     """Print one line a trial on standard output; the exit code is 1 where any differs from the first."""
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene

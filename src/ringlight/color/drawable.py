@@ -33,11 +33,20 @@ def drawable_rows(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "V"]:
         return drawable_by_triton(*columns, view_numbers(camera)).nonzero()[:, 0].int()
     if any(column.dtype != torch.float32 or column.device.type != "cpu" for column in columns):
         return drawable(gaussians, camera).nonzero()[:, 0].int()
-    margins = (REACH_SIGMAS, REACH_PIXELS, SLOPE_MARGIN, FAINTEST_LOGIT)
-    view = [*camera.pose_numbers, *camera.focal, *camera.center, camera.width, camera.height, *margins]
     rows = torch.empty(len(gaussians), dtype=torch.int32)
     means, log_scales, opacity_logits = (column.detach().contiguous() for column in columns)
-    return rows[: _kernels.drawable_rows(means, log_scales, opacity_logits, view, rows)]
+    found = _kernels.drawable_rows(
+        means,
+        log_scales,
+        opacity_logits,
+        camera.native,
+        rows,
+        reach_sigmas=REACH_SIGMAS,
+        reach_pixels=REACH_PIXELS,
+        slope_margin=SLOPE_MARGIN,
+        faintest_logit=FAINTEST_LOGIT,
+    )
+    return rows[:found]
 
 
 def view_numbers(camera: Camera) -> list[float]:
@@ -53,7 +62,7 @@ def view_numbers(camera: Camera) -> list[float]:
 def drawable(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "N"]:
     """False only for rows off the image, behind the camera, or too faint, whatever their orientation.
 
-    The slow twin of :func:`drawable_rows`. The projected standard deviation is at most the largest scale times the
+    The reference of :func:`drawable_rows`. The projected standard deviation is at most the largest scale times the
     Frobenius norm of the projection's Jacobian. Rows with a non-finite centre are False.
     """
     matrix = camera.world_to_camera.to(gaussians.means)

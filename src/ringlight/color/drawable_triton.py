@@ -1,4 +1,4 @@
-"""Which Gaussians a rasterizer could draw, by one Triton kernel; the slow twin is ``drawable``."""
+"""Which Gaussians a rasterizer could draw, by one Triton kernel; the reference is ``drawable``."""
 
 import torch
 import triton

@@ -54,10 +54,11 @@ class SphericalHarmonics(nn.Module):
         columns = {"means": gaussians.means, **{name: gaussians.appearance[name] for name in SH_COLUMNS}}
         degree = int(self.active_degree)
         if _runs_native(*columns.values()):
-            return _native_emission(columns, camera.position, degree, want)
+            return _native_emission(columns, camera.native, degree, want)
 
         def colors(columns: dict[str, Tensor]) -> Channels:
-            return {"rgb": sh_colors(*columns.values(), camera.position, degree)}
+            means, dc, rest = columns.values()
+            return {"rgb": sh_colors(means, dc, rest, camera.position, degree)}
 
         return emitted_by_torch(colors, columns, {}, want)
 
@@ -91,7 +92,7 @@ def sh_colors_reference(
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
-    """The reference of the native kernel, in any precision: colour towards ``position``, clamped at black."""
+    """What the kernels compute, in any float dtype: colour towards a camera at ``position``, clamped at black."""
     basis = sh_basis(view_directions(means, position.to(means)), degree)[:, 1:]
     seen = torch.einsum("nk,nkc->nc", basis, rest[:, : basis.shape[1]])
     return (GREY + C0 * dc + seen).clamp_min(0)
@@ -117,22 +118,22 @@ def _runs_native(*tensors: Tensor) -> bool:
 
 
 @torch.no_grad()
-def _native_emission(columns: dict[str, Tensor], position: Float[Tensor, "3"], degree: int, want: Want) -> Emission:
+def _native_emission(columns: dict[str, Tensor], camera: _kernels.Camera, degree: int, want: Want) -> Emission:
     means, dc, rest = columns.values()
     colors = torch.empty_like(means)
     factors = means.new_empty(_kernels.sh_slopes(len(means))) if want is Want.GRADIENTS else None
-    _kernels.sh_colors(means, dc, rest, position, degree, colors, factors)
+    _kernels.sh_colors(means, dc, rest, camera, degree, colors, factors)
     if factors is None:
         return Emission({"rgb": 3}, colors)
 
     @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N 3"], _: None, into: Gradients) -> None:
+    def backward(grad_channels: Float[Tensor, "N 3"], _: Tensor | None, into: Gradients) -> None:
         grad_dc, known = torch.empty_like(colors), into.get(COLUMNS + "means")
         grad_means = known if isinstance(known, Tensor) else torch.empty_like(means)
         _kernels.sh_gradient(grad_channels, colors, factors, grad_means, grad_dc, known is not None)
         into[COLUMNS + "means"] = grad_means
         into.add(COLUMNS + "sh_dc", grad_dc)
-        into.add(COLUMNS + "sh_rest", RestGradient(means, position, degree, grad_dc))
+        into.add(COLUMNS + "sh_rest", RestGradient(means, camera, degree, grad_dc))
 
     return Emission({"rgb": 3}, colors, backward=backward)
 
@@ -142,16 +143,16 @@ class RestGradient:
     """dL/d(sh_rest) as it comes: the harmonics' values, made anew from means and camera, times dL/d(sh_dc)."""
 
     means: Float[Tensor, "N 3"]
-    position: Float[Tensor, "3"]
+    camera: _kernels.Camera
     degree: int
     grad_dc: Float[Tensor, "N 3"]
 
     def dense(self) -> Float[Tensor, "N 15 3"]:
         """Written down; zero above the degree."""
         grad_rest = self.means.new_empty(len(self.means), REST_COUNT, 3)
-        _kernels.sh_rest_gradient(self.means, self.position, self.degree, self.grad_dc, grad_rest)
+        _kernels.sh_rest_gradient(self.means, self.camera, self.degree, self.grad_dc, grad_rest)
         return grad_rest
 
     def adam_(self, value: Tensor, mean: Tensor, square: Tensor, step: AdamStep) -> int:
         """One update with :meth:`dense`, which is never written. Harmonics that were never in use are left alone."""
-        return _kernels.sh_rest_adam(self.means, self.position, self.degree, self.grad_dc, value, mean, square, step)
+        return _kernels.sh_rest_adam(self.means, self.camera, self.degree, self.grad_dc, value, mean, square, step)

@@ -1,7 +1,7 @@
 """Spherical harmonics as Triton kernels: colour, and its gradient to means and coefficients, in one launch each.
 
 The polynomials are those of ``core/sh_basis.py``; the way back differentiates them along the direction before it is
-normalized. The slow twin is ``sh_colors_reference``.
+normalized. The reference is ``sh_colors_reference``.
 """
 
 from typing import Any
@@ -38,12 +38,12 @@ def _linear(K: tl.constexpr, x, y, z, norms):
     zero = x * 0.0
     norm = tl.load(norms + 1)
     if K == 0:
-        value, by_x, by_y, by_z = -norm * y, zero, zero - norm, zero
+        value, grad_x, grad_y, grad_z = -norm * y, zero, zero - norm, zero
     elif K == 1:
-        value, by_x, by_y, by_z = norm * z, zero, zero, zero + norm
+        value, grad_x, grad_y, grad_z = norm * z, zero, zero, zero + norm
     else:
-        value, by_x, by_y, by_z = -norm * x, zero - norm, zero, zero
-    return value, by_x, by_y, by_z
+        value, grad_x, grad_y, grad_z = -norm * x, zero - norm, zero, zero
+    return value, grad_x, grad_y, grad_z
 
 
 @triton.jit
@@ -51,18 +51,18 @@ def _quadratic(K: tl.constexpr, x, y, z, norms):
     zero = x * 0.0
     norm = tl.load(norms + 3)
     if K == 3:
-        value, by_x, by_y, by_z = norm * x * y, norm * y, norm * x, zero
+        value, grad_x, grad_y, grad_z = norm * x * y, norm * y, norm * x, zero
     elif K == 4:
-        value, by_x, by_y, by_z = -norm * y * z, zero, -norm * z, -norm * y
+        value, grad_x, grad_y, grad_z = -norm * y * z, zero, -norm * z, -norm * y
     elif K == 5:
         norm = tl.load(norms + 2)
-        value, by_x, by_y, by_z = norm * (2 * z * z - x * x - y * y), -2 * norm * x, -2 * norm * y, 4 * norm * z
+        value, grad_x, grad_y, grad_z = norm * (2 * z * z - x * x - y * y), -2 * norm * x, -2 * norm * y, 4 * norm * z
     elif K == 6:
-        value, by_x, by_y, by_z = -norm * x * z, -norm * z, zero, -norm * x
+        value, grad_x, grad_y, grad_z = -norm * x * z, -norm * z, zero, -norm * x
     else:
         norm = tl.load(norms + 4)
-        value, by_x, by_y, by_z = norm * (x * x - y * y), 2 * norm * x, -2 * norm * y, zero
-    return value, by_x, by_y, by_z
+        value, grad_x, grad_y, grad_z = norm * (x * x - y * y), 2 * norm * x, -2 * norm * y, zero
+    return value, grad_x, grad_y, grad_z
 
 
 @triton.jit
@@ -72,39 +72,44 @@ def _cubic(K: tl.constexpr, x, y, z, norms):
     apart = x * x - y * y
     if K == 8:
         norm = -tl.load(norms + 8)
-        value, by_x, by_y, by_z = norm * y * (3 * x * x - y * y), norm * 6 * x * y, norm * 3 * apart, zero
+        value, grad_x, grad_y, grad_z = norm * y * (3 * x * x - y * y), norm * 6 * x * y, norm * 3 * apart, zero
     elif K == 9:
         norm = 2 * tl.load(norms + 7)
-        value, by_x, by_y, by_z = norm * x * y * z, norm * y * z, norm * x * z, norm * x * y
+        value, grad_x, grad_y, grad_z = norm * x * y * z, norm * y * z, norm * x * z, norm * x * y
     elif K == 10:
         norm = -tl.load(norms + 6)
-        value, by_x, by_y, by_z = norm * y * tall, -2 * norm * x * y, norm * (tall - 2 * y * y), 8 * norm * y * z
+        value, grad_x, grad_y, grad_z = norm * y * tall, -2 * norm * x * y, norm * (tall - 2 * y * y), 8 * norm * y * z
     elif K == 11:
         norm = tl.load(norms + 5)
         inner = 2 * z * z - 3 * x * x - 3 * y * y
-        value, by_x, by_y, by_z = norm * z * inner, -6 * norm * x * z, -6 * norm * y * z, norm * (inner + 4 * z * z)
+        value, grad_x, grad_y, grad_z = (
+            norm * z * inner,
+            -6 * norm * x * z,
+            -6 * norm * y * z,
+            norm * (inner + 4 * z * z),
+        )
     elif K == 12:
         norm = -tl.load(norms + 6)
-        value, by_x, by_y, by_z = norm * x * tall, norm * (tall - 2 * x * x), -2 * norm * x * y, 8 * norm * x * z
+        value, grad_x, grad_y, grad_z = norm * x * tall, norm * (tall - 2 * x * x), -2 * norm * x * y, 8 * norm * x * z
     elif K == 13:
         norm = tl.load(norms + 7)
-        value, by_x, by_y, by_z = norm * z * apart, 2 * norm * x * z, -2 * norm * y * z, norm * apart
+        value, grad_x, grad_y, grad_z = norm * z * apart, 2 * norm * x * z, -2 * norm * y * z, norm * apart
     else:
         norm = -tl.load(norms + 8)
-        value, by_x, by_y, by_z = norm * x * (x * x - 3 * y * y), norm * 3 * apart, -6 * norm * x * y, zero
-    return value, by_x, by_y, by_z
+        value, grad_x, grad_y, grad_z = norm * x * (x * x - 3 * y * y), norm * 3 * apart, -6 * norm * x * y, zero
+    return value, grad_x, grad_y, grad_z
 
 
 @triton.jit
 def _harmonic(K: tl.constexpr, x, y, z, norms):
     """Harmonic K + 1, counted from the first of degree 1 on, and its slopes by x, y and z."""
     if K < 3:
-        value, by_x, by_y, by_z = _linear(K, x, y, z, norms)
+        value, grad_x, grad_y, grad_z = _linear(K, x, y, z, norms)
     elif K < 8:
-        value, by_x, by_y, by_z = _quadratic(K, x, y, z, norms)
+        value, grad_x, grad_y, grad_z = _quadratic(K, x, y, z, norms)
     else:
-        value, by_x, by_y, by_z = _cubic(K, x, y, z, norms)
-    return value, by_x, by_y, by_z
+        value, grad_x, grad_y, grad_z = _cubic(K, x, y, z, norms)
+    return value, grad_x, grad_y, grad_z
 
 
 @triton.jit
@@ -137,10 +142,10 @@ def _colors(means, dc, rest, position, norms, colors, count, USED: tl.constexpr,
 
 @triton.jit
 def _gradient(
-    means, rest, position, norms, colors, upstream, by_means, by_dc, by_rest, count,
+    means, rest, position, norms, colors, upstream, grad_means, grad_dc, grad_rest, count,
     USED: tl.constexpr, ALL: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
-    """A channel that was clamped at black has no gradient; ``by_rest`` of harmonics not in use is not written."""
+    """A channel that was clamped at black has no gradient; ``grad_rest`` of harmonics not in use is not written."""
     row = tl.program_id(0) * B + tl.arange(0, B)
     mask = row < count
     x, y, z, inverse = _direction(means, position, row, mask, tl.load(norms + 10))
@@ -149,26 +154,26 @@ def _gradient(
     green = _unclamped(colors, upstream, place + 1, mask)
     blue = _unclamped(colors, upstream, place + 2, mask)
     first = tl.load(norms)
-    tl.store(by_dc + place, first * red, mask=mask)
-    tl.store(by_dc + place + 1, first * green, mask=mask)
-    tl.store(by_dc + place + 2, first * blue, mask=mask)
-    by_x, by_y, by_z = x * 0.0, x * 0.0, x * 0.0
+    tl.store(grad_dc + place, first * red, mask=mask)
+    tl.store(grad_dc + place + 1, first * green, mask=mask)
+    tl.store(grad_dc + place + 2, first * blue, mask=mask)
+    grad_x, grad_y, grad_z = x * 0.0, x * 0.0, x * 0.0
     for k in tl.static_range(USED):
         value, slope_x, slope_y, slope_z = _harmonic(k, x, y, z, norms)
         at = (row * ALL + k) * 3
-        pull = red * tl.load(rest + at, mask=mask, other=0.0)
-        pull += green * tl.load(rest + at + 1, mask=mask, other=0.0)
-        pull += blue * tl.load(rest + at + 2, mask=mask, other=0.0)
-        by_x += pull * slope_x
-        by_y += pull * slope_y
-        by_z += pull * slope_z
-        tl.store(by_rest + at, value * red, mask=mask)
-        tl.store(by_rest + at + 1, value * green, mask=mask)
-        tl.store(by_rest + at + 2, value * blue, mask=mask)
-    along = by_x * x + by_y * y + by_z * z
-    tl.store(by_means + place, (by_x - along * x) * inverse, mask=mask)
-    tl.store(by_means + place + 1, (by_y - along * y) * inverse, mask=mask)
-    tl.store(by_means + place + 2, (by_z - along * z) * inverse, mask=mask)
+        slope = red * tl.load(rest + at, mask=mask, other=0.0)
+        slope += green * tl.load(rest + at + 1, mask=mask, other=0.0)
+        slope += blue * tl.load(rest + at + 2, mask=mask, other=0.0)
+        grad_x += slope * slope_x
+        grad_y += slope * slope_y
+        grad_z += slope * slope_z
+        tl.store(grad_rest + at, value * red, mask=mask)
+        tl.store(grad_rest + at + 1, value * green, mask=mask)
+        tl.store(grad_rest + at + 2, value * blue, mask=mask)
+    along = grad_x * x + grad_y * y + grad_z * z
+    tl.store(grad_means + place, (grad_x - along * x) * inverse, mask=mask)
+    tl.store(grad_means + place + 1, (grad_y - along * y) * inverse, mask=mask)
+    tl.store(grad_means + place + 2, (grad_z - along * z) * inverse, mask=mask)
 
 
 class _Harmonics(torch.autograd.Function):
@@ -188,13 +193,13 @@ class _Harmonics(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
         means, rest, tables, colors = ctx.saved_tensors
-        by_means, by_dc, by_rest = torch.empty_like(means), torch.empty_like(means), torch.zeros_like(rest)
+        grad_means, grad_dc, grad_rest = torch.empty_like(means), torch.empty_like(means), torch.zeros_like(rest)
         if len(means):
             _gradient[(triton.cdiv(len(means), BLOCK),)](
-                means, rest, tables, tables[3:], colors, upstream.contiguous(), by_means, by_dc, by_rest,
+                means, rest, tables, tables[3:], colors, upstream.contiguous(), grad_means, grad_dc, grad_rest,
                 len(means), ctx.used, rest.shape[1], BLOCK,
             )  # fmt: skip
-        return by_means, by_dc, by_rest, None, None
+        return grad_means, grad_dc, grad_rest, None, None
 
 
 def sh_colors_by_triton(

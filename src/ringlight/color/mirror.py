@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
 from ringlight.color.mirror_kernel import kernel_takes, mirror_view
-from ringlight.color.ringlight import BASE, DARKEST, LATENT_SPREAD, LATENTS
+from ringlight.color.ringlight import BASE, DARKEST, LATENT_DEVIATION, LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
@@ -54,7 +54,7 @@ class Mirror(nn.Module):
         return {
             BASE: points.colors.clamp(DARKEST, 1 - DARKEST).logit(),
             NORMALS: normals.clone().contiguous(),
-            LATENTS: LATENT_SPREAD * noise.to(points.colors),
+            LATENTS: LATENT_DEVIATION * noise.to(points.colors),
         }
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
@@ -92,7 +92,7 @@ def _base_emission(base: Float[Tensor, "N 3"], want: Want) -> Emission:
         return Emission({"rgb": 3}, colors)
 
     @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N 3"], _: None, into: Gradients) -> None:
+    def backward(grad_channels: Float[Tensor, "N 3"], _: Tensor | None, into: Gradients) -> None:
         into.add(COLUMNS + BASE, torch.ops.aten.sigmoid_backward(grad_channels, colors))
 
     return Emission({"rgb": 3}, colors, backward=backward)
@@ -108,7 +108,7 @@ def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping
         return Emission(widths, channels)
 
     @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N C"], _: None, into: Gradients) -> None:
+    def backward(grad_channels: Float[Tensor, "N C"], _: Tensor | None, into: Gradients) -> None:
         gradients = [torch.empty_like(tensor) for tensor in tensors]
         moved = _kernels.mirror_gradient(view, tensors, grad_channels, gradients)
         for name, gradient in zip(columns, gradients, strict=True):

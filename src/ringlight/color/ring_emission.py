@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.color.ring_kernel import Lit, late_light, light_gradients, ring_parameters
+from ringlight.color.ring_kernel import Lit, lazy_light, light_gradients, ring_parameters
 from ringlight.color.visibility_mask import mask_factor, mask_gradient
 from ringlight.core.by_autograd import add_to
 from ringlight.core.camera import Camera
@@ -51,7 +51,7 @@ def ring_emission(model: "RingLight", gaussians: Gaussians, camera: Camera, tabl
     base, latents, factor = model.base(gaussians), model.latents(gaussians), _factor(model, gaussians)
     parameters = ring_parameters(tables, model.shading, model.layers_of_shading)
     if want is Want.PICTURE:
-        kernel = late_light(gaussians.means, model.frame(camera), base, latents, parameters)
+        kernel = lazy_light(gaussians.means, camera.native, model.box, base, latents, parameters)
         lazy = LazyColors(base, kernel, lambda: ring_emission(model, gaussians, camera, tables, Want.EXACT).channels)
         return Emission(model.emits, lazy, factor)
     values = [tensor.contiguous() for tensor in parameters.tensors]
@@ -61,13 +61,14 @@ def ring_emission(model: "RingLight", gaussians: Gaussians, camera: Camera, tabl
     lit = Lit(rows, parameters.shape, base, latents, values, color)
 
     def all_rows() -> Float[Tensor, "N 3"]:
-        shape = parameters.shape
-        _kernels.ring_forward(shape, values, rows.means, base, latents, rows.visible, rows.frame, color)
+        _kernels.ring_forward(
+            parameters.shape, values, rows.means, base, latents, rows.visible, rows.camera, rows.box, color
+        )
         return color
 
     if not lazily:
         return Emission(model.emits, all_rows(), factor, _WayBack(model, gaussians, lit, tables))
-    kernel = late_light(rows.means, rows.frame, base, latents, parameters, color)
+    kernel = lazy_light(rows.means, rows.camera, rows.box, base, latents, parameters, color)
     return Emission(model.emits, LazyColors(base, kernel, all_rows), factor, _WayBack(model, gaussians, lit, tables))
 
 

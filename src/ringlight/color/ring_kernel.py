@@ -8,10 +8,9 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.color.render_module import LitColor, RenderModule
+from ringlight.core.kernel_limits import RING_MAX_FEATURES, RING_MAX_HIDDEN, RING_MAX_NODES, RING_MAX_RANK
 from ringlight.fields.ring_tables import RingTables
 
-# The sizes that kernels/ring.hpp takes.
-MAX_RANK, MAX_FEATURES, MAX_HIDDEN, MAX_NODES = 32, 64, 128, 1 << 16
 # Weights and biases of the light modulation's two layers.
 MODULATION = 4
 
@@ -20,28 +19,33 @@ MODULATION = 4
 class LitRows:
     """Which Gaussians are lit, and from where.
 
-    ``visible`` numbers the rows that the light field reaches; the others show their base colour. ``frame`` holds
-    the camera's position and the low and high corner of the box that the ring covers, world units.
+    ``visible`` numbers the rows that the light field reaches; the others show their base colour. ``box`` has the low
+    and the high corner of what the ring covers, world units.
     """
 
     means: Float[Tensor, "N 3"]
     visible: Int32[Tensor, "V"]
-    frame: Float[Tensor, "3 3"]
+    camera: _kernels.Camera
+    box: Float[Tensor, "2 3"]
 
 
 @dataclass(frozen=True)
 class RingParameters:
-    """What the kernel needs of a model: ``shape`` as kernels/ring.hpp has it, and the tensors in its order."""
+    """What the kernel needs of a model, the tensors in its order."""
 
-    shape: list[int]
+    shape: _kernels.RingShape
     tensors: list[Tensor]
 
 
 def kernel_takes(tables: RingTables, layers: list[Tensor], means: Tensor) -> bool:
     """Whether the kernel can do it: float32 on the CPU, and no size beyond its limits."""
     widest = max(len(layer) for layer in layers)
-    fits = tables.axes.shape[-1] <= MAX_RANK**2 and len(tables.core) <= MAX_FEATURES and widest <= MAX_HIDDEN
-    fits = fits and tables.axes.shape[1] <= MAX_NODES and len(tables.view) <= MAX_NODES**2
+    fits = (
+        tables.axes.shape[-1] <= RING_MAX_RANK**2
+        and len(tables.core) <= RING_MAX_FEATURES
+        and widest <= RING_MAX_HIDDEN
+    )
+    fits = fits and tables.axes.shape[1] <= RING_MAX_NODES and len(tables.view) <= RING_MAX_NODES**2
     kinds = {(tensor.dtype, tensor.device.type) for tensor in (tables.axes, tables.core, means)}
     return fits and kinds == {(torch.float32, "cpu")}
 
@@ -53,13 +57,20 @@ def shading_layers(shading: RenderModule) -> list[Tensor]:
 
 
 def ring_parameters(tables: RingTables, shading: RenderModule, layers: list[Tensor]) -> RingParameters:
-    """Gathers tables and :func:`shading_layers`; the order is that of ``parameters_from`` in bind_field.cpp."""
+    """Gathers tables and :func:`shading_layers`; the order is that of ``parameters_from`` in bind_ring.cpp."""
     nodes, matrix = tables.axes.shape[1:]
     modulation_hidden = 0 if shading.modulation is None else len(layers[0])
     render_hidden = len(layers[0 if shading.modulation is None else MODULATION])
-    view_nodes = round(len(tables.view) ** 0.5)
-    sizes = [round(matrix**0.5), len(tables.core), render_hidden, modulation_hidden, nodes, view_nodes]
-    shape = [*sizes, shading.latents, int(tables.diagonal)]
+    shape = _kernels.RingShape(
+        rank=round(matrix**0.5),
+        features=len(tables.core),
+        render_hidden=render_hidden,
+        modulation_hidden=modulation_hidden,
+        nodes=nodes,
+        view_nodes=round(len(tables.view) ** 0.5),
+        latents=shading.latents,
+        diagonal=tables.diagonal,
+    )
     return RingParameters(shape, [tables.axes, tables.view, tables.core, *layers])
 
 
@@ -86,7 +97,7 @@ class Lit:
     """What the forward pass was given, and the colours that it made."""
 
     rows: LitRows
-    shape: list[int]
+    shape: _kernels.RingShape
     base: Float[Tensor, "N 3"]
     latents: Float[Tensor, "N L"]
     parameters: list[Tensor]
@@ -97,13 +108,13 @@ def light_gradients(lit: Lit, grad_color: Float[Tensor, "N 3"], share: float, wo
     """Gradients of the base colours' logits, of the latents and of each parameter, in this order.
 
     The same bits for any number of threads. The gradient of rows whose colour got none is not computed; of the others
-    at most ``share`` are expected to be, see ``core/lot.py``.
+    at most ``share`` are expected to be, see ``core/importance_sampling.py``.
     """
     rows, leaves = lit.rows, [lit.base, lit.latents, *lit.parameters]
     grad_base, grad_latents, *grad_parameters = gradients = [torch.empty_like(leaf) for leaf in leaves]
     floats = workspace.floats(_kernels.ring_workspace(lit.shape, len(rows.visible)))
     _kernels.ring_backward(
-        lit.shape, lit.parameters, rows.means, lit.base, lit.latents, rows.visible, rows.frame,
+        lit.shape, lit.parameters, rows.means, lit.base, lit.latents, rows.visible, rows.camera, rows.box,
         lit.color, grad_color, share, grad_parameters, grad_base, grad_latents, floats,
     )  # fmt: skip
     return gradients
@@ -118,24 +129,25 @@ def light_layers(
     color, residual, modulation = torch.empty_like(base), torch.zeros_like(base), torch.zeros_like(base[:, :1])
     _kernels.ring_forward(
         parameters.shape, tensors, rows.means, base.detach().contiguous(), latents.detach().contiguous(),
-        rows.visible, rows.frame, color, residual, modulation,
+        rows.visible, rows.camera, rows.box, color, residual, modulation,
     )  # fmt: skip
     return LitColor(color, residual, modulation)
 
 
 @torch.no_grad()
-def late_light(
+def lazy_light(
     means: Float[Tensor, "N 3"],
-    frame: Float[Tensor, "3 3"],
+    camera: _kernels.Camera,
+    box: Float[Tensor, "2 3"],
     base: Float[Tensor, "N 3"],
     latents: Float[Tensor, "N L"],
     parameters: RingParameters,
     colors: Float[Tensor, "N 3"] | None = None,
 ) -> "_kernels.LateRing":
-    """The colours of :func:`light` for a rasterizer that asks for them row by row; ``frame`` as in :class:`LitRows`.
+    """The colours for a rasterizer that asks for them row by row; ``box`` as in :class:`LitRows`.
 
     With ``colors``, where those that were asked for are left, a backward pass may follow.
     """
     tensors = [tensor.detach().contiguous() for tensor in parameters.tensors]
     means, base, latents = (column.detach().contiguous() for column in (means, base, latents))
-    return _kernels.LateRing(parameters.shape, tensors, means, base, latents, frame, colors)
+    return _kernels.LateRing(parameters.shape, tensors, means, base, latents, camera, box, colors)

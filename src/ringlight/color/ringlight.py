@@ -28,7 +28,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR
-from ringlight.core.lot import by_lot
+from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
@@ -43,7 +43,7 @@ DARKEST = 0.25 / 255
 FIRST_MASK_LOGIT = 1.0
 # Standard deviation of new latents: not zero, so that they differ at once and their weights get a gradient, and small
 # beside features and colours, so that noise does not drown these.
-LATENT_SPREAD = 0.1
+LATENT_DEVIATION = 0.1
 
 
 class RingLight(nn.Module):
@@ -87,7 +87,7 @@ class RingLight(nn.Module):
             columns[MASK] = points.colors.new_full((len(points.colors),), FIRST_MASK_LOGIT)
         if self.settings.latents:
             noise = torch.randn(len(points.colors), self.settings.latents, generator=generator(self._seed, 0, LATENTS))
-            columns[LATENTS] = LATENT_SPREAD * noise.to(points.colors)
+            columns[LATENTS] = LATENT_DEVIATION * noise.to(points.colors)
         return columns
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
@@ -157,12 +157,8 @@ class RingLight(nn.Module):
 
     def lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
         """Which rows the light field reaches from there."""
-        rows = drawable_rows(gaussians, camera)
-        return LitRows(gaussians.means.detach().contiguous(), rows, self.frame(camera))
-
-    def frame(self, camera: Camera) -> Float[Tensor, "3 3"]:
-        """The camera's position and the box, see :class:`ringlight.color.ring_kernel.LitRows`."""
-        return torch.cat([camera.position[None], self.box])
+        means, visible = gaussians.means.detach().contiguous(), drawable_rows(gaussians, camera)
+        return LitRows(means, visible, camera.native, self.box)
 
     @torch.no_grad()
     def _native_tables(self, gaussians: Gaussians, want: Want) -> RingTables | None:
@@ -215,7 +211,7 @@ class RingLight(nn.Module):
         # On a GPU nothing of a row is kept for the backward pass: kernels make it again sooner than memory is read.
         again = runs_triton(means) and torch.is_grad_enabled()
         lit = checkpoint(lit_rows, use_reentrant=False) if again else lit_rows()
-        color = (base[visible] + by_lot(lit.residual, gradient_share)).clamp(0, 1)
+        color = (base[visible] + importance_sampled(lit.residual, gradient_share)).clamp(0, 1)
         return LitColor(
             base.index_put((visible,), color),
             torch.zeros_like(base).index_put((visible,), lit.residual),

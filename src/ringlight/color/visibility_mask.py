@@ -19,7 +19,7 @@ def mask_factor(logits: Float[Tensor, "N"], threshold: float) -> Float[Tensor, "
 def mask_gradient(logits: Float[Tensor, "N"], grad_factor: Float[Tensor, "N"]) -> Float[Tensor, "N"]:
     """The way back of :func:`mask_factor`: the sigmoid's."""
     if not _runs_native(logits):
-        return torch.ops.aten.sigmoid_backward(grad_factor, logits.sigmoid())  # type: ignore[no-any-return]
+        return torch.ops.aten.sigmoid_backward(grad_factor, logits.sigmoid())
     gradient = torch.empty_like(logits)
     _kernels.straight_through_gradient(logits.contiguous(), grad_factor.contiguous()[:, None], gradient)
     return gradient

@@ -5,10 +5,16 @@ Conventions: OpenCV axes (x right, y down, z forward); pixel centres at ``.5``; 
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+
+from ringlight.errors import BackendError
+
+if TYPE_CHECKING:
+    from ringlight import _kernels
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,38 @@ class Camera:
         """The first three rows of ``world_to_camera``, one after the other."""
         numbers: list[float] = self.world_to_camera[:3].flatten().tolist()
         return numbers
+
+    @cached_property
+    def native(self) -> "_kernels.Camera":
+        """The same for the compiled kernels; made once, whatever of them are called.
+
+        Raises BackendError for what is not finite, and for more pixels on a side than they draw.
+        """
+        from ringlight import _kernels
+
+        most = _kernels.MAX_IMAGE_SIDE
+        if not (1 <= self.width <= most and 1 <= self.height <= most):
+            raise BackendError(
+                f"the kernels draw images of 1 to {most} pixels a side, not {self.width} x {self.height}; "
+                "downscale the camera"
+            )
+        self.refuse_if_not_finite()
+        pose, position = (tensor.detach().float().contiguous() for tensor in (self.world_to_camera, self.position))
+        return _kernels.Camera(
+            world_to_camera=pose,
+            position=position,
+            focal=self.focal,
+            center=self.center,
+            width=self.width,
+            height=self.height,
+        )
+
+    def refuse_if_not_finite(self) -> None:
+        """Raise BackendError where the pose or the lens is no finite number."""
+        lens = torch.tensor([*self.focal, *self.center])
+        for what, values in (("camera's pose", self.world_to_camera), ("lens", lens)):
+            if not values.isfinite().all():
+                raise BackendError(f"the {what} holds a value that is not finite; only finite numbers can be drawn")
 
     @cached_property
     def forward(self) -> Float[Tensor, "3"]:

@@ -17,8 +17,8 @@ from ringlight.core.gradients import Gradients
 if TYPE_CHECKING:
     from ringlight import _kernels
 
-Channels = dict[str, Float[Tensor, "... c"]]
-"""Named values that get blended: "rgb" 3, "normal" 3, "depth" 1, ..."""
+Channels = dict[str, Float[Tensor, "..."]]
+"""Named values that get blended, the last axis theirs: "rgb" 3, "normal" 3, "depth" 1, ..."""
 
 EmissionGradients = tuple[Float[Tensor, "N C"], Float[Tensor, "N"] | None]
 """By the channels side by side, and by the opacity factor, if there was one."""

@@ -15,22 +15,22 @@ class ReadingOptions:
     """
 
     format: Literal["auto", "blender", "colmap", "nerfstudio"] = "auto"
-    """Layout of the folder; auto takes the first of COLMAP, Blender, nerfstudio whose files are there."""
+    """Layout of the folder. auto takes the first of COLMAP, Blender, nerfstudio whose files are there."""
 
     background: Literal["auto", "white", "black", "random"] = "auto"
-    """What transparent pixels are laid over; auto is white where any image has transparency, else "photograph"."""
+    """What transparent pixels are laid over. auto is white if any image has transparency, else "photograph"."""
 
     downscale: int | None = None
-    """Divide width and height by this; takes COLMAP's images_K where it exists. Switches --max-width off."""
+    """Divide width and height by this. COLMAP's images_K is taken where it exists. Switches --max-width off."""
 
     max_width: int = 1600
-    """Wider images are shrunk to this width, in pixels, as 3DGS does; not applied when --downscale is given."""
+    """Wider images are shrunk to this width in pixels, as in 3DGS. It does not count when --downscale is given."""
 
     holdout_every: int = 8
-    """Every n-th image by name, from the first, is a test image, where the scene brings no split of its own."""
+    """Every n-th image by name, from the first, is a test image, unless the scene brings a split of its own."""
 
     photo_memory: float = 0.25
-    """Share of the machine's memory for decoded photographs; those that do not fit are decoded at each use."""
+    """Share of the machine's memory for decoded photographs. Those that do not fit are decoded at each use."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.photo_memory <= 1:
@@ -51,12 +51,12 @@ class SceneOptions(ReadingOptions):
     """
 
     initial_points: int | None = None
-    """Random points to start from where the scene brings none: by default 100000, 20000 for images up to 200 pixels
-    a side."""
+    """Random points to start from if the scene brings none. By default 100000, or 20000 for images up to 200 pixels a
+    side."""
 
     points_seed: int = 0
     """Seed of those random points."""
 
     validate: bool = False
-    """Hold every 10th training view out of training and measure on those in place of the test views, so that settings
-    can be chosen without looking at the test views."""
+    """Hold every 10th training view out of training, and measure on these in place of the test views. Settings can then
+    be chosen without a look at the test views."""

@@ -10,11 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.core.rendering import no_way_back
 from ringlight.core.want import Want
 from ringlight.fields.heads import AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, ring_features
+from ringlight.fields.ring_tables import RingTables, ring_features, way_back
 
 
 class DiagonalRing(nn.Module):
@@ -33,7 +32,7 @@ class DiagonalRing(nn.Module):
 
     def tables(self, want: Want) -> RingTables:
         """The heads at their nodes."""
-        backward = self._gradients if want is Want.GRADIENTS else no_way_back
+        backward = way_back(want, self._gradients)
         return RingTables(self.axes.table(), self.view.table(), self.core.detach(), diagonal=True, backward=backward)
 
     def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:

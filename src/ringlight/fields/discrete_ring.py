@@ -10,12 +10,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.core.rendering import no_way_back
 from ringlight.core.want import Want
 from ringlight.fields.heads import AXES
 from ringlight.fields.octahedral import sewn
 from ringlight.fields.ring_settings import KnotSettings, RingSettings
-from ringlight.fields.ring_tables import RingTables, core_gradient, linear_core, ring_features
+from ringlight.fields.ring_tables import RingTables, core_gradient, linear_core, ring_features, way_back
 
 
 class DiscreteRing(nn.Module):
@@ -45,7 +44,7 @@ class DiscreteRing(nn.Module):
         """The cores themselves; directions that the octahedral square shows twice get one matrix."""
         with torch.no_grad():
             tables = self._cores()
-        return replace(tables, backward=self._gradients if want is Want.GRADIENTS else no_way_back)
+        return replace(tables, backward=way_back(want, self._gradients))
 
     def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:
         with torch.enable_grad():

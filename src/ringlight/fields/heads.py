@@ -42,7 +42,7 @@ class AxisHeads(nn.Module):
 
     def differentiable_table(self) -> Float[Tensor, "A K D"]:
         """The same by torch."""
-        return self.networks(self.nodes)  # type: ignore[no-any-return]
+        return self.networks(self.nodes)
 
     def gradients(self, grad_table: Float[Tensor, "A K D"]) -> dict[str, Tensor]:
         """By parameter name, from that of :meth:`table`."""
@@ -73,7 +73,7 @@ class DirectionHead(nn.Module):
 
     def differentiable_table(self) -> Float[Tensor, "K D"]:
         """The same by torch."""
-        return self.networks(self.nodes)[0]  # type: ignore[no-any-return]
+        return self.networks(self.nodes)[0]
 
     def gradients(self, grad_table: Float[Tensor, "K D"]) -> dict[str, Tensor]:
         """By parameter name, from that of :meth:`table`."""

@@ -1,7 +1,7 @@
 """Octahedral feature maps of all levels by one Triton kernel, and one for the way back.
 
 The square's seams are sewn while nodes are read: a node on an edge is the mean of those that show the same direction,
-as ``sewn`` has it, so that no sewn copy is made. The slow twin is ``OctahedralMaps.forward`` in torch.
+as ``sewn`` has it, so that no sewn copy is made. The reference is ``OctahedralMaps.forward`` in torch.
 """
 
 from collections.abc import Sequence
@@ -79,9 +79,9 @@ def _read_maps(levels, sides, uv, features, count, WIDTH: tl.constexpr, PADDED: 
 
 @triton.jit
 def _read_maps_gradient(
-    levels, gradients, sides, uv, upstream, by_uv, count, WIDTH: tl.constexpr, PADDED: tl.constexpr, B: tl.constexpr
+    levels, gradients, sides, uv, upstream, grad_uv, count, WIDTH: tl.constexpr, PADDED: tl.constexpr, B: tl.constexpr
 ):
-    """Adds to the levels at ``gradients``; ``by_uv`` [L N 2] gets each level's share."""
+    """Adds to the levels at ``gradients``; ``grad_uv`` [L N 2] gets each level's share."""
     row = tl.program_id(0) * B + tl.arange(0, B)
     number = tl.program_id(1)
     level = tl.load(levels + number).to(tl.pointer_type(tl.float32))
@@ -101,7 +101,7 @@ def _read_maps_gradient(
     by_across = tl.sum(gradient * ((b - a) * (1 - y) + (d - c) * y), 1)
     by_down = tl.sum(gradient * ((c - a) * (1 - x) + (d - b) * x), 1)
     scale = 0.5 * (side - 1)
-    place = by_uv + (number * count + row) * 2
+    place = grad_uv + (number * count + row) * 2
     tl.store(place, by_across * scale, mask=row < count)
     tl.store(place + 1, by_down * scale, mask=row < count)
     _add_to_node(into, line, column, side, index, gradient * (1 - x) * (1 - y), mask, WIDTH)
@@ -129,14 +129,14 @@ class _Maps(torch.autograd.Function):
         uv, sides, *levels = ctx.saved_tensors
         count, width = len(uv), levels[0].shape[2]
         gradients = [torch.zeros_like(level) for level in levels]
-        by_uv = uv.new_zeros(len(levels), count, 2)
+        grad_uv = uv.new_zeros(len(levels), count, 2)
         if count:
             grid = (triton.cdiv(count, ROWS), len(levels))
             _read_maps_gradient[grid](
-                _addresses(levels), _addresses(gradients), sides, uv, upstream.contiguous(), by_uv, count,
+                _addresses(levels), _addresses(gradients), sides, uv, upstream.contiguous(), grad_uv, count,
                 width, triton.next_power_of_2(width), ROWS,
             )  # fmt: skip
-        return by_uv.sum(0), *gradients
+        return grad_uv.sum(0), *gradients
 
 
 def _addresses(tensors: Sequence[Tensor]) -> Tensor:

@@ -18,7 +18,7 @@ LAYERS = 3
 def stack_at(stack: PerceptronStack, rows: Float[Tensor, "H K inputs"]) -> Float[Tensor, "H K outputs"]:
     """``stack(rows)`` without a graph; by the kernel where it applies: three layers, float32, CPU."""
     if not _runs_native(stack, rows):
-        return stack(rows)  # type: ignore[no-any-return]
+        return stack(rows)
     parameters = _parameters(stack)
     results = rows.new_empty(*rows.shape[:2], parameters[-1].shape[-1])
     _kernels.perceptron_forward(parameters, rows.contiguous(), results)

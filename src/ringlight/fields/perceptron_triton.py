@@ -2,7 +2,7 @@
 
 The backward kernel computes the hidden layers again. Each of its programs goes over many blocks of rows and adds the
 weights' gradients to a slab of its own, and the slabs are summed at the end: the same bits each time. Products are in
-float32, or with ``half`` of bfloat16 factors summed in float32. The slow twin is the ``nn.Sequential`` itself.
+float32, or with ``half`` of bfloat16 factors summed in float32. The reference is the ``nn.Sequential`` itself.
 """
 
 from collections.abc import Sequence
@@ -86,7 +86,7 @@ def _forward(
 
 @triton.jit
 def _backward(
-    inputs, w1, b1, w2, b2, w3, upstream, by_inputs, slabs, count, slab,
+    inputs, w1, b1, w2, b2, w3, upstream, grad_inputs, slabs, count, slab,
     INPUTS: tl.constexpr, HIDDEN: tl.constexpr, OUTPUTS: tl.constexpr, DEEP: tl.constexpr, HALF: tl.constexpr,
     WIDE_INPUTS: tl.constexpr, WIDE_HIDDEN: tl.constexpr, WIDE_OUTPUTS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
@@ -102,16 +102,16 @@ def _backward(
         seen = (row < count)[:, None] & (i < INPUTS)[None, :]
         shown = (row < count)[:, None] & (o < OUTPUTS)[None, :]
         x = tl.load(inputs + row[:, None] * INPUTS + i[None, :], mask=seen, other=0.0)
-        by_y = tl.load(upstream + row[:, None] * OUTPUTS + o[None, :], mask=shown, other=0.0)
+        grad_y = tl.load(upstream + row[:, None] * OUTPUTS + o[None, :], mask=shown, other=0.0)
         first = _product(x, tl.trans(_matrix(w1, h, i, HIDDEN, INPUTS)), HALF) + _vector(b1, h, HIDDEN)
         first = tl.maximum(first, 0.0)
         last = first
         if DEEP:
             last = _product(first, tl.trans(_matrix(w2, h, h, HIDDEN, HIDDEN)), HALF) + _vector(b2, h, HIDDEN)
             last = tl.maximum(last, 0.0)
-        _add_matrix(end, o, h, _product(tl.trans(by_y), last, HALF), OUTPUTS, HIDDEN)
-        _add_vector(end + OUTPUTS * HIDDEN, o, tl.sum(by_y, 0), OUTPUTS)
-        by_hidden = _product(by_y, _matrix(w3, o, h, OUTPUTS, HIDDEN), HALF)
+        _add_matrix(end, o, h, _product(tl.trans(grad_y), last, HALF), OUTPUTS, HIDDEN)
+        _add_vector(end + OUTPUTS * HIDDEN, o, tl.sum(grad_y, 0), OUTPUTS)
+        by_hidden = _product(grad_y, _matrix(w3, o, h, OUTPUTS, HIDDEN), HALF)
         by_hidden = tl.where(last > 0, by_hidden, 0.0)
         if DEEP:
             _add_matrix(middle, h, h, _product(tl.trans(by_hidden), first, HALF), HIDDEN, HIDDEN)
@@ -120,8 +120,8 @@ def _backward(
             by_hidden = tl.where(first > 0, by_hidden, 0.0)
         _add_matrix(into, h, i, _product(tl.trans(by_hidden), x, HALF), HIDDEN, INPUTS)
         _add_vector(into + HIDDEN * INPUTS, h, tl.sum(by_hidden, 0), HIDDEN)
-        by_x = _product(by_hidden, _matrix(w1, h, i, HIDDEN, INPUTS), HALF)
-        tl.store(by_inputs + row[:, None] * INPUTS + i[None, :], by_x, mask=seen)
+        grad_x = _product(by_hidden, _matrix(w1, h, i, HIDDEN, INPUTS), HALF)
+        tl.store(grad_inputs + row[:, None] * INPUTS + i[None, :], grad_x, mask=seen)
 
 
 class _Perceptron(torch.autograd.Function):
@@ -142,15 +142,15 @@ class _Perceptron(torch.autograd.Function):
         inputs, *parameters = ctx.saved_tensors
         programs = max(min(triton.cdiv(len(inputs), ROWS), MOST_PROGRAMS), 1)
         slab = sum(parameter.numel() for parameter in parameters)
-        slabs, by_inputs = inputs.new_zeros(programs, slab), torch.empty_like(inputs)
+        slabs, grad_inputs = inputs.new_zeros(programs, slab), torch.empty_like(inputs)
         if len(inputs):
             _backward[(programs,)](
-                inputs, *_layers(parameters)[:-1], upstream.contiguous(), by_inputs, slabs, len(inputs), slab,
+                inputs, *_layers(parameters)[:-1], upstream.contiguous(), grad_inputs, slabs, len(inputs), slab,
                 *_sizes(inputs, parameters, ctx.half), **LAUNCH,
             )  # fmt: skip
         flat = slabs.sum(0).split([parameter.numel() for parameter in parameters])
         gradients = (part.view_as(parameter) for part, parameter in zip(flat, parameters, strict=True))
-        return None, by_inputs, *gradients
+        return None, grad_inputs, *gradients
 
 
 def _layers(parameters: Sequence[Tensor]) -> list[Tensor]:

@@ -13,10 +13,10 @@ LARGEST = {
     "position_nodes": 65_536,
     "view_nodes": 512,
 }
-"""Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
+"""Far beyond what was ever of use. They keep a damaged or hostile model file from asking for all the memory."""
 
 LARGEST_TABLES = 1 << 28
-"""Floats of all heads at their nodes, which no shape in a model file shows."""
+"""Floats of all heads at their nodes. No shape in a model file shows this number."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class RingSettings:
     head_hidden: int = 128
     """Width of the two hidden layers of each head."""
     position_nodes: int = 1024
-    """Nodes K at which the position heads are tabulated on [-1, 1]; part of the model, because the highest band
-    is coarser than the nodes resolve: a field trained at one K and read at another is a different field."""
+    """Nodes K on [-1, 1] at which the position heads are tabulated. K is part of the model: the nodes do not resolve
+    the highest band, so a field trained at one K is another field at another K."""
     view_nodes: int = 32
-    """Nodes on each side of the octahedral map at which the direction head is tabulated; part of the model too."""
+    """Nodes on each side of the octahedral map at which the direction head is tabulated. Part of the model too."""
     core_scale: float = 0.1
     """Standard deviation of the channel core at the start."""
 
@@ -60,7 +60,7 @@ class RingSettings:
 
 @dataclass(frozen=True)
 class KnotSettings:
-    """The ring with discrete cores: matrices at knots instead of networks (the paper's "w/o neural module")."""
+    """The ring with discrete cores: matrices at knots in place of networks (the paper's "w/o neural module")."""
 
     axis: int = 64
     """Knots of each coordinate on [-1, 1], linear in between."""
@@ -76,7 +76,7 @@ class VectorMatrixSettings:
     """The vector-matrix field (TensoRF, 3iGS): planes times lines, times a map of directions."""
 
     side: int = 64
-    """Nodes on each side of a plane and along a line; TensoRF and 3iGS take 128 to 300, and megabytes."""
+    """Nodes on each side of a plane and along a line. TensoRF and 3iGS take 128 to 300, which are megabytes."""
     components: int = 16
     """Products of plane and line for each of the three ways to pair them."""
     view: int = 16
@@ -92,7 +92,7 @@ class PerceptronSettings:
     """One network over encoded position and direction (the paper's "w/o TR")."""
 
     hidden: int = 128
-    """Width of the hidden layers; 0 takes the width at which the network holds as many numbers as the ring would."""
+    """Width of the hidden layers. 0 takes the width at which the network holds as many numbers as the ring."""
     layers: int = 2
     """Hidden layers."""
 

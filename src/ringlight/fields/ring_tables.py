@@ -13,6 +13,7 @@ from torch import Tensor
 from ringlight.core.directions import octahedral_from_directions
 from ringlight.core.rendering import no_way_back
 from ringlight.core.triton_kernels import runs_triton
+from ringlight.core.want import Want
 from ringlight.fields.tables import between_map_nodes, between_nodes
 
 
@@ -31,6 +32,11 @@ class RingTables:
     """Whether rows are the D components of diagonal matrices instead, whose product is taken one by one."""
     backward: Callable[["RingTables"], dict[str, Tensor]] = no_way_back
     """From the gradients of these tables to those of the field's parameters, by name; with ``Want.GRADIENTS`` only."""
+
+
+def way_back(want: Want, gradients: Callable[[RingTables], dict[str, Tensor]]) -> Callable[..., dict[str, Tensor]]:
+    """What tables hold as their ``backward``: ``gradients`` where these are wanted."""
+    return gradients if want is Want.GRADIENTS else no_way_back
 
 
 WIDEST_RANK = 32

@@ -4,7 +4,7 @@
 
 X and Y meet first, one column and row at a time, straight from the tables; then the columns of Z and the rows of V. So
 no matrix but one is held whole, and nothing is kept for the backward pass, which begins anew. The channel core is a
-product of two large matrices and stays torch's. The slow twin is ``ring_features``.
+product of two large matrices and stays torch's. The reference is ``ring_features``.
 """
 
 from typing import Any
@@ -101,10 +101,10 @@ def _ring_product(
 
 @triton.jit
 def _ring_product_gradient(
-    points, uv, axes, view, upstream, by_axes, by_view, count, nodes, side,
+    points, uv, axes, view, upstream, grad_axes, grad_view, count, nodes, side,
     RANK: tl.constexpr, WIDTH: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
-    """Adds to ``by_axes`` and ``by_view``; ``upstream`` [N R R]."""
+    """Adds to ``grad_axes`` and ``grad_view``; ``upstream`` [N R R]."""
     row = tl.program_id(0) * B + tl.arange(0, B)
     index = tl.arange(0, WIDTH)
     SIZE: tl.constexpr = RANK * RANK
@@ -117,7 +117,7 @@ def _ring_product_gradient(
     corner = line * side + column
     table = nodes * SIZE
     entries = row[:, None, None] * SIZE + index[None, :, None] * RANK + index[None, None, :]
-    by_product = tl.load(upstream + entries, mask=mask[:, :, None] & (index < RANK)[None, None, :], other=0.0)
+    grad_product = tl.load(upstream + entries, mask=mask[:, :, None] & (index < RANK)[None, None, :], other=0.0)
     first = tl.zeros((B, WIDTH, WIDTH), tl.float32)
     for k in range(RANK):
         x = _on_axis(axes, x_cell, x_part, index * RANK + k, mask, SIZE)
@@ -128,19 +128,19 @@ def _ring_product_gradient(
         z = _on_axis(axes + 2 * table, z_cell, z_part, index * RANK + k, mask, SIZE)
         v = _on_map(view, corner, across, down, side, k * RANK + index, mask, SIZE)
         seen = tl.sum(first * z[:, None, :], 2)
-        by_v = tl.sum(seen[:, :, None] * by_product, 1)
-        _add_on_map(by_view, corner, across, down, side, k * RANK + index, by_v, mask, SIZE)
-        by_seen = tl.sum(by_product * v[:, None, :], 2)
-        by_z = tl.sum(first * by_seen[:, :, None], 1)
-        _add_on_axis(by_axes + 2 * table, z_cell, z_part, index * RANK + k, by_z, mask, SIZE)
+        by_v = tl.sum(seen[:, :, None] * grad_product, 1)
+        _add_on_map(grad_view, corner, across, down, side, k * RANK + index, by_v, mask, SIZE)
+        by_seen = tl.sum(grad_product * v[:, None, :], 2)
+        grad_z = tl.sum(first * by_seen[:, :, None], 1)
+        _add_on_axis(grad_axes + 2 * table, z_cell, z_part, index * RANK + k, grad_z, mask, SIZE)
         by_first += by_seen[:, :, None] * z[:, None, :]
     for k in range(RANK):
         x = _on_axis(axes, x_cell, x_part, index * RANK + k, mask, SIZE)
         y = _on_axis(axes + table, y_cell, y_part, k * RANK + index, mask, SIZE)
-        by_x = tl.sum(by_first * y[:, None, :], 2)
-        by_y = tl.sum(by_first * x[:, :, None], 1)
-        _add_on_axis(by_axes, x_cell, x_part, index * RANK + k, by_x, mask, SIZE)
-        _add_on_axis(by_axes + table, y_cell, y_part, k * RANK + index, by_y, mask, SIZE)
+        grad_x = tl.sum(by_first * y[:, None, :], 2)
+        grad_y = tl.sum(by_first * x[:, :, None], 1)
+        _add_on_axis(grad_axes, x_cell, x_part, index * RANK + k, grad_x, mask, SIZE)
+        _add_on_axis(grad_axes + table, y_cell, y_part, k * RANK + index, grad_y, mask, SIZE)
 
 
 class _RingFeatures(torch.autograd.Function):
@@ -155,16 +155,18 @@ class _RingFeatures(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, by_features: Tensor) -> tuple[Tensor | None, ...]:
+    def backward(ctx: Any, grad_features: Tensor) -> tuple[Tensor | None, ...]:
         points, uv, axes, view, core = ctx.saved_tensors
-        by_axes, by_view, by_core = torch.zeros_like(axes), torch.zeros_like(view), torch.zeros_like(core)
-        for p, directions, upstream in zip(points.split(CHUNK), uv.split(CHUNK), by_features.split(CHUNK), strict=True):
-            by_core.addmm_(upstream.T, _products(p, directions, axes, view))
+        grad_axes, grad_view, grad_core = torch.zeros_like(axes), torch.zeros_like(view), torch.zeros_like(core)
+        for p, directions, upstream in zip(
+            points.split(CHUNK), uv.split(CHUNK), grad_features.split(CHUNK), strict=True
+        ):
+            grad_core.addmm_(upstream.T, _products(p, directions, axes, view))
             if len(p):
                 _ring_product_gradient[(triton.cdiv(len(p), ROWS),)](
-                    p, directions, axes, view, upstream @ core, by_axes, by_view, len(p), *_sizes(axes, view)
+                    p, directions, axes, view, upstream @ core, grad_axes, grad_view, len(p), *_sizes(axes, view)
                 )
-        return None, None, by_axes, by_view, by_core
+        return None, None, grad_axes, grad_view, grad_core
 
 
 def _products(points: Tensor, uv: Tensor, axes: Tensor, view: Tensor) -> Float[Tensor, "n D"]:

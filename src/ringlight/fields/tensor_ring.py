@@ -9,11 +9,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.core.rendering import no_way_back
 from ringlight.core.want import Want
 from ringlight.fields.heads import AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, contracted, core_gradient, linear_core, ring_features
+from ringlight.fields.ring_tables import RingTables, contracted, core_gradient, linear_core, ring_features, way_back
 
 
 class TensorRing(nn.Module):
@@ -35,7 +34,7 @@ class TensorRing(nn.Module):
     def tables(self, want: Want) -> RingTables:
         """The heads at their nodes."""
         axes, view, core = self.axes.table(), self.view.table(), linear_core(self.core.detach())
-        return RingTables(axes, view, core, backward=self._gradients if want is Want.GRADIENTS else no_way_back)
+        return RingTables(axes, view, core, backward=way_back(want, self._gradients))
 
     def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:
         axes, view = self.axes.gradients(grad_tables.axes), self.view.gradients(grad_tables.view)

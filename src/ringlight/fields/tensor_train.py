@@ -9,11 +9,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ringlight.core.rendering import no_way_back
 from ringlight.core.want import Want
 from ringlight.fields.heads import AXES, AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, contracted, ring_features
+from ringlight.fields.ring_tables import RingTables, contracted, ring_features, way_back
 
 
 class TensorTrain(nn.Module):
@@ -38,7 +37,7 @@ class TensorTrain(nn.Module):
     def tables(self, want: Want) -> RingTables:
         """The heads at their nodes."""
         axes = torch.cat([self._first_row(self.first.table()), self.middle.table()])
-        backward = self._gradients if want is Want.GRADIENTS else no_way_back
+        backward = way_back(want, self._gradients)
         return RingTables(axes, self.view.table(), self._first_row(self.core.detach()), backward=backward)
 
     def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:

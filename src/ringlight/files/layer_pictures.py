@@ -18,7 +18,7 @@ from ringlight.files.false_color import (
     residual_picture,
     scalar_picture,
 )
-from ringlight.models.splats import SplatModel
+from ringlight.models.contract import Model
 
 COLOR = "color"
 """The finished picture; every model has it."""
@@ -30,12 +30,12 @@ DEPTH_SAMPLES = 5
 Picture = Float[Tensor, "H W 3"]
 
 
-def layers_of(model: SplatModel, camera: Camera) -> tuple[str, ...]:
+def layers_of(model: Model, camera: Camera) -> tuple[str, ...]:
     """Names of the layers that this model has, "color" first."""
     return (COLOR, *model.layers(camera))
 
 
-def check_layers(model: SplatModel, camera: Camera, wanted: Sequence[str]) -> None:
+def check_layers(model: Model, camera: Camera, wanted: Sequence[str]) -> None:
     """Raises RecipeError with the layers that there are, unless the model has all ``wanted`` ones."""
     known = layers_of(model, camera)
     missing = [name for name in wanted if name not in known]
@@ -43,7 +43,7 @@ def check_layers(model: SplatModel, camera: Camera, wanted: Sequence[str]) -> No
         raise RecipeError(f"this model has no layer {missing[0]!r}; give --layers some of: {', '.join(known)}")
 
 
-def common_depth_range(model: SplatModel, cameras: Sequence[Camera]) -> Range:
+def common_depth_range(model: Model, cameras: Sequence[Camera]) -> Range:
     """Nearest and farthest depth over some views of a film, world units."""
     step = max(len(cameras) // DEPTH_SAMPLES, 1)
     ranges = [depth_range(found["depth"], found["alpha"]) for found in map(model.layers, cameras[::step])]
@@ -52,7 +52,7 @@ def common_depth_range(model: SplatModel, cameras: Sequence[Camera]) -> Range:
 
 @torch.no_grad()
 def layer_pictures(
-    model: SplatModel, camera: Camera, background: Float[Tensor, "3"], wanted: Sequence[str], near_far: Range
+    model: Model, camera: Camera, background: Float[Tensor, "3"], wanted: Sequence[str], near_far: Range
 ) -> dict[str, Picture]:
     """The ``wanted`` layers of one view as pictures in [0, 1].
 

@@ -1,8 +1,8 @@
 """A trained model in one file: tensors by name and a header of plain facts; knows no method.
 
 Metadata of the safetensors file, all strings: ``program`` "ringlight", ``format`` a number, ``method``, ``preset``,
-``step``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``. A packed file (format 2) has
-besides, as JSON, ``packing``: how each packed tensor is stored, by name; and ``storage``: what packing cost.
+``step``, ``counted``, ``noun``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``, ``packing``:
+how each packed tensor is stored, by name, and ``storage``: what packing cost.
 """
 
 import json
@@ -17,10 +17,8 @@ from ringlight.errors import ModelFileError
 from ringlight.files.packed import Packed, unpack_tensors
 from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
 
-PLAIN, PACKED = 1, 2
-FORMAT = PACKED
-"""The newest that is read; raised when an older program would misread the file. Newer files are refused with the
-version to install. Files whose tensors are not packed are written as format 1, which every version reads."""
+FORMAT = 1
+"""Raised when an older program would misread the file. Newer files are refused with the version to install."""
 
 PROGRAM = "ringlight"
 
@@ -33,7 +31,7 @@ class SceneFacts:
 
     ``resolution`` is width and height of the training images in pixels, ``box`` the axis-aligned box [low, high]
     and ``extent`` the camera extent in world units, ``notes`` what the loader decided; ``source`` the folder, and
-    ``options``, a JSON object, how it was read; None in older files.
+    ``options``, a JSON object, how it was read.
     """
 
     name: str
@@ -42,8 +40,8 @@ class SceneFacts:
     resolution: tuple[int, int]
     box: tuple[tuple[float, float, float], tuple[float, float, float]]
     extent: float
-    notes: tuple[str, ...] = ()
-    options: dict[str, object] | None = None
+    notes: tuple[str, ...]
+    options: dict[str, object]
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,9 @@ class ModelHeader:
     metrics: dict[str, object] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     created: str = ""
+    counted: int = 0
+    """How many Gaussians, or what ``noun`` says, rendering needs."""
+    noun: str = ""
     storage: dict[str, object] = field(default_factory=dict)
     """What packing cost, a JSON object; empty for files that are not packed."""
 
@@ -86,7 +87,7 @@ def read_model_file(path: Path) -> ModelFile:
     # The header first: a newer format may place its tensors in a way that this program would call damage.
     metadata = _metadata_of(path)
     header = _header_from(path, metadata)
-    packing = {name: str(kind) for name, kind in _object(path, metadata, "packing", "{}").items()}
+    packing = {name: str(kind) for name, kind in _object(path, metadata, "packing").items()}
     stored = Packed(read_tensors(path).tensors, packing)
     try:
         tensors = unpack_tensors(stored)
@@ -114,10 +115,7 @@ def _metadata_of(path: Path) -> dict[str, str]:
 
 def _metadata_from(header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
     facts = {name: value if isinstance(value, str) else _json(value) for name, value in asdict(header).items()}
-    if packing:
-        return {"program": PROGRAM, "format": str(PACKED), "packing": _json(dict(packing))} | facts
-    del facts["storage"]
-    return {"program": PROGRAM, "format": str(PLAIN)} | facts
+    return {"program": PROGRAM, "format": str(FORMAT), "packing": _json(dict(packing))} | facts
 
 
 def _json(value: object) -> str:
@@ -139,41 +137,40 @@ def _refuse_newer(path: Path, metadata: dict[str, str]) -> None:
 
 def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
     """Raises ModelFileError that names the first field that is missing or not what it should be."""
-    texts = {name: _text(path, metadata, name) for name in ("method", "preset", "created")}
-    objects = {name: _object(path, metadata, name) for name in ("recipe", "scene", "metrics", "versions")}
-    step = _text(path, metadata, "step")
-    if not re.fullmatch(r"[0-9]{1,18}", step):
-        raise _damaged(path, "step")
+    texts = {name: _text(path, metadata, name) for name in ("method", "preset", "created", "noun")}
+    objects = {name: _object(path, metadata, name) for name in ("recipe", "scene", "metrics", "versions", "storage")}
+    numbers = {name: _number(path, metadata, name) for name in ("step", "counted")}
     versions = {name: str(version) for name, version in objects["versions"].items()}
     return ModelHeader(
         method=texts["method"],
         preset=texts["preset"],
         recipe=objects["recipe"],
-        step=int(step),
+        step=numbers["step"],
         scene=_scene_from(path, objects["scene"]),
         metrics=objects["metrics"],
         versions=versions,
         created=texts["created"],
-        storage=_object(path, metadata, "storage", "{}"),
+        counted=numbers["counted"],
+        noun=texts["noun"],
+        storage=objects["storage"],
     )
 
 
 def _scene_from(path: Path, facts: dict[str, object]) -> SceneFacts:
     try:
-        known = {"options": None} | facts
-        options = known["options"]
-        if not isinstance(options, dict | None):
+        options = facts["options"]
+        if not isinstance(options, dict):
             raise TypeError("options")
-        width, height = (int(n) for n in known["resolution"])  # type: ignore[attr-defined]
-        low, high = (_corner(corner) for corner in known["box"])  # type: ignore[attr-defined]
+        width, height = (int(n) for n in facts["resolution"])  # type: ignore[attr-defined]
+        low, high = (_corner(corner) for corner in facts["box"])  # type: ignore[attr-defined]
         return SceneFacts(
-            name=str(known["name"]),
-            source=str(known["source"]),
-            background=str(known["background"]),
+            name=str(facts["name"]),
+            source=str(facts["source"]),
+            background=str(facts["background"]),
             resolution=(width, height),
             box=(low, high),
-            extent=float(known["extent"]),  # type: ignore[arg-type]
-            notes=tuple(str(note) for note in known["notes"]),  # type: ignore[attr-defined]
+            extent=float(facts["extent"]),  # type: ignore[arg-type]
+            notes=tuple(str(note) for note in facts["notes"]),  # type: ignore[attr-defined]
             options=options,
         )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
@@ -191,9 +188,16 @@ def _text(path: Path, metadata: dict[str, str], name: str) -> str:
     return metadata[name]
 
 
-def _object(path: Path, metadata: dict[str, str], name: str, default: str | None = None) -> dict[str, object]:
+def _number(path: Path, metadata: dict[str, str], name: str) -> int:
+    text = _text(path, metadata, name)
+    if not re.fullmatch(r"[0-9]{1,18}", text):
+        raise _damaged(path, name)
+    return int(text)
+
+
+def _object(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
     try:
-        value = json.loads(_text(path, metadata, name) if default is None else metadata.get(name, default))
+        value = json.loads(_text(path, metadata, name))
     except (ValueError, RecursionError) as error:
         raise _damaged(path, name) from error
     if not isinstance(value, dict):

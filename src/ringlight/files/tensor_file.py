@@ -131,7 +131,7 @@ def read_tensors(path: Path, *, checksum_required: bool = False) -> TensorFile:
             tensors[name] = _read_tensor(path, file, place)
             summed.update(_bytes_of(tensors[name]))
     if stated is None and checksum_required:
-        raise ModelFileError(f"{path}: has no checksum: it is damaged, or an older ringlight wrote it; {REMEDY}")
+        raise ModelFileError(f"{path}: the file is damaged: it has no checksum; {REMEDY}")
     if stated is not None and stated != summed.hexdigest():
         raise ModelFileError(f"{path}: the file is damaged: its checksum is another than that of its bytes; {REMEDY}")
     return TensorFile(tensors, _shown(header.metadata))

@@ -1,4 +1,4 @@
-"""Adam (Kingma & Ba 2015, algorithm 1): one call of a kernel for all parameters of a step, and its slow twin."""
+"""Adam (Kingma & Ba 2015, algorithm 1): one call of a kernel for all parameters of a step, and its reference."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -83,7 +83,7 @@ def _adam_on_gpu_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None)
 
 
 def adam_reference_(update: Update, radii: Float[Tensor, "N 2"] | None = None) -> int:
-    """The slow twin of the kernel, for any device and type."""
+    """The reference of the kernel, for any device and type."""
     value, gradient, mean, square, group, rate, number = update
     gradient = dense(gradient)
     beta1, beta2 = group.betas

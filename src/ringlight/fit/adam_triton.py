@@ -1,7 +1,7 @@
 """One Adam update of all parameters on a GPU by one Triton kernel, whatever their number.
 
 The kernel finds its tensors by address, as torch's own multi-tensor updates do: one launch and two small copies a step,
-instead of a launch for each of some thirty parameters. Its slow twin is ``adam_reference_``.
+instead of a launch for each of some thirty parameters. Its reference is ``adam_reference_``.
 """
 
 from collections.abc import Sequence

@@ -12,7 +12,7 @@ class PhotometricLoss:
     """``scale * ((1 - ssim_weight) * pixel + ssim_weight * (1 - SSIM))``: RingLight equation 9, 3DGS equation 7."""
 
     pixel: Literal["l1", "l2"] = "l1"
-    """Pixel term: mean absolute error (3DGS) or mean squared error (RingLight)."""
+    """Pixel term: l1 is the mean absolute error (3DGS), l2 the mean squared error (RingLight)."""
     ssim_weight: float = 0.2
     """Share of 1 - SSIM, in [0, 1]: lambda in 3DGS, beta in RingLight."""
     scale: float = 1.0

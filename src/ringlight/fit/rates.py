@@ -39,7 +39,7 @@ def check_rates(**rates: float) -> None:
 
 @dataclass(frozen=True)
 class Adam:
-    """How a group of parameters is stepped; the paper uses one such group for the Gaussians, one for the field."""
+    """How a group of parameters is stepped. The paper has two groups: the Gaussians, and the field."""
 
     rate: Rate
     betas: tuple[float, float] = (0.9, 0.999)
@@ -53,17 +53,17 @@ class GaussianRates:
     """Learning rates of the table's geometry (3DGS's defaults)."""
 
     means: float = 1.6e-4
-    """Of the centres at the start, in units of the scene's extent."""
+    """Rate of the centres at the start, in units of the scene's extent."""
     means_end: float = 1.6e-6
-    """Of the centres at the end, in units of the scene's extent."""
+    """Rate of the centres at the end, in units of the scene's extent."""
     opacities: float = 0.025
-    """Of the opacity logits. 3DGS took 0.05 until its release of late 2024; half of it gives 0.1 dB with fewer rows."""
+    """Rate of the opacity logits. 3DGS took 0.05 until late 2024; half of it gains 0.1 dB with fewer Gaussians."""
     scales: float = 5e-3
-    """Of the log scales at the start."""
+    """Rate of the log scales at the start."""
     scales_end: float = 5e-3
-    """Of the log scales at the end."""
+    """Rate of the log scales at the end."""
     rotations: float = 1e-3
-    """Of the quaternions."""
+    """Rate of the quaternions."""
 
     def __post_init__(self) -> None:
         check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items()})

@@ -13,7 +13,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
 from ringlight.data.contract import Batches
 from ringlight.fit.faults import FaultCounter, bad_loss, predicted
-from ringlight.fit.loss import Compared, Loss
+from ringlight.fit.losses.contract import Compared, Loss
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.regularizers.contract import Regularizer, Term
 from ringlight.fit.strategies.contract import Strategy

@@ -1,7 +1,7 @@
 """The columns of the results table: what each shows, how it is written, what counts as better, what goes first."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -57,8 +57,11 @@ def lpips(report: Report, net: str | None) -> float | None:
     return value
 
 
-def columns(lpips_net: str | None) -> tuple[Column, ...]:
-    """All columns from left to right; LPIPS is the one of ``lpips_net``, None if no run has any."""
+def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]:
+    """All columns from left to right; LPIPS is the one of ``lpips_net``, None if no run has any.
+
+    ``nouns`` are what the models are made of: where they differ the numbers have their nouns, and do not compete.
+    """
 
     def distance(report: Report) -> float | None:
         return lpips(report, lpips_net)
@@ -72,7 +75,7 @@ def columns(lpips_net: str | None) -> tuple[Column, ...]:
         _difference("dSSIM", 12, lambda report: report.ssim_same, 4),
         _measured(f"LPIPS {lpips_net or ''}".strip(), 6, distance, "less", _fixed(4, missing=UNAVAILABLE)),
         _difference("dLPIPS", 13, distance, 4),
-        _measured("Gaussians", 10, lambda report: report.n_gaussians, "less", "{:,.0f}".format),
+        _counted(nouns),
         _measured("raw MB", 1, lambda report: report.bytes_raw, "less", _megabytes),
         Column("x raw", 3, _size_ratio, always=False),
         _measured("file MB", 7, lambda report: report.bytes_file, "less", _megabytes),
@@ -105,6 +108,12 @@ def _measured(
     title: str, rank: int, measure: Measure, better: Literal["more", "less"], write: Callable[[Value], str]
 ) -> Column:
     return Column(title, rank, lambda row: write(measure(row.report)), measure, better)
+
+
+def _counted(nouns: Collection[str]) -> Column:
+    if len(nouns) == 1:
+        return _measured(next(iter(nouns)), 10, lambda report: report.counted, "less", "{:,.0f}".format)
+    return Column("made of", 10, lambda row: f"{row.report.counted:,} {row.report.noun}")
 
 
 def _difference(title: str, rank: int, measure: Measure, digits: int) -> Column:

@@ -23,17 +23,17 @@ WINDOW_REACH = 5
 LEVELS = 255
 
 
-def mean_squared_error(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
+def mean_squared_error(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "*pixels 3"]) -> float:
     """Over all pixels and channels, summed in double precision."""
     return (image.clamp(0, 1).double() - truth.double()).square().mean().item()
 
 
-def psnr(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
+def psnr(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "*pixels 3"]) -> float:
     """Peak signal-to-noise ratio in dB of one image, from the mean over pixels and channels, without rounding."""
     return _decibel(mean_squared_error(image, truth))
 
 
-def psnr_u8(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
+def psnr_u8(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "*pixels 3"]) -> float:
     """PSNR in dB after both were rounded to 8 bit, as 3DGS's evaluation of saved pictures does."""
     return psnr(_rounded(image), _rounded(truth))
 

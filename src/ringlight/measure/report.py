@@ -1,6 +1,6 @@
 """The record of one run: what was trained, how well it shows held-out views, what it costs. One JSON file per run."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.errors import RunError
@@ -53,7 +53,7 @@ class Report:
     """What the loader decided: downscaling and its filter, sub-model, ..."""
     iterations: int | None
     """Steps of training that were done."""
-    planned: int | None = None
+    planned: int | None
     """Steps of the whole run; more than ``iterations`` for a run that was stopped."""
 
     psnr: float
@@ -71,7 +71,10 @@ class Report:
     lpips_note: str
     """Why a LPIPS is missing and how to get it; empty if the wanted ones were measured."""
 
-    n_gaussians: int
+    counted: int
+    """What rendering needs of what the model is made of: Gaussians, voxels."""
+    noun: str
+    """What these are."""
     bytes_raw: int
     """Everything rendering needs, floats at 32 bit: the sum of ``bytes_by_part``."""
     bytes_by_part: dict[str, int]
@@ -80,12 +83,12 @@ class Report:
     train_seconds: float | None
     """Wall clock with densification, without data loading and test renders."""
     train_cpu_seconds: float | None
-    saving_seconds: float | None = None
+    saving_seconds: float | None
     """Wall clock of checkpoints, the last one included; not among ``train_seconds``."""
     steps_per_second: float | None
-    peak_bytes: int | None = None
+    peak_bytes: int | None
     """Most resident memory of the host from before the scene was loaded to the last step, above what it was then."""
-    training_bytes: dict[str, int] = field(default_factory=dict)
+    training_bytes: dict[str, int]
     """What lay on the device that trained at the end, step or no step: parameters, moments, the photographs seen since
     the run was started or resumed, what strategies count. Without a GPU it is part of ``peak_bytes``."""
     fps: float | None

@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from jaxtyping import Shaped
 from torch import Tensor
 
-FLOAT_BYTES = 4
-"""Raw sizes count every real number at 32 bit, however it is stored, so that methods compare."""
+from ringlight.core.raw_bytes import raw_bytes
 
 PART_DEPTH = 2
 """Dotted levels of a tensor's name that make a part: "color.ring.cores.0" belongs to "color.ring"."""
@@ -20,6 +19,5 @@ def bytes_by_part(tensors: Mapping[str, Shaped[Tensor, "..."]]) -> dict[str, int
     parts: dict[str, int] = {}
     for name, tensor in tensors.items():
         part = ".".join(name.split(".")[:PART_DEPTH])
-        width = FLOAT_BYTES if tensor.is_floating_point() else tensor.element_size()
-        parts[part] = parts.get(part, 0) + tensor.numel() * width
+        parts[part] = parts.get(part, 0) + raw_bytes(tensor)
     return parts

@@ -13,8 +13,8 @@ from rich.console import Console, ConsoleOptions
 from rich.table import Table
 from rich.text import Text
 
+from ringlight.core.raw_bytes import FLOAT_BYTES
 from ringlight.measure.report import Report
-from ringlight.measure.size import FLOAT_BYTES
 
 ALL_SCENES = "all scenes"
 
@@ -105,7 +105,7 @@ def _row(label: Label, scene: str, seeds: list[list[Report]]) -> StudyRow:
     return StudyRow(
         scene, label.name, label.about, label.at, label.paper, len(seeds),
         spread("psnr"), spread("ssim_same"), spread("lpips_alex") if has_lpips else None,
-        Spread.of(size), spread("n_gaussians"), spread("train_seconds"), spread("train_cpu_seconds"), Spread.of(shared),
+        Spread.of(size), spread("counted"), spread("train_seconds"), spread("train_cpu_seconds"), Spread.of(shared),
     )  # fmt: skip
 
 

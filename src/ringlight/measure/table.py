@@ -75,7 +75,8 @@ class ResultsTable:
 
     def _grid(self) -> "_Grid":
         baselines = self._baselines()
-        shown = columns(_common_lpips([report for _, report in self.runs]))
+        reports = [report for _, report in self.runs]
+        shown = columns(_common_lpips(reports), {report.noun for report in reports})
         scenes: dict[str, list[Row]] = {}
         for label, report in self.runs:
             scenes.setdefault(report.scene, []).append(Row(label, report, baselines.get(report.scene)))

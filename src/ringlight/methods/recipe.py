@@ -2,8 +2,21 @@
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import Field
 from types import UnionType
-from typing import TYPE_CHECKING, Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Literal,
+    Protocol,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+    runtime_checkable,
+)
 
 from ringlight.errors import RecipeError
 
@@ -11,17 +24,22 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from ringlight.core.gaussians import Gaussians
     from ringlight.core.scene import Scene
     from ringlight.fit.train import Training
-    from ringlight.models.splats import SplatModel
+    from ringlight.models.contract import Model
     from ringlight.rasterize.contract import Rasterizer
 
 
+@runtime_checkable
 class Recipe(Protocol):
-    """One paper's settings. ``steps`` is the length of the run; schedules scale with it."""
+    """One paper's settings, a frozen dataclass. Nobody asks what kind it is, nor for a setting but ``steps``."""
 
-    steps: int
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def steps(self) -> int:
+        """The length of the run; schedules scale with it."""
+        ...
 
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[Recipe, str | None]":
         """This recipe with everything decided that it leaves to the scene, which runs and model files keep, and why."""
@@ -31,28 +49,50 @@ class Recipe(Protocol):
         """The model at its start, and everything that trains it."""
         ...
 
-    def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
-        """The model of this recipe around a given table; ``box`` is the scene's."""
+    @property
+    def most(self) -> int | None:
+        """How many Gaussians (or whatever the model counts and grows) the user lets it end with; None where that is
+        left to the scene, or where nothing grows."""
+        ...
+
+    def ending_with(self, most: int | None, dropping: bool = True) -> "Recipe":
+        """The same with this for ``most``. Not ``dropping``: it grows to no more either, and keeps all. Itself where
+        nothing grows."""
+        ...
+
+    def never_above(self, most: int) -> "Recipe":
+        """The same with no more than ``most`` at any step, be some dropped later or not; itself where nothing grows."""
+        ...
+
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "Model":
+        """The model of this recipe with everything switched on, to load tensors into; ``box`` is the scene's."""
         ...
 
 
-def recipe_to_dict(recipe: Any) -> dict[str, Any]:
+Settings = TypeVar("Settings")
+
+
+def recipe_to_dict(recipe: Recipe) -> dict[str, Any]:
     """Plain values only, ready for JSON."""
     return dataclasses.asdict(recipe)
 
 
-def recipe_from_dict(kind: type, values: Any, where: str = "recipe") -> Any:
-    """Inverse of :func:`recipe_to_dict`; settings that the record lacks take their defaults.
+def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -> Settings:
+    """Inverse of :func:`recipe_to_dict`.
 
-    ``values`` come from a file and may be anything. Raises RecipeError, with ``where`` in it, for a setting that this
-    version does not know, or a value of another type than the setting's.
+    ``values`` come from a file and may be anything. Raises RecipeError, with ``where`` in it, for a setting that is
+    missing or that this version does not know, or a value of another type than the setting's.
     """
     if not isinstance(values, Mapping):
         raise RecipeError(f"{where}: is not a group of settings; {DAMAGED}")
     hints = get_type_hints(kind)
-    unknown = sorted(set(values) - {field.name for field in dataclasses.fields(kind)})
+    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]  # of a dataclass
+    unknown = sorted(set(values) - known)
     if unknown:
         raise RecipeError(f"{where}: unknown setting {unknown[0]!r}; it was written by another version of ringlight")
+    missing = sorted(known - set(values))
+    if missing:
+        raise RecipeError(f"{where}: setting {missing[0]!r} is missing; {DAMAGED}")
     arguments = {}
     for name, value in values.items():
         if dataclasses.is_dataclass(hints[name]):

@@ -22,7 +22,7 @@ from ringlight.data.shrunk import shrunk
 from ringlight.data.surface import guessed_masks, points_on_hull
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
-from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.rasterize.contract import Rasterizer
 
@@ -118,14 +118,17 @@ def _harmonics(
 ) -> Training:
     """3DGS on the surface that the mirror starts from, if points have normals as opaque; as many Gaussians, their
     geometry as fast, no resets either."""
-    densify = mirror.densify.within(most_gaussians(scene.pixels))
     recipe = ThreeDGSRecipe(
-        steps=mirror.steps, coarse_steps=0, densify=densify, antialiased=mirror.antialiased, rates=mirror.rates
+        steps=mirror.steps,
+        coarse_steps=0,
+        densify=mirror.densify_on_hull(scene),
+        antialiased=mirror.antialiased,
+        rates=mirror.rates,
     )
     training = recipe.build(replace(scene, points=points), rasterize, seed)
     if points.normals is None:
         return training
-    logits = training.model.columns["opacity_logits"].detach()
+    logits = training.model.get_parameter("columns.opacity_logits").detach()
     opaque = torch.full_like(logits, mirror.opacity).logit()
     training.optimizer.replace("columns.opacity_logits", opaque)
     return training

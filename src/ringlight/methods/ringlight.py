@@ -1,243 +1,101 @@
-"""RingLight-GS: base colour per Gaussian plus a view-dependent residual from one shared neural tensor ring.
+"""ringlight: looks at the scene and chooses how to light it, by the ring or as a mirror.
 
-Anonymous: RingLight-GS, a Compact and Expressive Framework for Modeling Scene Color in 3DGS, 2025. Two presets: PAPER
-takes the paper at its word; the default is ours, which keeps the form and changes what measurements say (see the
-fields' docstrings).
+What it leaves open is decided here and in ``reflection_trial.py``, once, when a run starts: the run, its files and its
+report are of the method that was chosen.
 """
 
-import dataclasses
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.errors import RecipeError
-from ringlight.fields.ring_settings import RingSettings
-from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
-from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.methods.ringlight_mirror import FAST_SCALES, RingLightMirrorRecipe
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.ringlight_ring import RingLightRingRecipe
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from ringlight.core.gaussians import Gaussians
     from ringlight.core.scene import Scene
-    from ringlight.fit.regularizers.contract import Regularizer
-    from ringlight.fit.strategies.contract import Strategy
     from ringlight.fit.train import Training
-    from ringlight.models.splats import SplatModel
+    from ringlight.models.contract import Model
     from ringlight.rasterize.contract import Rasterizer
 
-PRUNE_ROUNDS = 15
-"""Removals of faint and masked rows after densification: every 1000 steps of the paper's 30,000."""
 
-PAPER_SCALE = 1e4
-"""The paper's gamma, equation 9."""
+@dataclass(frozen=True)
+class GrowthBound:
+    """Adaptive density control is that of the chosen method, but for its bound."""
 
-OURS = RingLightSettings(
-    ring=RingSettings(rank=8, features=24, head_hidden=64, position_nodes=256, view_bands=4, view_nodes=24),
-    render_hidden=64,
-    modulation_hidden=64,
-    latents=4,
-    gradient_share=0.25,
-)
-"""Narrower than the paper's field: rank 16 with 48 features doubles the cost of a step for 0.1 dB on NeRF-Synthetic's
-chair. Four latents give each Gaussian a say in how it reflects, for 0.5 dB there. Four view bands do not alias in a
-small table: 0.3 dB over ten. Networks of width 32 and 16 take a tenth less time a step, and collapsed on lego_400
-(docs/method.md)."""
+    max_gaussians: int = 0
+    """Density control ends with no more than this many, unless it began with more. 0: as many as a training photograph
+    has pixels; where pixels of a subject that is cut out are lit, one for every seven, or 10,000 if there are as many
+    pixels."""
+
+    def __post_init__(self) -> None:
+        if self.max_gaussians < 0:
+            raise RecipeError(f"densify.max_gaussians is {self.max_gaussians}; give at least 0")
 
 
 @dataclass(frozen=True)
 class RingLightRecipe:
-    """RingLight-GS: Gaussians lit by one shared neural tensor-ring light field."""
+    """RingLight: ringlight-ring or ringlight-mirror, whichever suits the scene."""
 
     steps: int = 30_000
     """Training steps, one photograph each."""
     shading: Literal["auto", "forward", "deferred"] = "auto"
-    """forward lights each Gaussian by the ring. deferred lights each pixel of the surface that they blend to, as
-    ringlight-mirror does, with its settings but for those that both have. auto: decided by a short trial where masks or
-    an even background cut the subject out of the photographs, so that a surface can be carved; elsewhere deferred, from
-    points on a surface, and forward without such points or with few photographs."""
-    warmup: float = 0.2
-    """Share of the steps with base colour only, before the light field is switched on. The paper takes 0.1, which in
-    short runs is just before the first opacity reset and costs 0.3 dB."""
-    base_rate: float = 1e-2
-    """Learning rate of the base colours' logits. A step moves a grey by a quarter of it, a colour of 0.1 or 0.9 by a
-    tenth, which is about the pace of 3DGS's constant coefficient."""
-    latents_rate: float = 1e-2
-    """Learning rate of the latents when the light field is switched on; it ends at a tenth."""
-    mask_rate: float = 0.01
-    """Learning rate of the mask logits."""
-    mask_penalty: float = 0.0
-    """Weight of the mean mask in the loss; the paper has none."""
-    field_rate: float = 2e-3
-    """Learning rate of the light field and the render module when they are switched on; 6e-3 collapses."""
-    field_rate_end: float = 1e-4
-    """And at the end of the run, log-linear in between; the paper keeps 1e-4 all along."""
-    field_beta2: float = 0.999
-    """How much of its mean of squared gradients the light field's Adam keeps at a step. With 0.999, the usual, a jump
-    of the gradients makes steps up to five times as long as the rate; with 0.99 twice as long."""
-    field_epsilon: float = 1e-15
-    """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
+    """forward lights each Gaussian by the ring: ringlight-ring. deferred lights each pixel of the surface that they
+    blend to: ringlight-mirror. auto: decided by a short trial where masks or an even background cut the subject out of
+    the photographs, so that a surface can be carved; elsewhere deferred, from points on a surface, and forward without
+    such points or with few photographs."""
     antialiased: bool | None = None
-    """Rasterize with the opacity compensation of Mip-Splatting; where this is left open only with deferred shading."""
+    """Rasterize with the opacity compensation of Mip-Splatting; by default only with deferred shading."""
     visible_only: bool = False
-    """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
-    light: RingLightSettings = field(default_factory=lambda: OURS)
-    """The light field and the render module."""
-    rates: GaussianRates = field(default_factory=lambda: GaussianRates(scales=FAST_SCALES))
-    """Learning rates of the geometry. Scales that begin four times as fast as 3DGS's gain 0.3 dB on chair_400 and 1 dB
-    on lego_400 after 3,000 steps, with somewhat fewer Gaussians."""
-    densify: DensifySettings = field(default_factory=lambda: DensifySettings(threshold=7.5e-5, drop_share=0.6))
-    """Adaptive density control; where shading is deferred ringlight-mirror's, but for max_gaussians. The paper's
-    threshold, 1.1, divided by its gamma is 1.1e-4. Two thirds of it grow more, of which the better two fifths are kept:
-    under a third of 3DGS's raw bytes, and 0.5 dB more on chair_400 than as many that grow by 1.3e-4 and are all
-    kept."""
-    loss: PhotometricLoss = field(default_factory=lambda: PhotometricLoss(pixel="l2"))
-    """What is compared with the photographs (equation 9)."""
-
-    def __post_init__(self) -> None:
-        check_rates(**{name: value for name, value in vars(self).items() if name.endswith(("_rate", "_rate_end"))})
-        if not 0 <= self.warmup <= 1:
-            raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
-        if not 0 <= self.mask_penalty < math.inf:
-            raise RecipeError(f"mask_penalty is {self.mask_penalty:g}; give 0 (none) or more")
-        if not 0 <= self.field_beta2 < 1:
-            raise RecipeError(f"field_beta2 is {self.field_beta2:g}; give 0 or more, and less than 1")
-        if not 0 < self.field_epsilon < math.inf:
-            raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
+    """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    densify: GrowthBound = field(default_factory=GrowthBound)
+    """The bound on the number of Gaussians, whichever method is chosen."""
 
     def settled(
         self, scene: "Scene", rasterize: "Rasterizer", seed: int
-    ) -> "tuple[RingLightRecipe | RingLightMirrorRecipe, str | None]":
-        """With the shading decided for this scene, by a trial where a surface can be carved, and what follows. Deferred
-        shading is ringlight-mirror's, so that its recipe is what files record."""
-        shading, why = self.shading, None
-        if shading == "auto":
-            from ringlight.methods.reflection_trial import chosen_shading
+    ) -> "tuple[RingLightRingRecipe | RingLightMirrorRecipe, str | None]":
+        """The recipe of the chosen method with these settings, and why it was chosen, unless the user did."""
+        if self.shading == "forward":
+            return self.ring, None
+        if self.shading == "deferred":
+            return self.mirror, None
+        from ringlight.methods.reflection_trial import chosen_shading
 
-            shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
-            why = f"shading: {shading} ({reason})"
-        if shading == "deferred":
-            return self.mirror, "; ".join(filter(None, [why, self._unused])) or None
-        # The compensation is stated, so that no later version's preference changes how a file renders.
-        return dataclasses.replace(self, shading="forward", antialiased=bool(self.antialiased)), why
+        shading, why = chosen_shading(scene, rasterize, seed, self.steps)
+        if shading == "forward":
+            return self.ring, f"shading: forward, as ringlight-ring ({why})"
+        return self.mirror, f"shading: deferred, as ringlight-mirror ({why})"
 
     @property
-    def _unused(self) -> str | None:
-        """Which settings that are not the default ones deferred shading does not know, as a sentence."""
-        counted = {"steps", "shading", "antialiased", "visible_only"}
-        usual = dataclasses.replace(
-            RingLightRecipe(),
-            densify=dataclasses.replace(RingLightRecipe().densify, max_gaussians=self.densify.max_gaussians),
-        )
-        names = [f.name for f in dataclasses.fields(self) if getattr(self, f.name) != getattr(usual, f.name)]
-        unused = [name.replace("_", "-") for name in names if name not in counted]
-        if not unused:
-            return None
-        return (
-            f"what was given for {', '.join(unused)} counts for forward shading alone: ringlight-mirror takes its own"
-        )
+    def ring(self) -> RingLightRingRecipe:
+        """What is trained where Gaussians are lit."""
+        ours = RingLightRingRecipe(steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
+        return ours if self.antialiased is None else replace(ours, antialiased=self.antialiased)
 
     @property
     def mirror(self) -> RingLightMirrorRecipe:
-        """What is trained where shading is deferred."""
-        own = RingLightMirrorRecipe()
-        densify = dataclasses.replace(own.densify, max_gaussians=self.densify.max_gaussians)
-        antialiased = own.antialiased if self.antialiased is None else self.antialiased
-        return dataclasses.replace(
-            own, steps=self.steps, antialiased=antialiased, visible_only=self.visible_only, densify=densify
-        )
-
-    def model(
-        self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
-    ) -> "SplatModel":
-        if self.shading == "deferred":  # as older files say, from before features had factors of the place
-            plain = dataclasses.replace(self.mirror.shader, axis_nodes=0)
-            return dataclasses.replace(self.mirror, shader=plain).model(gaussians, box, rasterize, seed)
-        from ringlight.color.ringlight import RingLight
-        from ringlight.models.splats import SplatModel
-        from ringlight.rasterize.contract import RasterOptions
-        from ringlight.shade.passthrough import PassThrough
-
-        options = RasterOptions(antialiased=bool(self.antialiased))
-        return SplatModel(gaussians, RingLight(self.light, box, seed), PassThrough(), rasterize, options)
+        """What is trained where pixels are lit."""
+        ours = RingLightMirrorRecipe(steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
+        return ours if self.antialiased is None else replace(ours, antialiased=self.antialiased)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        settled, _ = self.settled(scene, rasterize, seed)
-        if settled != self:
-            return settled.build(scene, rasterize, seed)
-        from ringlight.color.ringlight import RingLight
-        from ringlight.data.batches import ImageBatches
-        from ringlight.fit.loss import PhotographLoss
-        from ringlight.fit.optimizer import Optimizer
-        from ringlight.fit.train import Training
-        from ringlight.models.initial import gaussians_from_points
+        return self.settled(scene, rasterize, seed)[0].build(scene, rasterize, seed)
 
-        gaussians = gaussians_from_points(scene.points, RingLight(self.light, scene.box, seed))
-        model = self.model(gaussians, scene.box, rasterize, seed)
-        model.get_buffer("color.lit").fill_(False)
-        return Training(
-            model=model,
-            batches=ImageBatches(scene, seed),
-            loss=PhotographLoss(self.loss, rasterize.device),
-            optimizer=Optimizer(model, self._groups(scene.extent), self.steps, self.visible_only),
-            strategies=self._strategies(scene, seed),
-            steps=self.steps,
-            regularizers=self._regularizers(),
-        )
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "Model":
+        """Raises RecipeError: no file holds this recipe, but the one that it settles on."""
+        raise RecipeError("ringlight chooses a method by the scene; a model is of that method")
 
     @property
-    def _first_lit_step(self) -> int:
-        return max(int(self.warmup * self.steps), 1) if self.light.base_color else 1
+    def most(self) -> int | None:
+        """How many Gaussians the user lets it end with, whichever method is chosen."""
+        return self.densify.max_gaussians or None
 
-    def _groups(self, extent: float) -> dict[str, Adam]:
-        lit = self._first_lit_step
-        rate, betas = Rate(self.field_rate, self.field_rate_end), (0.9, self.field_beta2)
-        light = Adam(rate, betas, self.field_epsilon, begins=lit)
-        return self.rates.groups(extent) | {
-            "columns.base": Adam(Rate.constant(self.base_rate)),
-            "columns.latents": Adam(Rate(self.latents_rate, self.latents_rate / 10), begins=lit),
-            "columns.mask_logits": Adam(Rate.constant(self.mask_rate)),
-            "color.*": light,
-        }
+    def ending_with(self, most: int | None, dropping: bool = True) -> "RingLightRecipe":
+        """The same with this for ``most``; whether some are dropped is the chosen method's."""
+        return replace(self, densify=GrowthBound(most or 0))
 
-    def _strategies(self, scene: "Scene", seed: int) -> "tuple[Strategy, ...]":
-        from ringlight.fit.strategies.density_control import density_control
-        from ringlight.fit.strategies.prune import Prune
-        from ringlight.fit.strategies.unlock import Unlock
-
-        last = self.densify.last_step(self.steps)
-        return (
-            Unlock("color.lit", {self._first_lit_step: 1}),
-            *density_control(self.densify, scene, self.steps, seed),
-            Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),
-        )
-
-    def _regularizers(self) -> "dict[str, Regularizer]":
-        from ringlight.fit.regularizers.mean_mask import MeanMask
-
-        if not self.mask_penalty or not self.light.mask:
-            return {}
-        return {"mask": MeanMask(self.mask_penalty * self.loss.scale)}
-
-
-PAPER = dataclasses.replace(
-    RingLightRecipe(),
-    rates=GaussianRates(),
-    shading="forward",
-    antialiased=False,
-    warmup=0.1,
-    light=RingLightSettings(gradient_share=0.25),
-    field_rate=1e-4,
-    field_rate_end=1e-4,
-    field_epsilon=1e-8,
-    densify=DensifySettings(threshold=1.1),
-    loss=PhotometricLoss(pixel="l2", scale=PAPER_SCALE),
-)
-"""The paper's settings. It gives the Gaussians a rate of 0.0025 and does not say how base colours are stored: 0.01 on
-their logits moves a grey by 0.0025 a step (``--base-rate 2.5e-3`` for 0.0025 on logits). Two means of speed are ours:
-heads are tabulated (``--light.evaluation exact`` for none), and a quarter of the Gaussians' light is differentiated,
-drawn by lot (``--light.gradient-share 1`` for all)."""
+    def never_above(self, most: int) -> "RingLightRecipe":
+        """The same with ``most`` at the end; it is the chosen method's recipe that is asked."""
+        return self.ending_with(most)

@@ -15,16 +15,16 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.grown import GrownByDensityControl
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from ringlight.core.gaussians import Gaussians
     from ringlight.core.scene import PointCloud, Scene
-    from ringlight.fit.strategies.contract import Strategy
     from ringlight.fit.train import Training
+    from ringlight.methods.assembly import Parts
     from ringlight.models.splats import SplatModel
     from ringlight.rasterize.contract import Rasterizer
 
@@ -49,7 +49,7 @@ def most_gaussians(pixels: int) -> int:
 
 
 @dataclass(frozen=True)
-class RingLightMirrorRecipe:
+class RingLightMirrorRecipe(GrownByDensityControl):
     """Deferred reflection shading on an opaque surface: for mirrors, chrome and clear coats."""
 
     steps: int = 30_000
@@ -109,21 +109,24 @@ class RingLightMirrorRecipe:
         """As it is: nothing depends on the scene."""
         return self, None
 
-    def model(
-        self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer", seed: int = 0
-    ) -> "SplatModel":
+    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "Parts":
+        """What a picture is made with, networks and maps as ``seed`` draws them."""
         from ringlight.color.mirror import Mirror
-        from ringlight.models.splats import SplatModel
-        from ringlight.rasterize.contract import RasterOptions
+        from ringlight.methods.assembly import Parts
         from ringlight.shade.reflection import ReflectionShader
 
-        options = RasterOptions(antialiased=self.antialiased)
-        shader = ReflectionShader(self.shader, box, seed)
-        return SplatModel(gaussians, Mirror(self.shader.latents, seed), shader, rasterize, options)
+        return Parts(Mirror(self.shader.latents, seed), ReflectionShader(self.shader, box, seed), self.antialiased)
+
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
+        return self.parts(box).empty(rasterize)
+
+    def densify_on_hull(self, scene: "Scene") -> DensifySettings:
+        """Density control of a subject that a hull cuts out."""
+        return self.densify.within(most_gaussians(scene.pixels))
 
     def first_gaussians(self, scene: "Scene") -> int:
         """How many the run starts from where there is a hull to draw them from."""
-        most = self.densify.within(most_gaussians(scene.pixels)).most_growing(self.steps)
+        most = self.densify_on_hull(scene).most_growing(self.steps)
         return math.ceil(self.start_share * most)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
@@ -137,25 +140,19 @@ class RingLightMirrorRecipe:
 
     def build_on(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         """The same from a surface that is known already."""
-        from ringlight.color.mirror import Mirror
-        from ringlight.data.batches import ImageBatches
-        from ringlight.fit.loss import PhotographLoss
-        from ringlight.fit.optimizer import Optimizer
-        from ringlight.fit.train import Training
-        from ringlight.models.initial import gaussians_from_points
+        from ringlight.methods.assembly import Course, assembled
 
-        densify = self.densify.within(most_gaussians(scene.pixels))
-        gaussians = gaussians_from_points(points, Mirror(self.shader.latents, seed), self.opacity)
-        model = self.model(gaussians, scene.box, rasterize, seed)
-        model.get_buffer("shader.lit").fill_(False)
-        return Training(
-            model=model,
-            batches=ImageBatches(scene, seed),
-            loss=PhotographLoss(self.loss, rasterize.device),
-            optimizer=Optimizer(model, self._groups(scene.extent), self.steps, self.visible_only),
-            strategies=self._strategies(scene, densify, seed),
+        lit = {self._first_lit_step: 1}
+        course = Course(
             steps=self.steps,
+            groups=self._groups(scene.extent),
+            loss=self.loss,
+            densify=self.densify_on_hull(scene),
+            unlocks={"shader.lit": lit},
+            visible_only=self.visible_only,
+            opacity=self.opacity,
         )
+        return assembled(self.parts(scene.box, seed), course, points, scene, rasterize, seed)
 
     @property
     def _first_lit_step(self) -> int:
@@ -175,12 +172,3 @@ class RingLightMirrorRecipe:
             "shader.places.*": lit(self.axes_rate),
             "shader.sphere": lit(self.sphere_rate),
         }
-
-    def _strategies(self, scene: "Scene", densify: DensifySettings, seed: int) -> "tuple[Strategy, ...]":
-        from ringlight.fit.strategies.density_control import density_control
-        from ringlight.fit.strategies.unlock import Unlock
-
-        return (
-            Unlock("shader.lit", {self._first_lit_step: 1}),
-            *density_control(densify, scene, self.steps, seed),
-        )

@@ -2,27 +2,22 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import torch
-from jaxtyping import Bool
-from torch import Tensor
 
 import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.finite import first_not_finite
-from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import Scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import DivergedError, ModelFileError, RecipeError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
-from ringlight.measure.size import bytes_by_part
 from ringlight.methods.outline import refuse_misfits
-from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
-from ringlight.methods.table import kind_of_method, method_of
-from ringlight.models.splats import COLUMNS_PREFIX, SplatModel
+from ringlight.methods.recipe import Recipe, recipe_to_dict
+from ringlight.methods.table import method_of, recipe_of_method
+from ringlight.models.contract import Model
 from ringlight.rasterize.contract import Rasterizer
 
 CAMERAS_PREFIX = "cameras."
@@ -36,14 +31,16 @@ LARGEST_SIDE = 1 << 20
 class StoredModel:
     """A model that renders, and everything its file says about it."""
 
-    model: SplatModel
+    model: Model
     header: ModelHeader
     cameras: tuple[Camera, ...]
     """The training cameras: paths and exports start from them."""
+    rasterize: Rasterizer
+    """What the model was loaded for."""
 
 
 def scene_facts(scene: Scene, options: SceneOptions | None = None) -> SceneFacts:
-    """What a model file remembers of the scene; with the ``options`` it was read by it can be read again."""
+    """What a model file remembers of the scene, and by which ``options``, or the usual ones, to read it again."""
     camera = scene.train[0].camera
     low, high = (tuple(corner) for corner in scene.box.tolist())
     return SceneFacts(
@@ -54,12 +51,12 @@ def scene_facts(scene: Scene, options: SceneOptions | None = None) -> SceneFacts
         box=(low, high),
         extent=scene.extent,
         notes=scene.notes,
-        options=None if options is None else asdict(options),
+        options=asdict(options or SceneOptions()),
     )
 
 
 def model_header(
-    preset: str, recipe: Any, step: int, scene: SceneFacts, metrics: dict[str, object] | None = None
+    preset: str, recipe: Recipe, step: int, scene: SceneFacts, metrics: dict[str, object] | None = None
 ) -> ModelHeader:
     """The header of a model file; ``metrics`` are those of the test views, if measured."""
     return ModelHeader(
@@ -77,37 +74,17 @@ def model_header(
     )
 
 
-def for_rendering(model: SplatModel) -> dict[str, torch.Tensor]:
-    """The tensors that rendering needs: no unwanted rows, no columns that only training looks at."""
-    return _needed(model, model.color.wanted(model.gaussians))
-
-
-def rendering_size(model: SplatModel) -> tuple[int, int]:
-    """Gaussians and bytes of :func:`for_rendering`, as reports count them, without its copies."""
-    count = int(model.color.wanted(model.gaussians).sum())
-    return count, sum(bytes_by_part(_needed(model, slice(count))).values())
-
-
-def _needed(model: SplatModel, keep: "Bool[Tensor, 'N'] | slice") -> dict[str, torch.Tensor]:
-    tensors = {}
-    for name, tensor in model.state_dict().items():
-        column = name.removeprefix(COLUMNS_PREFIX) if name.startswith(COLUMNS_PREFIX) else None
-        if column in model.color.training_columns:
-            continue
-        tensors[name] = tensor if column is None else tensor[keep]
-    return tensors
-
-
-def save_model(path: str | Path, model: SplatModel, header: ModelHeader, cameras: Sequence[Camera]) -> None:
+def save_model(path: str | Path, model: Model, header: ModelHeader, cameras: Sequence[Camera]) -> None:
     """Write the model and its training cameras as one safetensors file, all or nothing.
 
     Raises OutputError, or DivergedError for a model that is not finite.
     """
-    tensors = for_rendering(model) | tensors_from_cameras(cameras)
+    tensors = model.rendering_tensors() | tensors_from_cameras(cameras)
     broken = first_not_finite(tensors)
     if broken is not None:
         raise DivergedError(f"{path}: {broken}, and such a model is not saved; go back to a state from before")
-    write_model_file(Path(path), tensors, header)
+    count, _ = model.rendering_size()
+    write_model_file(Path(path), tensors, replace(header, counted=count.number, noun=count.noun))
 
 
 def load_model(path: str | Path, rasterize: Rasterizer) -> StoredModel:
@@ -131,25 +108,21 @@ def model_of_tensors(
     if broken is not None:
         raise ModelFileError(f"{path}: {broken}; copy the file again, or train again")
     try:
-        kind = kind_of_method(header.method)
+        recipe = recipe_of_method(header.method, header.recipe, str(path))
     except KeyError:
         sentence = f"{path}: method {header.method!r} is unknown to this version of ringlight; update it"
         raise ModelFileError(sentence) from None
-    recipe = recipe_from_dict(kind, header.recipe, str(path))
-    columns = {
-        name.removeprefix(COLUMNS_PREFIX): tensor for name, tensor in tensors.items() if name.startswith(COLUMNS_PREFIX)
-    }
     try:
         box = torch.tensor(header.scene.box)
         of_model = {name: tensor for name, tensor in tensors.items() if not name.startswith(CAMERAS_PREFIX)}
         refuse_misfits(recipe, box, rasterize, of_model)
         cameras = cameras_from_tensors(tensors)
-        model = recipe.model(Gaussians.from_columns(columns), box, rasterize)
-        model.load_state_dict(of_model)
+        model = recipe.model(box, rasterize)
+        model.load_tensors(of_model)
     except (KeyError, RuntimeError, ValueError, RecipeError) as error:
         reason = (str(error).strip("'").splitlines() or [type(error).__name__])[-1].strip()
         raise ModelFileError(f"{path}: its tensors do not fit its recipe ({reason}); copy the file again") from None
-    return StoredModel(model.eval(), header, cameras)
+    return StoredModel(model.eval(), header, cameras, rasterize)
 
 
 def tensors_from_cameras(cameras: Sequence[Camera]) -> dict[str, torch.Tensor]:

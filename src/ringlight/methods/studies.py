@@ -11,8 +11,9 @@ from typing import Any
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import PerceptronSettings
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.methods.ringlight import RingLightRecipe
-from ringlight.methods.table import method_named
+from ringlight.methods.recipe import Recipe
+from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
+from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 FULL = "full"
 """Name of the unchanged base in every study, so that studies in one folder share its runs."""
@@ -24,6 +25,9 @@ FEATURES, PAPER_FEATURE_PSNR = (12, 24, 48, 60), (28.42, 28.93, 29.01, 29.20)
 WARMUPS = (0.03, 0.1, 0.2, 0.3)
 SCALES = (1.0, 1e2, 1e4)
 SSIM_WEIGHTS = (0.0, 0.2, 0.5)
+
+BASES = {"ringlight-paper": PAPER, "ringlight-ring": RingLightRingRecipe()}
+"""Presets with a light field to study."""
 
 GRID_RATE, GRID_RATE_END = 2e-2, 2e-3
 """What TensoRF gives free values on a grid: a network's rate starves them, which is no fault of the decomposition."""
@@ -38,7 +42,7 @@ class Variant:
 
     name: str
     preset: str
-    recipe: Any
+    recipe: Recipe
     about: str
     at: float | None = None
     """The number that the study varies, where it varies one."""
@@ -56,16 +60,15 @@ def study_named(name: str, base: str, steps: int | None) -> tuple[Variant, ...]:
         near = get_close_matches(name, STUDIES, n=1)
         hint = f"perhaps you meant {near[0]!r}" if near else f"studies: {', '.join(STUDIES)}"
         raise RecipeError(f"no study is called {name!r}; {hint}")
-    recipe = method_named(base)
-    if not isinstance(recipe, RingLightRecipe):
-        raise RecipeError(f"--base is {base}: it has no light field to study; give ringlight or ringlight-paper")
-    variants = STUDIES[name](base, replace(recipe, shading="forward", antialiased=bool(recipe.antialiased)))
+    if base not in BASES:
+        raise RecipeError(f"--base is {base}: it has no light field to study; give {' or '.join(BASES)}")
+    variants = STUDIES[name](base, BASES[base])
     if steps is None:
         return variants
     return tuple(replace(variant, recipe=replace(variant.recipe, steps=steps)) for variant in variants)
 
 
-def _ablation(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _ablation(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """Tables 2 and 3, with the controls that they lack: grids at a grid's rate, a network of the ring's size."""
     return (
         Variant(FULL, base, recipe, "unchanged", paper=29.01),
@@ -79,9 +82,9 @@ def _ablation(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
     )
 
 
-def _controls(recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _controls(recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """3DGS as it is; with the base's pixel term; and that with no more Gaussians than the base ends with."""
-    plain = method_named("3dgs")
+    plain = ThreeDGSRecipe()
     loss = PhotometricLoss(pixel=recipe.loss.pixel, ssim_weight=recipe.loss.ssim_weight)
     same_loss = replace(plain, loss=loss)
     eager = replace(same_loss, densify=replace(plain.densify, threshold=EAGER_THRESHOLD))
@@ -92,22 +95,22 @@ def _controls(recipe: RingLightRecipe) -> tuple[Variant, ...]:
     )
 
 
-def _fields(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _fields(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """The ring beside other decompositions, which the paper does not compare; the base's own is not run twice."""
-    variants = (
-        Variant("ring", base, _lit(recipe, field="ring"), "neural tensor ring"),
-        Variant("discrete-grid-rate", base, _grid_rates(_lit(recipe, field="discrete")), "discrete ring, grid's rate"),
-        Variant("cp", base, _lit(recipe, field="cp"), "diagonal ring (CP), the ring's size"),
-        Variant("tt", base, _lit(recipe, field="tt"), "open ring (tensor train)"),
-        Variant("vm", base, _grid_rates(_lit(recipe, field="vm")), "planes and lines (VM), grid's rate"),
-        Variant("mlp-matched", base, _matched(recipe), "one network of the ring's size"),
+    fields = (
+        ("ring", _lit(recipe, field="ring"), "neural tensor ring"),
+        ("discrete-grid-rate", _grid_rates(_lit(recipe, field="discrete")), "discrete ring, grid's rate"),
+        ("cp", _lit(recipe, field="cp"), "diagonal ring (CP), the ring's size"),
+        ("tt", _lit(recipe, field="tt"), "open ring (tensor train)"),
+        ("vm", _grid_rates(_lit(recipe, field="vm")), "planes and lines (VM), grid's rate"),
+        ("mlp-matched", _matched(recipe), "one network of the ring's size"),
     )
-    own = next((v.about for v in variants if v.recipe.light == recipe.light), f"field {recipe.light.field}")
-    others = [variant for variant in variants if variant.recipe.light != recipe.light]
+    own = next((about for _, same, about in fields if same.light == recipe.light), f"field {recipe.light.field}")
+    others = [Variant(name, base, other, about) for name, other, about in fields if other.light != recipe.light]
     return (Variant(FULL, base, recipe, own), *others)
 
 
-def _rank(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _rank(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """Appendix E: rank of the ring."""
     return _varied(
         recipe, base, "rank", float(recipe.light.ring.rank), dict(zip(RANKS, PAPER_RANK_PSNR, strict=True)),
@@ -115,7 +118,7 @@ def _rank(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
     )  # fmt: skip
 
 
-def _feature(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _feature(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """Appendix E: channels of the appearance feature."""
     return _varied(
         recipe, base, "features", float(recipe.light.ring.features),
@@ -124,17 +127,17 @@ def _feature(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
     )  # fmt: skip
 
 
-def _warmup(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _warmup(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """Share of the steps with base colour only."""
     return _varied(
         recipe, base, "warmup", recipe.warmup, dict.fromkeys(WARMUPS), lambda value: replace(recipe, warmup=value)
     )
 
 
-def _gamma(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _gamma(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """The loss's scale; the densification threshold, a gradient, goes with it."""
 
-    def scaled(value: float) -> RingLightRecipe:
+    def scaled(value: float) -> RingLightRingRecipe:
         threshold = recipe.densify.threshold * value / recipe.loss.scale
         densify = replace(recipe.densify, threshold=threshold)
         return replace(recipe, loss=replace(recipe.loss, scale=value), densify=densify)
@@ -142,7 +145,7 @@ def _gamma(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
     return _varied(recipe, base, "gamma", recipe.loss.scale, dict.fromkeys(SCALES), scaled)
 
 
-def _beta(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
+def _beta(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """The share of SSIM in the loss."""
     return _varied(
         recipe, base, "beta", recipe.loss.ssim_weight, dict.fromkeys(SSIM_WEIGHTS),
@@ -150,7 +153,7 @@ def _beta(base: str, recipe: RingLightRecipe) -> tuple[Variant, ...]:
     )  # fmt: skip
 
 
-STUDIES: dict[str, Callable[[str, RingLightRecipe], tuple[Variant, ...]]] = {
+STUDIES: dict[str, Callable[[str, RingLightRingRecipe], tuple[Variant, ...]]] = {
     "ablation": _ablation,
     "field": _fields,
     "rank": _rank,
@@ -162,12 +165,12 @@ STUDIES: dict[str, Callable[[str, RingLightRecipe], tuple[Variant, ...]]] = {
 
 
 def _varied(
-    recipe: RingLightRecipe,
+    recipe: RingLightRingRecipe,
     base: str,
     what: str,
     own: float,
     values: dict[Any, float | None],
-    change: Callable[[float], RingLightRecipe],
+    change: Callable[[float], RingLightRingRecipe],
 ) -> tuple[Variant, ...]:
     """The unchanged base at its own value, then one variant for each other value, ascending."""
     others = [
@@ -178,17 +181,17 @@ def _varied(
     return (Variant(FULL, base, recipe, f"{what} {own:g}", at=float(own), paper=values.get(own)), *others)
 
 
-def _lit(recipe: RingLightRecipe, **changes: Any) -> RingLightRecipe:
+def _lit(recipe: RingLightRingRecipe, **changes: Any) -> RingLightRingRecipe:
     return replace(recipe, light=replace(recipe.light, **changes))
 
 
-def _ringed(recipe: RingLightRecipe, **changes: Any) -> RingLightRecipe:
+def _ringed(recipe: RingLightRingRecipe, **changes: Any) -> RingLightRingRecipe:
     return _lit(recipe, ring=replace(recipe.light.ring, **changes))
 
 
-def _matched(recipe: RingLightRecipe) -> RingLightRecipe:
+def _matched(recipe: RingLightRingRecipe) -> RingLightRingRecipe:
     return _lit(recipe, field="mlp", mlp=PerceptronSettings(hidden=0))
 
 
-def _grid_rates(recipe: RingLightRecipe) -> RingLightRecipe:
+def _grid_rates(recipe: RingLightRingRecipe) -> RingLightRingRecipe:
     return replace(recipe, field_rate=GRID_RATE, field_rate_end=GRID_RATE_END)

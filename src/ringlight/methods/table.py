@@ -4,29 +4,39 @@ from difflib import get_close_matches
 from typing import Any
 
 from ringlight.errors import RecipeError
-from ringlight.methods.ringlight import PAPER, RingLightRecipe
+from ringlight.methods.recipe import Recipe, recipe_from_dict
+from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 
-METHODS: dict[str, Any] = {
+METHODS: dict[str, Recipe] = {
     "ringlight": RingLightRecipe(),
+    "ringlight-ring": RingLightRingRecipe(),
     "ringlight-mirror": RingLightMirrorRecipe(),
     "ringlight-paper": PAPER,
     "3dgs": ThreeDGSRecipe(),
 }
 
+CHOOSERS = ("ringlight",)
+"""Those that settle on another method by the scene: no run and no file is of theirs."""
 
-def method_of(recipe: Any) -> str:
+
+def method_of(recipe: Recipe) -> str:
     """What model files and reports call the method of a recipe: the first preset of its kind, whatever its settings."""
     return next(name for name, preset in METHODS.items() if type(preset) is type(recipe))
 
 
-def kind_of_method(name: str) -> type:
-    """The kind of recipe that belongs to what :func:`method_of` says; raises KeyError for any other name."""
-    return {method_of(recipe): type(recipe) for recipe in METHODS.values()}[name]
+def recipe_of_method(name: str, values: Any, where: str) -> Recipe:
+    """The recipe with these settings of the method that :func:`method_of` calls so, from a file: ``where``.
+
+    Raises KeyError for any other name, RecipeError as :func:`recipe_from_dict`.
+    """
+    kinds = {method_of(recipe): type(recipe) for preset, recipe in METHODS.items() if preset not in CHOOSERS}
+    return recipe_from_dict(kinds[name], values, where)
 
 
-def method_named(name: str) -> Any:
+def method_named(name: str) -> Recipe:
     """The preset called ``name``; raises RecipeError with the nearest names."""
     if name in METHODS:
         return METHODS[name]

@@ -11,14 +11,15 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.grown import GrownByDensityControl
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from ringlight.core.gaussians import Gaussians
     from ringlight.core.scene import Scene
     from ringlight.fit.train import Training
+    from ringlight.methods.assembly import Parts
     from ringlight.models.splats import SplatModel
     from ringlight.rasterize.contract import Rasterizer
 
@@ -31,7 +32,7 @@ them reached 20.38 dB and SSIM 0.854 on a toaster at 400 pixels, with 71 at each
 
 
 @dataclass(frozen=True)
-class ThreeDGSRecipe:
+class ThreeDGSRecipe(GrownByDensityControl):
     """3D Gaussian Splatting (Kerbl et al. 2023): colour as spherical harmonics of each Gaussian."""
 
     steps: int = 30_000
@@ -67,42 +68,32 @@ class ThreeDGSRecipe:
         """As it is: nothing depends on the scene."""
         return self, None
 
-    def model(self, gaussians: "Gaussians", box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
+    def parts(self) -> "Parts":
+        """What a picture is made with."""
         from ringlight.color.harmonics import SphericalHarmonics
-        from ringlight.models.splats import SplatModel
-        from ringlight.rasterize.contract import RasterOptions
+        from ringlight.methods.assembly import Parts
         from ringlight.shade.passthrough import PassThrough
 
-        options = RasterOptions(antialiased=self.antialiased)
-        return SplatModel(gaussians, SphericalHarmonics(self.sh_degree), PassThrough(), rasterize, options)
+        return Parts(SphericalHarmonics(self.sh_degree), PassThrough(), self.antialiased)
+
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
+        return self.parts().empty(rasterize)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        from ringlight.color.harmonics import SphericalHarmonics
-        from ringlight.data.batches import ImageBatches
-        from ringlight.fit.loss import PhotographLoss
-        from ringlight.fit.optimizer import Optimizer
-        from ringlight.fit.strategies.density_control import density_control
-        from ringlight.fit.strategies.unlock import Unlock
-        from ringlight.fit.train import Training
-        from ringlight.models.initial import gaussians_from_points
+        from ringlight.methods.assembly import Course, assembled
 
-        gaussians = gaussians_from_points(scene.points, SphericalHarmonics(self.sh_degree))
-        model = self.model(gaussians, scene.box, rasterize)
-        model.get_buffer("color.active_degree").zero_()
-        groups = self.rates.groups(scene.extent) | {
-            "columns.sh_dc": Adam(Rate.constant(self.sh_rate)),
-            "columns.sh_rest": Adam(Rate.constant(self.sh_rest_rate)),
-        }
         every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
-        degrees = {degree * every: degree for degree in range(1, self.sh_degree + 1)}
-        return Training(
-            model=model,
-            batches=ImageBatches(scene, seed, min(self.coarse_steps, self.steps // COARSE_SHARE)),
-            loss=PhotographLoss(self.loss, rasterize.device),
-            optimizer=Optimizer(model, groups, self.steps, self.visible_only),
-            strategies=(
-                Unlock("color.active_degree", degrees),
-                *density_control(self.densify, scene, self.steps, seed),
-            ),
+        course = Course(
             steps=self.steps,
+            groups=self.rates.groups(scene.extent)
+            | {
+                "columns.sh_dc": Adam(Rate.constant(self.sh_rate)),
+                "columns.sh_rest": Adam(Rate.constant(self.sh_rest_rate)),
+            },
+            loss=self.loss,
+            densify=self.densify,
+            unlocks={"color.active_degree": {degree * every: degree for degree in range(1, self.sh_degree + 1)}},
+            visible_only=self.visible_only,
+            coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
         )
+        return assembled(self.parts(), course, scene.points, scene, rasterize, seed)

@@ -1,7 +1,7 @@
 """The socket: whatever learns to show a scene. The loop, runs and measurements know no more of a model than this."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -11,18 +11,48 @@ from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels, Rendering
 from ringlight.core.want import Want
 
+if TYPE_CHECKING:
+    from ringlight.models.splats import SplatModel
+
+
+class Count(NamedTuple):
+    """What a model is made of: (59125, "Gaussians"), (262144, "voxels")."""
+
+    number: int
+    noun: str
+
+    def __str__(self) -> str:
+        return f"{self.number:,} {self.noun}"
+
 
 @runtime_checkable
 class Model(Protocol):
-    """An ``nn.Module``, whose parameters have one name each in optimizer, rates, checkpoints and model files."""
+    """An ``nn.Module``; its parameters have one name each in gradients, optimizer, rates, checkpoints and files."""
+
+    row_prefixes: tuple[str, ...]
+    """Names of tensors that begin so have one row for each of what :meth:`counted` counts, and as many rows as there
+    are; empty where that number never changes."""
 
     @property
     def device(self) -> torch.device:
-        """Where the parameters are."""
+        """Where it lies."""
+        ...
+
+    @property
+    def renderer(self) -> str:
+        """What draws it, in words: "cpu rasterizer"."""
+        ...
+
+    @property
+    def note(self) -> str | None:
+        """What is drawn otherwise here than elsewhere, in a sentence."""
         ...
 
     def predict(self, batch: Any, want: Want, buffers: Sequence[str] = ()) -> Rendering:
-        """What it shows of a batch: a photograph, a crop, or a lot of rays; the kind that its recipe trains on."""
+        """What it shows of a batch, of the kind that its recipe trains on: a photograph, a crop, or a lot of rays.
+
+        ``buffers`` are what the caller looks at besides colour and alpha.
+        """
         ...
 
     def render(
@@ -32,23 +62,57 @@ class Model(Protocol):
         ...
 
     def layers(self, camera: Camera) -> Channels:
-        """What the picture is made of, over black, [H W c] by name; "alpha", "depth" and "normal" are among it."""
+        """What the picture is made of, over black, [H W c] by name; "alpha" 1 is among them."""
         ...
 
     def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
         """Raise RecipeError where ``who`` looks at a buffer that no prediction of this model has."""
         ...
 
-    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
-        """Take a whole ``state_dict``, of any sizes that the model may have."""
+    def counted(self) -> Count:
+        """What it is made of now."""
         ...
 
-    def state_dict(self) -> dict[str, Tensor]: ...
+    def bytes_each(self) -> int:
+        """Bytes of the parameters of one of these."""
+        ...
 
-    def parameters(self) -> Iterator[Any]: ...
+    def rendering_tensors(self) -> dict[str, Tensor]:
+        """What a model file holds: no rows that are never shown, nothing that only training looks at."""
+        ...
 
-    def named_parameters(self) -> Iterator[tuple[str, Any]]: ...
+    def rendering_size(self) -> tuple[Count, int]:
+        """Of :meth:`rendering_tensors`, without its copies: what is counted, and bytes with floats at 32 bit."""
+        ...
 
-    def get_parameter(self, target: str) -> Any: ...
+    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take the tensors of a file or of a checkpoint, of any number of rows, in place of the present ones."""
+        ...
 
-    def get_buffer(self, target: str) -> Tensor: ...
+    def splats(self) -> "SplatModel | None":
+        """Itself if it is a table of Gaussians, for whatever holds or edits one; else None."""
+        ...
+
+    def state_dict(self) -> dict[str, Any]:
+        """All tensors by name."""
+        ...
+
+    def parameters(self) -> Iterator[Any]:
+        """What is trained."""
+        ...
+
+    def named_parameters(self) -> Iterator[tuple[str, Any]]:
+        """The same with their names."""
+        ...
+
+    def get_parameter(self, target: str) -> Any:
+        """The one of this name."""
+        ...
+
+    def get_buffer(self, target: str) -> Tensor:
+        """A switch, or a box."""
+        ...
+
+    def eval(self) -> Any:
+        """Itself, for rendering."""
+        ...

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ringlight.color.contract import ColorModel, Harmonics
@@ -11,10 +11,12 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS
+from ringlight.core.raw_bytes import raw_bytes
 from ringlight.core.rendering import Channels, Emission, Rendering, no_way_back
 from ringlight.core.want import Want
 from ringlight.data.batches import ImageBatch
 from ringlight.errors import RecipeError
+from ringlight.models.contract import Count
 from ringlight.models.way_back import ALPHA, WayBack, named_parts, ordered
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.shade.contract import Shader
@@ -24,6 +26,9 @@ FAINTEST_SURFACE = 1e-4
 
 COLUMNS_PREFIX = COLUMNS
 """Tensors below this name have one row a Gaussian."""
+
+NOUN = "Gaussians"
+"""What a table's rows are called in reports."""
 
 
 def move(model: nn.Module, device: torch.device) -> None:
@@ -76,11 +81,6 @@ class SplatModel(nn.Module):
         """Take these columns, of any number of rows, in place of the present ones."""
         for name, tensor in columns.items():
             self.columns[name] = nn.Parameter(tensor.detach().to(self.device, copy=True))
-
-    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
-        """Take a whole ``state_dict``; the table gets its number of rows."""
-        self.load_columns({name.removeprefix(COLUMNS): t for name, t in tensors.items() if name.startswith(COLUMNS)})
-        self.load_state_dict(dict(tensors))
 
     def predict(self, batch: ImageBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
         """What a training step asks: the batch's photograph, or crop, over its background."""
@@ -147,6 +147,54 @@ class SplatModel(nn.Module):
         """The colour that each of these rows would show alone."""
         emission = self.color.emit(gaussians, camera, tuple(self.shader.needs), Want.EXACT)
         return self.shader.emitted(emission.named(), gaussians.means, camera)
+
+    row_prefixes: tuple[str, ...] = (COLUMNS_PREFIX,)
+
+    @property
+    def renderer(self) -> str:
+        """What draws it, in words."""
+        return f"{self.rasterize.name} rasterizer"
+
+    @property
+    def note(self) -> str | None:
+        """What this back end draws otherwise than the others."""
+        return self.rasterize.note
+
+    def counted(self) -> Count:
+        """All rows, masked ones too."""
+        return Count(len(self), NOUN)
+
+    def bytes_each(self) -> int:
+        """Bytes of a row."""
+        return sum(column[0].numel() * column.element_size() for column in self.columns.values())
+
+    def rendering_tensors(self) -> dict[str, Tensor]:
+        """What a model file holds: no unwanted rows, no columns that only training looks at."""
+        return self._needed(self.color.wanted(self.gaussians))
+
+    def rendering_size(self) -> tuple[Count, int]:
+        """Of :meth:`rendering_tensors`, without its copies: rows, and bytes with floats at 32 bit."""
+        count = int(self.color.wanted(self.gaussians).sum())
+        return Count(count, NOUN), sum(raw_bytes(tensor) for tensor in self._needed(slice(count)).values())
+
+    def _needed(self, keep: Bool[Tensor, "N"] | slice) -> dict[str, Tensor]:
+        left_out = {COLUMNS_PREFIX + name for name in self.color.training_columns}
+        tensors = {name: tensor for name, tensor in self.state_dict().items() if name not in left_out}
+        return {name: t[keep] if name.startswith(COLUMNS_PREFIX) else t for name, t in tensors.items()}
+
+    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take these tensors; the table becomes theirs, without the columns that they leave out."""
+        columns = {
+            name.removeprefix(COLUMNS_PREFIX): t for name, t in tensors.items() if name.startswith(COLUMNS_PREFIX)
+        }
+        for name in self.columns.keys() - columns.keys():
+            self.columns.pop(name)
+        self.load_columns(columns)
+        self.load_state_dict(dict(tensors))
+
+    def splats(self) -> "SplatModel":
+        """Itself."""
+        return self
 
     def harmonics(self, gaussians: Gaussians) -> Harmonics | None:
         """The colours of these rows as harmonics, if they are exactly that: no shader adds light."""

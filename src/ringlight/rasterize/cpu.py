@@ -30,7 +30,7 @@ class CpuRasterizer:
 
     def __init__(self) -> None:
         _kernels.set_memory(machine_memory())
-        self._spare: list[_kernels.Workspace] = []
+        self.spare: list[_kernels.Workspace] = []
 
     @torch.no_grad()
     def draw(
@@ -50,13 +50,15 @@ class CpuRasterizer:
             if raster is not None:
                 return raster
         table = table_of(gaussians, emission.channels, emission.opacity_factor)
-        with _Loan(self._spare, want) as loan, refusals_named(table, camera, background):
+        with _Loan(self.spare, want) as loan, refusals_named(table, camera, background):
             if tiles is None:
                 image, alpha = job.draw(loan.workspace, table)
                 return _raster(job, image, alpha, loan.way_back(job, table, image))
             channels, size = len(job.background), job.size
             blended = None if want is Want.PICTURE else job.background.new_empty(channels, *size)
-            color, alpha = job.draw(loan.workspace, table, shader=tiles, blended=blended)
+            color, alpha = job.draw(
+                loan.workspace, table, shader=tiles, blended=blended, early_stop=want is Want.PICTURE
+            )
             image = color[:0] if blended is None else blended
             return _raster(job, image, alpha, loan.way_back(job, table, image), color.permute(1, 2, 0))
 
@@ -70,9 +72,9 @@ class CpuRasterizer:
     ) -> Raster | None:
         """None where something is not finite: with all colours at hand it can be said what."""
         table = table_of(gaussians, lazy.checked, opacity_factor)
-        with _Loan(self._spare, want) as loan:
+        with _Loan(self.spare, want) as loan:
             try:
-                image, alpha = job.draw(loan.workspace, table, lazy.kernel)
+                image, alpha = job.draw(loan.workspace, table, lazy.kernel, early_stop=want is Want.PICTURE)
             except ValueError:
                 return None
             return _raster(job, image, alpha, loan.way_back(job, table, image))

@@ -42,22 +42,11 @@ def refusals_named(table: Mapping[str, Tensor | None], camera: Camera, backgroun
         raise
 
 
-def _refuse_other_sizes(camera: Camera) -> None:
-    if not (1 <= camera.width <= _kernels.MAX_IMAGE_SIDE and 1 <= camera.height <= _kernels.MAX_IMAGE_SIDE):
-        raise BackendError(
-            f"the cpu rasterizer draws images of 1 to {_kernels.MAX_IMAGE_SIDE} pixels a side, "
-            f"not {camera.width} x {camera.height}; downscale the camera"
-        )
-
-
 class Job:
     """One view to draw: everything about it that has no gradient, and the arrays that it is drawn into."""
 
     def __init__(self, camera: Camera, background: Tensor, options: RasterOptions, count: int) -> None:
-        pose = camera.world_to_camera.detach().float().contiguous()
-        _refuse_other_sizes(camera)
-        with refusals_named({}, camera, background):
-            self.camera = _kernels.Pinhole(pose, camera.focal, camera.center, camera.width, camera.height)
+        self.camera = camera.native
         self.settings = _kernels.RasterSettings(
             options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
         )
@@ -75,20 +64,22 @@ class Job:
         self,
         workspace: "_kernels.Workspace",
         table: Table,
-        late: "_kernels.LateColors | None" = None,
+        lazy: "_kernels.LateColors | None" = None,
         shader: "_kernels.PictureShader | None" = None,
         blended: Float[Tensor, "C H W"] | None = None,
+        early_stop: bool = False,
     ) -> tuple[Float[Tensor, "P H W"], Float[Tensor, "H W"]]:
         """The planar image, or of a ``shader``'s colours, and alpha; fills in the footprint.
 
-        ``late`` goes before the table's channels. ``blended`` keeps what the shader was given.
+        ``lazy`` goes before the table's channels. ``blended`` keeps what the shader was given.
+        With ``early_stop`` the last 1/64 of a pixel's light may be what lies in front of it, and there is no way back.
         """
         planes = len(self.background) if shader is None else 3
         image, alpha = self.background.new_empty(planes, *self.size), self.background.new_empty(self.size)
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
             workspace.forward(
-                self.native(table), self.camera, self.settings, image, alpha, *marks, None, late, shader, blended
+                self.native(table), self.camera, self.settings, image, alpha, *marks, lazy, shader, blended, early_stop
             )
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import torch
 from torch import Tensor
 
 from ringlight.core.camera import Camera
@@ -16,10 +15,9 @@ def refuse_if_not_finite(columns: Mapping[str, Tensor | None], camera: Camera, b
 
     ``columns`` have N rows each; None stands for a column that is absent.
     """
-    lens = torch.tensor([*camera.focal, *camera.center])
-    for what, values in (("background", background), ("camera's pose", camera.world_to_camera), ("lens", lens)):
-        if not values.isfinite().all():
-            raise BackendError(f"the {what} holds a value that is not finite; only finite numbers can be drawn")
+    if not background.isfinite().all():
+        raise BackendError("the background holds a value that is not finite; only finite numbers can be drawn")
+    camera.refuse_if_not_finite()
     broken = first_not_finite({name: column for name, column in columns.items() if column is not None})
     if broken is not None:
         raise BackendError(

@@ -40,7 +40,7 @@ def active_form(
     """Differentiable in the columns and the factor; by one kernel where Triton serves."""
     geometry = (gaussians.means, gaussians.log_scales, gaussians.quats, gaussians.opacity_logits)
     if not runs_triton(*geometry):
-        return active_form_twin(gaussians, camera, near, opacity_factor)
+        return active_form_reference(gaussians, camera, near, opacity_factor)
     from ringlight.rasterize.stored_form_triton import activated_by_triton
 
     plane = camera.world_to_camera[2].to(gaussians.means).contiguous()
@@ -53,7 +53,7 @@ def log_reach(camera: Camera) -> float:
     return math.log(WIDEST_PIXELS / max(camera.focal))
 
 
-def active_form_twin(
+def active_form_reference(
     gaussians: Gaussians, camera: Camera, near: float, opacity_factor: Float[Tensor, "N"] | None
 ) -> ActiveForm:
     """The same in torch operations, on any device."""

@@ -1,4 +1,4 @@
-"""The active form of the table by one Triton kernel, and one for the way back; the slow twin: ``active_form_twin``."""
+"""The active form of the table by one Triton kernel, and one for the way back; beside ``active_form_reference``."""
 
 from typing import Any
 
@@ -55,7 +55,7 @@ def _activate(
 
 @triton.jit
 def _activate_gradient(
-    means, log_scales, quats, logits, factor, plane, by_quats, by_scales, by_opacities,
+    means, log_scales, quats, logits, factor, plane, grad_quats, grad_scales, grad_opacities,
     to_log_scales, to_quats, to_logits, to_factor,
     count, near, log_reach, farthest, shortest, FACTOR: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
@@ -64,17 +64,17 @@ def _activate_gradient(
     fine = _is_fine(means, log_scales, row, mask, plane, near, log_reach, farthest)
     for axis in tl.static_range(3):
         value = tl.exp(tl.where(fine, tl.load(log_scales + row * 3 + axis, mask=mask, other=0.0), 0.0))
-        upstream = tl.load(by_scales + row * 3 + axis, mask=mask, other=0.0)
+        upstream = tl.load(grad_scales + row * 3 + axis, mask=mask, other=0.0)
         tl.store(to_log_scales + row * 3 + axis, tl.where(fine, upstream * value, 0.0), mask=mask)
     squared = tl.zeros((B,), tl.float32)
     for part in tl.static_range(4):
         value = tl.load(quats + row * 4 + part, mask=mask, other=0.0)
         squared += value * value
     for part in tl.static_range(4):
-        upstream = tl.load(by_quats + row * 4 + part, mask=mask, other=0.0)
+        upstream = tl.load(grad_quats + row * 4 + part, mask=mask, other=0.0)
         tl.store(to_quats + row * 4 + part, tl.where(squared > shortest, upstream, 0.0), mask=mask)
     opacity = tl.sigmoid(tl.load(logits + row, mask=mask, other=0.0))
-    upstream = tl.where(fine, tl.load(by_opacities + row, mask=mask, other=0.0), 0.0)
+    upstream = tl.where(fine, tl.load(grad_opacities + row, mask=mask, other=0.0), 0.0)
     if FACTOR:
         tl.store(to_factor + row, upstream * opacity, mask=mask)
         upstream *= tl.load(factor + row, mask=mask, other=0.0)

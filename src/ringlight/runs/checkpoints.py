@@ -7,10 +7,15 @@ from torch import Tensor
 from ringlight.errors import ModelFileError, OutputError, RunError
 from ringlight.files.atomic import flush_folder
 from ringlight.files.tensor_file import REMEDY, TensorFile, read_tensors, write_tensors
+from ringlight.fit.train import Training
 from ringlight.runs.folder import EARLIER_NAME, FRESH_NAME, RunFolder
 
 LARGEST_COUNT = 2**31 - 1
 """Of steps, updates and faults: any more is a damaged number."""
+
+
+STORED_BY_NAME = ("model.", "optimizer.mean.", "optimizer.square.")
+"""What a state holds of each of the model's tensors."""
 
 
 def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapping[str, str]) -> None:
@@ -29,15 +34,17 @@ def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapp
         raise OutputError(f"{folder.checkpoint}: cannot be written: {error.strerror}; choose another folder") from error
 
 
-def refuse_misfits(state: Mapping[str, Tensor], own: Mapping[str, Tensor]) -> None:
-    """Raise KeyError or ValueError unless ``state`` can be restored where ``own`` is the state at the start.
+def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
+    """Raise KeyError or ValueError unless ``state`` can be restored in ``training``, which is at its start.
 
-    Tables have grown since, and what a strategy counts for each row with them; everything else has its old shape.
+    The model has grown since, and with its rows what a strategy counts for each; everything else has its old shape.
     """
-    rows, columns = state["model.columns.means"].shape[:1], ("model.columns.", "mean.columns.", "square.columns.")
+    own, prefixes = training.state(), training.model.row_prefixes
+    of_rows = tuple(part + prefix for prefix in prefixes for part in STORED_BY_NAME)
+    rows = next((state[name].shape[:1] for name in own if name.startswith(of_rows)), ())
     for name, tensor in own.items():
         found = state[name]
-        of_row = name.removeprefix("optimizer.").startswith(columns)
+        of_row = name.startswith(of_rows)
         shape = (*rows, *tensor.shape[1:]) if of_row else tuple(tensor.shape)
         counted = name.startswith("strategy.") and found.ndim == tensor.ndim
         if found.dtype != tensor.dtype or not (counted or tuple(found.shape) == shape):

@@ -21,11 +21,10 @@ from ringlight.measure.evaluate import evaluate
 from ringlight.methods.store import (
     CAMERAS_PREFIX,
     StoredModel,
-    for_rendering,
     model_of_tensors,
     tensors_from_cameras,
 )
-from ringlight.models.splats import SplatModel
+from ringlight.models.contract import Model
 from ringlight.runs.opened import Opened, recorded_scene
 
 SUFFIX = ".safetensors"
@@ -60,7 +59,8 @@ class Compressed:
     """What was written."""
 
     file: str
-    n_gaussians: int
+    counted: int
+    noun: str
     bytes_file_before: int
     bytes_file: int
     losses: Losses
@@ -84,9 +84,9 @@ def compress(opened: Opened, path: Path, scene: Scene | None = None, tell: Tell 
     stored = opened.stored
     if scene is not None and not scene.test:
         raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
-    tensors = for_rendering(stored.model) | tensors_from_cameras(stored.cameras)
+    tensors = stored.model.rendering_tensors() | tensors_from_cameras(stored.cameras)
     packed = pack_tensors(tensors)
-    after = model_of_tensors(unpack_tensors(packed), stored.header, stored.model.rasterize, path)
+    after = model_of_tensors(unpack_tensors(packed), stored.header, stored.rasterize, path)
     decibels = _picture_loss(stored, after)
     picture_psnr = fmean(decibels) if decibels else None
     losses = Losses(_bytes(tensors), _bytes(packed.tensors), len(decibels), picture_psnr)
@@ -99,7 +99,7 @@ def compress(opened: Opened, path: Path, scene: Scene | None = None, tell: Tell 
     facts = _scene_facts(opened)
     header = replace(stored.header, scene=facts, metrics=measured, versions=versions, storage=asdict(losses))
     write_model_file(path, packed, header)
-    return Compressed(str(path), len(after.model), opened.file.stat().st_size, path.stat().st_size, losses)
+    return Compressed(str(path), *after.model.counted(), opened.file.stat().st_size, path.stat().st_size, losses)
 
 
 def _scene_facts(opened: Opened) -> SceneFacts:
@@ -125,15 +125,15 @@ def _picture_loss(before: StoredModel, after: StoredModel) -> list[float]:
     return [metrics.psnr(ours, truth) for ours, truth in pairs]
 
 
-def _picture(model: SplatModel, camera: Camera) -> torch.Tensor:
+def _picture(model: Model, camera: Camera) -> torch.Tensor:
     return model.render(camera, torch.ones(3), Want.PICTURE).color.clamp(0, 1)
 
 
-def _test_loss(before: SplatModel, after: SplatModel, scene: Scene, tell: Tell | None) -> tuple[float, float]:
+def _test_loss(before: Model, after: Model, scene: Scene, tell: Tell | None) -> tuple[float, float]:
     """PSNR of both models on the test views, which are rendered twice."""
     background, views = scene.background_color, len(scene.test)
 
-    def measured(model: SplatModel, done_before: int) -> float:
+    def measured(model: Model, done_before: int) -> float:
         def render(camera: Camera) -> Rendering:
             return model.render(camera, background, Want.PICTURE)
 

@@ -1,154 +1,83 @@
 """A trained model in the form that other programs open; the suffix of the file says which."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean
 
-import torch
-from jaxtyping import Float
 from torch import Tensor
 
 import ringlight
-from ringlight.core.camera import Camera
-from ringlight.core.gaussians import Gaussians
-from ringlight.core.want import Want
 from ringlight.errors import ModelFileError, OutputError
-from ringlight.files.bake import bake_to_sh
-from ringlight.files.ply import write_gaussian_ply
-from ringlight.measure import metrics
+from ringlight.files.formats.contract import Content, Form
+from ringlight.files.formats.table import WRITERS
 from ringlight.methods.store import StoredModel
+from ringlight.models.contract import Count
 from ringlight.models.splats import SplatModel
-from ringlight.runs.picture_fit import fitted_to_pictures, with_harmonics
-
-SUFFIXES = (".ply",)
-"""What can be written."""
-
-HARMONICS = ("sh_dc", "sh_rest")
-"""Columns that are spherical harmonics already, as viewers use them."""
-
-MOST_PICTURES = 5
-"""Training cameras from which baked colours are checked in pictures: well under a second each."""
-
-FAINTEST_FACTOR = 1e-6
-"""Rows whose opacity is multiplied by less are left out: their logit would be infinite."""
-
-
-@dataclass(frozen=True)
-class Exported:
-    """What was written. The errors are those of baking a neural colour, None where the colour was exact.
-
-    ``rmse`` is over all Gaussians and the training cameras that see them, display-referred colour in [0, 1], before
-    harmonics are fitted to pictures; ``psnr`` is the same in dB, ``worst`` the rmse of the worst Gaussian.
-    ``picture_psnr`` compares pictures of what was written with pictures of the model, dB, mean over ``pictures`` of the
-    training cameras; ``fitted`` counts the steps of fitting, 0 where it did not help, ``unfitted_picture_psnr`` is that
-    before it.
-    """
-
-    file: str
-    n_gaussians: int
-    bytes_file: int
-    baked: bool
-    cameras: int
-    rmse: float | None
-    psnr: float | None
-    worst: float | None
-    pictures: int
-    picture_psnr: float | None
-    fitted: int
-    unfitted_picture_psnr: float | None
-
-
-def check_target(path: Path, overwrite: bool) -> None:
-    """Raises OutputError for a suffix that cannot be written, or a file that exists and may not be replaced."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: cannot be written: unknown kind of model; end its name in {' or '.join(SUFFIXES)}")
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
-
+from ringlight.runs.as_harmonics import BakingLoss, exact_harmonics, fitted_harmonics
 
 FIT_STEPS = 200
 """Pictures that baked harmonics are fitted to: 8.7 dB on family_24 lit per pixel, where 200 more are worth 0.3."""
 
 
-def export_ply(stored: StoredModel, path: Path, fit_steps: int = FIT_STEPS) -> Exported:
-    """Write the PLY of 3D Gaussian Splatting; harmonics as they are, any other colour baked to degree 3.
+@dataclass(frozen=True)
+class Exported:
+    """What was written; ``loss`` is what fitted harmonics miss, None where nothing was fitted."""
 
-    Baked harmonics are fitted to ``fit_steps`` of the model's own pictures, unless that does not help. Rows that the
-    model does not show are left out, and opacity factors become part of the opacity. Raises OutputError where the file
-    cannot be written, ModelFileError if a neural colour comes without cameras to bake it from.
+    file: str
+    counted: int
+    noun: str
+    bytes_file: int
+    loss: BakingLoss | None
+
+
+def check_target(path: Path, overwrite: bool) -> None:
+    """Raises OutputError for a suffix that cannot be written, or a file that exists and may not be replaced."""
+    if path.suffix.lower() not in WRITERS:
+        raise OutputError(f"{path}: cannot be written: unknown kind of model; end its name in {' or '.join(WRITERS)}")
+    if path.exists() and not overwrite:
+        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+
+
+def export(stored: StoredModel, path: Path, fit_steps: int = FIT_STEPS) -> Exported:
+    """Write the model by the writer of the path's suffix, which is in the table.
+
+    Gaussians that the model does not show are left out, and opacity factors become part of the opacity. Raises
+    OutputError where the model has no such form, or the file cannot be written, ModelFileError if harmonics cannot be
+    fitted because the model comes without cameras.
     """
-    model, cameras = stored.model, stored.cameras
-    with torch.no_grad():
-        gaussians = _folded(model, cameras)
-    exact = all(name in gaussians.appearance for name in HARMONICS)
-    fitted = 0
-    if exact:
-        sh_dc, sh_rest = (gaussians.appearance[name] for name in HARMONICS)
-        rmse = psnr = worst = picture_psnr = unfitted = None
-    elif not cameras:
-        raise ModelFileError(f"{path}: cannot be made: the model holds no training cameras; train it again")
+    writer, splats = WRITERS[path.suffix.lower()], stored.model.splats()
+    count, _ = stored.model.rendering_size()
+    loss: BakingLoss | None = None
+    if writer.form is Form.OWN:
+        tensors: Mapping[str, Tensor] = stored.model.rendering_tensors()
+    elif splats is None:
+        raise OutputError(
+            f"{path}: cannot be written: it holds {writer.form.value}, and this model is made of {count.noun}; "
+            "'ringlight render' makes pictures of it"
+        )
     else:
-        with torch.no_grad():
-            baked = bake_to_sh(gaussians, cameras, model.emitted)
-        rmse, psnr, worst = baked.rmse, baked.psnr, baked.worst
-        harmonics = replace(gaussians, appearance={"sh_dc": baked.sh_dc, "sh_rest": baked.sh_rest})
-        picture_psnr = unfitted = _picture_psnr(model, harmonics, _spread(cameras))
-        if fit_steps:
-            better = fitted_to_pictures(model, harmonics, cameras, fit_steps)
-            psnr_of_better = _picture_psnr(model, better, _spread(cameras))
-            if psnr_of_better > unfitted:
-                harmonics, picture_psnr, fitted = better, psnr_of_better, fit_steps
-        sh_dc, sh_rest = (harmonics.appearance[name] for name in HARMONICS)
+        tensors, loss = _harmonics(stored, splats, path, writer.form, fit_steps)
+        count = Count(len(tensors["means"]), count.noun)
     note = f"ringlight {ringlight.__version__}, {stored.header.preset}, {stored.header.scene.name}"
-    write_gaussian_ply(path, gaussians, sh_dc, sh_rest, model.options.antialiased, [note])
-    return Exported(
-        file=str(path),
-        n_gaussians=len(gaussians),
-        bytes_file=path.stat().st_size,
-        baked=not exact,
-        cameras=0 if exact else len(cameras),
-        rmse=rmse,
-        psnr=psnr,
-        worst=worst,
-        pictures=0 if exact else len(_spread(cameras)),
-        picture_psnr=picture_psnr,
-        fitted=fitted,
-        unfitted_picture_psnr=unfitted,
-    )
+    writer.write(path, Content(tensors, splats is not None and splats.options.antialiased, (note,)))
+    return Exported(str(path), count.number, count.noun, path.stat().st_size, loss)
 
 
-def _spread(cameras: tuple[Camera, ...]) -> tuple[Camera, ...]:
-    """A few of the cameras, evenly spread over their order."""
-    count = min(len(cameras), MOST_PICTURES)
-    return tuple(cameras[index * len(cameras) // count] for index in range(count))
-
-
-@torch.no_grad()
-def _picture_psnr(model: SplatModel, harmonics: Gaussians, cameras: tuple[Camera, ...]) -> float:
-    """Mean PSNR of pictures of the harmonics against pictures of the model, dB, over white."""
-    white, baked = torch.ones(3), with_harmonics(model, harmonics)
-    pairs = ((baked.render(camera, white).color, model.render(camera, white).color) for camera in cameras)
-    return fmean(metrics.psnr(ours.clamp(0, 1), truth.clamp(0, 1)) for ours, truth in pairs)
-
-
-def _folded(model: SplatModel, cameras: tuple[Camera, ...]) -> Gaussians:
-    """The rows that are shown, with their opacity factor, averaged over the cameras, inside the logit."""
-    gaussians = model.gaussians
-    gaussians = gaussians.rows(model.color.wanted(gaussians))
-    factor = _mean_factor(model, gaussians, cameras)
-    if factor is None:
-        return gaussians
-    shown = factor > FAINTEST_FACTOR
-    gaussians, factor = gaussians.rows(shown), factor[shown]
-    return replace(gaussians, opacity_logits=(gaussians.opacities * factor).clamp(max=1 - FAINTEST_FACTOR).logit())
-
-
-def _mean_factor(model: SplatModel, gaussians: Gaussians, cameras: tuple[Camera, ...]) -> Float[Tensor, "N"] | None:
-    found = (model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor for camera in cameras)
-    total = torch.zeros(len(gaussians))
-    for factor in found:
-        # A model that has no factor for one camera has none for any.
-        if factor is None:
-            return None
-        total += factor
-    return total / len(cameras) if cameras else None
+def _harmonics(
+    stored: StoredModel, splats: SplatModel, path: Path, form: Form, fit_steps: int
+) -> tuple[Mapping[str, Tensor], BakingLoss | None]:
+    """Columns of Gaussians with harmonics, and what these miss."""
+    exact = exact_harmonics(splats, stored.cameras)
+    if exact is not None:
+        return exact.columns(), None
+    if form is Form.EXACT_HARMONICS:
+        fitting = [suffix for suffix, writer in WRITERS.items() if writer.form is Form.HARMONICS]
+        remedy = f"fitted ones go into {' or '.join(fitting)}" if fitting else "train 3dgs for such a file"
+        raise OutputError(
+            f"{path}: cannot be written: it holds {form.value}, and the colours of {stored.header.method} are none; "
+            f"{remedy}"
+        )
+    if not stored.cameras:
+        raise ModelFileError(f"{path}: cannot be made: the model holds no training cameras; train it again")
+    fitted, loss = fitted_harmonics(splats, stored.cameras, fit_steps)
+    return fitted.columns(), loss

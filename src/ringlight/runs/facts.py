@@ -53,7 +53,6 @@ class ModelFacts:
     file: str
     header: ModelHeader
     tensors: tuple[TensorFacts, ...]
-    n_gaussians: int
     n_cameras: int
     bytes_by_part: dict[str, int]
     bytes_raw: int
@@ -82,17 +81,12 @@ def facts_of(path: Path) -> ModelFacts:
         file=str(file),
         header=stored.header,
         tensors=tensors,
-        n_gaussians=_rows(stored.tensors, "columns.means"),
-        n_cameras=_rows(stored.tensors, f"{CAMERAS_PREFIX}pinholes"),
+        n_cameras=len(stored.tensors.get(f"{CAMERAS_PREFIX}pinholes", ())),
         bytes_by_part=parts,
         bytes_raw=sum(parts.values()),
         bytes_file=file.stat().st_size,
         run=None if run is None else _run_facts(run, stored.header),
     )
-
-
-def _rows(tensors: dict[str, Any], name: str) -> int:
-    return len(tensors[name]) if name in tensors else 0
 
 
 def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:

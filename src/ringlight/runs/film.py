@@ -18,7 +18,7 @@ from ringlight.files.camera_paths import interpolated, orbit
 from ringlight.files.layer_pictures import check_layers, common_depth_range, layer_pictures
 from ringlight.files.video import save_image, write_video
 from ringlight.measure.picture_names import picture_name
-from ringlight.models.splats import SplatModel
+from ringlight.models.contract import Model
 from ringlight.runs.folder import make_folder
 from ringlight.runs.opened import Opened
 
@@ -86,7 +86,7 @@ def film_from_training(opened: Opened, path: PathName, frames: int) -> Film:
 
 
 def render_film(
-    model: SplatModel,
+    model: Model,
     film: Film,
     background: Float[Tensor, "3"],
     layers: Sequence[str],

@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -25,9 +24,8 @@ from ringlight.measure.picture_names import picture_name
 from ringlight.measure.report import Report, read_report
 from ringlight.measure.size import bytes_by_part
 from ringlight.measure.speed import FrameRate, frames_per_second
-from ringlight.methods.store import for_rendering
 from ringlight.methods.table import method_of
-from ringlight.models.splats import SplatModel
+from ringlight.models.contract import Model
 from ringlight.runs.folder import RunFolder, make_folder
 from ringlight.runs.opened import Opened
 from ringlight.runs.record import RunRecord
@@ -56,7 +54,7 @@ class TrainingFacts:
 
 
 def measure(
-    model: SplatModel,
+    model: Model,
     scene: Scene,
     facts: TrainingFacts,
     pictures: tuple[Path, Path] | None = None,
@@ -78,7 +76,7 @@ def measure(
     keep = None if pictures is None else _keeper(*pictures)
     scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)
     speed = frames_per_second(render, [view.camera for view in scene.test])
-    return _report(scene, facts, scores, for_rendering(model), speed)
+    return _report(scene, facts, scores, model, speed)
 
 
 def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: Tell | None = None) -> Report:
@@ -145,7 +143,7 @@ def _training_seconds(run: RunFolder) -> tuple[float | None, float | None, float
         pass
     try:
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
-        return float(stored["wall_seconds"]), float(stored["cpu_seconds"]), float(stored.get("saving_seconds", 0))
+        return float(stored["wall_seconds"]), float(stored["cpu_seconds"]), float(stored["saving_seconds"])
     except (ModelFileError, KeyError, ValueError):
         return None, None, None
 
@@ -165,10 +163,11 @@ def _report(
     scene: Scene,
     facts: TrainingFacts,
     scores: Scores,
-    tensors: dict[str, torch.Tensor],
+    model: Model,
     speed: FrameRate,
 ) -> Report:
-    parts = bytes_by_part(tensors)
+    (number, noun), _ = model.rendering_size()
+    parts = bytes_by_part(model.rendering_tensors())
     rate = facts.steps / facts.wall_seconds if facts.steps and facts.wall_seconds else None
     return Report(
         method=facts.method,
@@ -183,7 +182,8 @@ def _report(
         notes=scene.notes,
         iterations=facts.steps,
         planned=facts.planned,
-        n_gaussians=len(tensors["columns.means"]),
+        counted=number,
+        noun=noun,
         bytes_raw=sum(parts.values()),
         bytes_by_part=parts,
         bytes_file=facts.bytes_file,

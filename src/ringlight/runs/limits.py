@@ -1,18 +1,18 @@
-"""The most Gaussians that this machine has memory for; decided once, when a run starts, and written into its record.
+"""The most Gaussians, or whatever a model grows, that this machine has memory for.
 
-Numbers depend on it only where the recipe's own bound, by default a Gaussian for each pixel of a photograph, would not
-fit; a resumed run keeps what it started with, on whatever machine.
+It is decided once, when a run starts, and written into its record. Numbers depend on it only where the recipe's own
+bound, by default a Gaussian for each pixel of a photograph, would not fit; a resumed run keeps what it started with, on
+whatever machine.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import torch
 
 from ringlight.core.memory import machine_memory
 from ringlight.core.scene import Scene
-from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.train import Training
+from ringlight.methods.recipe import Recipe
 from ringlight.rasterize.choose import rasterizer_for
 
 SHARE = 0.5
@@ -29,7 +29,7 @@ WORK_BYTES = 400
 class Planned:
     """What will run: a recipe that leaves nothing to the scene or to this machine, and the training it builds."""
 
-    recipe: Any
+    recipe: Recipe
     scene: Scene
     training: Training
     decided: str | None
@@ -38,21 +38,20 @@ class Planned:
     """A sentence on each thing that memory did not allow, or that the back end does otherwise."""
 
 
-def planned(scene: Scene, recipe: Any, seed: int, device: str) -> Planned:
+def planned(scene: Scene, recipe: Recipe, seed: int, device: str) -> Planned:
     """A new run, within this machine's memory."""
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
     training = recipe.build(scene, rasterizer_for(device), seed)
     recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
-    note = getattr(training.model.rasterize, "note", None)  # what this back end draws otherwise than the others
+    note = training.model.note
     return Planned(recipe, scene, training, decided, (*warnings, note) if note else warnings)
 
 
 def most_gaussians(training: Training, memory: int | None = None) -> int:
     """As many as fit into their share of ``memory`` bytes, by default this machine's, or its GPU's if that draws."""
-    columns = training.model.columns.values()
-    row = sum(column[0].numel() * column.element_size() for column in columns)
+    row = training.model.bytes_each()
     if memory is None:
         device = training.model.device
         on_gpu = device.type == "cuda"
@@ -60,21 +59,22 @@ def most_gaussians(training: Training, memory: int | None = None) -> int:
     return max(int(SHARE * memory) // (COPIES * row + WORK_BYTES), 1)
 
 
-def bounded(recipe: Any, scene: Scene, training: Training, most: int) -> tuple[Any, Scene, tuple[str, ...]]:
+def bounded(recipe: Recipe, scene: Scene, training: Training, most: int) -> tuple[Recipe, Scene, tuple[str, ...]]:
     """Recipe and scene of a run with no more than ``most`` Gaussians, and a sentence on each thing that was changed.
 
-    A bound that the recipe states itself is obeyed as it is: who gives --densify.max-gaussians knows better.
+    A bound that the user stated is obeyed as it is: who gives --densify.max-gaussians knows better. What does not grow
+    is left alone.
     """
+    grown = [strategy.most for strategy in training.strategies if strategy.most is not None]
+    if not grown:
+        return recipe, scene, ()
     notes: list[str] = []
     remedy = f"that is what {SHARE:.0%} of this machine's memory holds; --densify.max-gaussians sets another bound"
-    control = next((s for s in training.strategies if isinstance(s, Densify)), None)
-    planned = 0 if control is None else control.most
-    if control is not None and planned > most and recipe.densify.max_gaussians == 0:
-        kept = max(most * control.settings.max_gaussians // planned, 1)  # what is left once some are dropped
-        recipe = replace(recipe, densify=replace(recipe.densify, max_gaussians=kept))
-        notes.append(f"at most {most:,} Gaussians instead of {planned:,}: {remedy}")
+    if max(grown) > most and recipe.most is None:
+        recipe = recipe.never_above(most)
+        notes.append(f"at most {most:,} {training.model.counted().noun} instead of {max(grown):,}: {remedy}")
     start = len(scene.points.positions)
-    allowed = max(most, recipe.densify.max_gaussians)
+    allowed = max(most, recipe.most or 0)
     if start > allowed:
         rows = torch.arange(allowed) * start // allowed  # evenly through the file, whatever its order
         kept_points = replace(

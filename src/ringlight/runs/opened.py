@@ -67,13 +67,11 @@ def scene_of(opened: Opened, asked: Path | None = None, options: SceneOptions | 
 
 def recorded_scene(opened: Opened) -> tuple[Path, SceneOptions]:
     """Where the scene was that the model was trained on, and how it was read: from the run's record, or from the model
-    file. Raises RunError for an older file, which does not say, RecipeError for one that is damaged."""
+    file. Raises RecipeError for one that is damaged."""
     if opened.run is not None:
         record = RunRecord.read(opened.run.path)
         return record.scene, record.options
     facts = opened.stored.header.scene
-    if facts.options is None:
-        raise RunError(f"{opened.file}: does not say how its scene was read; name the scene's folder as well")
     return Path(facts.source), recipe_from_dict(SceneOptions, facts.options, f"{opened.file}: options")
 
 

@@ -4,13 +4,12 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RinglightError, RunError
 from ringlight.files.atomic import write_text
-from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
-from ringlight.methods.table import METHODS, kind_of_method, method_of
+from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
+from ringlight.methods.table import method_of, recipe_of_method
 
 RECORD_NAME = "recipe.json"
 
@@ -32,7 +31,7 @@ class RunRecord:
     """
 
     preset: str
-    recipe: Any
+    recipe: Recipe
     scene: Path
     options: SceneOptions
     seed: int
@@ -59,10 +58,9 @@ class RunRecord:
         path = folder / RECORD_NAME
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
-            method = values.get("method", method_of(METHODS[values["preset"]]))  # older records have none
             return RunRecord(
                 preset=values["preset"],
-                recipe=recipe_from_dict(kind_of_method(method), values["recipe"], str(path)),
+                recipe=recipe_of_method(values["method"], values["recipe"], str(path)),
                 scene=Path(values["scene"]),
                 options=recipe_from_dict(SceneOptions, values["options"], f"{path}.options"),
                 seed=_seed(values["seed"]),

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import ringlight
 from ringlight.core.finite import first_not_finite
@@ -15,6 +14,7 @@ from ringlight.errors import DivergedError, OutputError, RecipeError, RunError
 from ringlight.files.atomic import sweep
 from ringlight.fit.train import Progress, Training, train
 from ringlight.measure.peak_memory import PeakMemory
+from ringlight.methods.recipe import Recipe
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
@@ -68,7 +68,7 @@ class Session:
 
     @staticmethod
     def start(
-        out: Path, scene_path: Path, preset: str, recipe: Any, options: SceneOptions, seed: int, device: str
+        out: Path, scene_path: Path, preset: str, recipe: Recipe, options: SceneOptions, seed: int, device: str
     ) -> "Session":
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
         _check(recipe.steps, seed)
@@ -102,14 +102,14 @@ class Session:
         scene = load_scene(record.scene, record.options)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         try:
-            refuse_misfits(stored.tensors, training.state())
+            refuse_misfits(stored.tensors, training)
             training.restore(stored.tensors)
             if training.step > training.steps:
                 raise ValueError(f"step {training.step} of {training.steps}")
-            seconds = (float(stored.metadata.get(f"{name}_seconds", 0)) for name in ("wall", "cpu", "saving"))
+            seconds = (float(stored.metadata[f"{name}_seconds"]) for name in ("wall", "cpu", "saving"))
             clock = Clock(*seconds)
             views = int(stored.metadata["training_views"])
-            memory.earlier = int(stored.metadata.get("peak_bytes", 0)) or None
+            memory.earlier = int(stored.metadata["peak_bytes"]) or None
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
                 f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({error}); "

@@ -2,14 +2,15 @@
 finished."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from ringlight.data.bundled import BUNDLED, bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
 from ringlight.measure.report import REPORT_NAME, Report, read_report
+from ringlight.methods.recipe import Recipe
 from ringlight.methods.studies import Variant
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
@@ -71,13 +72,13 @@ class StudyRun:
         session.save()
         return session
 
-    def _bounded_recipe(self) -> Any:
+    def _bounded_recipe(self) -> Recipe:
         recipe, other = self.variant.recipe, self.variant.as_many_as
         if other is None:
             return recipe
         folder = self.folder.parents[1] / other / self.folder.name
-        count = read_report(folder).n_gaussians
-        return replace(recipe, densify=replace(recipe.densify, max_gaussians=count))
+        count = read_report(folder).counted
+        return recipe.ending_with(count)
 
 
 def planned(
@@ -114,6 +115,6 @@ def _scene(path: Path) -> Path:
     raise RunError(f"{path}: there is no such folder; give a folder of photographs, or {' or '.join(BUNDLED)}")
 
 
-def _comparable(recipe: Any) -> Any:
+def _comparable(recipe: Recipe) -> Recipe:
     """The recipe without the bound on Gaussians, which another run or this machine's memory may have set."""
-    return replace(recipe, densify=replace(recipe.densify, max_gaussians=0))
+    return recipe.ending_with(None)

@@ -5,7 +5,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -15,6 +14,7 @@ from ringlight.core.scene import Scene
 from ringlight.core.want import Want
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.fit.train import Training, train
+from ringlight.methods.recipe import Recipe
 from ringlight.rasterize.choose import rasterizer_for
 
 
@@ -44,7 +44,7 @@ class _Outcome:
 
 
 def verify(
-    recipe: Any, scene: Scene, seed: int, device: str, steps: int, use_threads: Callable[[int], None]
+    recipe: Recipe, scene: Scene, seed: int, device: str, steps: int, use_threads: Callable[[int], None]
 ) -> Iterator[Trial]:
     """Do the first ``steps`` of a run four times, by a recipe that leaves nothing open.
 
@@ -55,8 +55,7 @@ def verify(
     """
 
     def begin() -> Training:
-        training: Training = recipe.build(scene, rasterizer_for(device), seed)
-        return training
+        return recipe.build(scene, rasterizer_for(device), seed)
 
     threads = _kernels.threads()
     others = 1 if threads > 1 else 2

@@ -27,7 +27,7 @@ class PassThrough(nn.Module):
         camera: Camera,
         background: Float[Tensor, "3"],
         want: Want,
-        shaded: None = None,
+        shaded: Float[Tensor, "H W 3"] | None = None,
     ) -> Shaded:
         return Shaded(image, unchanged)
 

@@ -16,7 +16,7 @@ from ringlight.core.by_autograd import ByAutograd, Named, add_to
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.gradients import SHADER, Gradients
-from ringlight.core.lot import by_lot
+from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, ImageGradients, Shaded
 from ringlight.core.want import Want
@@ -84,14 +84,15 @@ class ReflectionShader(nn.Module):
             last.weight.mul_(FIRST_LAST_LAYER)
             last.bias.zero_()
         self.register_buffer("box", box.clone().float())
-        self.register_buffer("lit", torch.tensor(True))
+        # Python reads it, also of a model that is an outline on torch's meta device.
+        self.register_buffer("lit", torch.tensor(True, device="cpu"))
         names = {id(parameter): name for name, parameter in self.named_parameters()}
         self._kernel_names = [names[id(parameter)] for parameter in self.kernel_parameters()]
 
     @property
     def needs(self) -> Mapping[str, int]:
         """Base colours alone during the warm-up; depth where the settings look at it."""
-        if not self.lit.is_meta and not self.lit:  # an outline's switch has no value
+        if not self.lit:
             return {"rgb": 3}
         depth = {"depth": 1} if reads_depth(self.settings) else {}
         return {"rgb": 3, "normal": 3, "latents": self.settings.latents, **depth}
@@ -185,7 +186,7 @@ class ReflectionShader(nn.Module):
     ) -> Float[Tensor, "H W 3"]:
         """What the kernel computes, in torch and in any precision. Here ``gradient_share`` saves no time."""
         pixels = covered_pixels(buffers, camera, background, self.settings.depth_gradient)
-        added = by_lot(pixels.alpha * self.mlp(self._inputs(pixels)), gradient_share)
+        added = importance_sampled(pixels.alpha * self.mlp(self._inputs(pixels)), gradient_share)
         rgb = buffers["rgb"]
         residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)
         return rgb + residual.unflatten(1, rgb.shape[:2]).permute(1, 2, 0)

@@ -9,6 +9,14 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.camera import Camera
+from ringlight.core.kernel_limits import (
+    REFLECTION_MAX_FEATURES,
+    REFLECTION_MAX_HIDDEN,
+    REFLECTION_MAX_LATENTS,
+    REFLECTION_MAX_LEVELS,
+    REFLECTION_MAX_SIDE,
+    REFLECTION_QUAD,
+)
 from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -18,12 +26,6 @@ Planes = list[Float[Tensor, "_ H W"]]
 
 ALPHA = 3
 """Its place among them."""
-
-LATENTS = 2
-"""Their number's place in a job's ``shape``."""
-
-# The sizes that kernels/reflection.hpp takes.
-MAX_HIDDEN, MAX_LATENTS, MAX_FEATURES, MAX_LEVELS, MAX_SIDE, QUAD = 128, 16, 16, 8, 1024, 4
 
 
 def kernel_takes(settings: ReflectionSettings, *tensors: Tensor) -> bool:
@@ -36,13 +38,13 @@ def sizes_fit(settings: ReflectionSettings) -> bool:
     """Whether the kernel takes them: no ring, features in fours, and none beyond its limits."""
     fits = (
         settings.ring == "none"
-        and settings.axis_nodes <= MAX_SIDE
-        and settings.hidden <= MAX_HIDDEN
-        and settings.latents <= MAX_LATENTS
-        and max(settings.levels) <= MAX_SIDE
+        and settings.axis_nodes <= REFLECTION_MAX_SIDE
+        and settings.hidden <= REFLECTION_MAX_HIDDEN
+        and settings.latents <= REFLECTION_MAX_LATENTS
+        and max(settings.levels) <= REFLECTION_MAX_SIDE
     )
-    fits = fits and settings.features <= MAX_FEATURES and settings.features % QUAD == 0
-    return fits and len(settings.levels) <= MAX_LEVELS
+    fits = fits and settings.features <= REFLECTION_MAX_FEATURES and settings.features % REFLECTION_QUAD == 0
+    return fits and len(settings.levels) <= REFLECTION_MAX_LEVELS
 
 
 def reads_depth(settings: ReflectionSettings) -> bool:
@@ -52,11 +54,10 @@ def reads_depth(settings: ReflectionSettings) -> bool:
 
 @dataclass(frozen=True)
 class ReflectionJob:
-    """One view to shade, without what has a gradient: ``shape`` and ``view`` as the bindings take them; whether blended
-    depth is read."""
+    """One view to shade, without what has a gradient; ``depth`` says whether blended depth is read."""
 
-    shape: list[int]
-    view: list[float]
+    shape: _kernels.ReflectionShape
+    view: _kernels.ReflectionView
     depth: bool
     depth_gradient: bool
     gradient_share: float
@@ -68,28 +69,28 @@ def reflection_job(
     """What the kernel is told; the frame is that of ``ReflectionShader``, the box's longest side is [-1, 1]."""
     depth = reads_depth(settings)
     depth_gradient = settings.depth_gradient and depth
-    kind = [settings.parallax, settings.raw_direction, depth_gradient]
-    sizes = [
-        settings.hidden,
-        settings.hidden_layers + 1,
-        settings.latents,
-        settings.shells,
-        settings.features,
-        *map(int, kind),
-        settings.axis_nodes,
-    ]
-    corners = [*zip(*box.tolist(), strict=True)]  # by axis; Python's numbers take a tenth of the time of torch's
-    scale = 2 / max(high - low for low, high in corners)
-    origin = [
-        (at - 0.5 * (low + high)) * scale for at, (low, high) in zip(camera.position.tolist(), corners, strict=True)
-    ]
-    pose = camera.pose_numbers
-    view = [
-        *pose[0:3], *pose[4:7], *pose[8:11], *camera.focal, *camera.center,
-        *origin, scale, *background.tolist(),
-        FAINTEST_SHADED, SHORTEST_NORMAL, SMALLEST_HALF_CHORD_SQUARED,
-    ]  # fmt: skip
-    return ReflectionJob([*sizes, *settings.levels], view, depth, depth_gradient, settings.gradient_share)
+    shape = _kernels.ReflectionShape(
+        hidden=settings.hidden,
+        layers=settings.hidden_layers + 1,
+        latents=settings.latents,
+        shells=settings.shells,
+        features=settings.features,
+        sides=settings.levels,
+        parallax=settings.parallax,
+        direction=settings.raw_direction,
+        depth_gradient=depth_gradient,
+        axis_nodes=settings.axis_nodes,
+    )
+    box, background = (tensor.detach().float().contiguous() for tensor in (box, background))
+    view = _kernels.ReflectionView(
+        camera=camera.native,
+        box=box,
+        background=background,
+        faintest=FAINTEST_SHADED,
+        shortest_normal=SHORTEST_NORMAL,
+        smallest_chord=SMALLEST_HALF_CHORD_SQUARED,
+    )
+    return ReflectionJob(shape, view, depth, depth_gradient, settings.gradient_share)
 
 
 def planes_of(job: ReflectionJob, image: Float[Tensor, "H W C"], alpha: Float[Tensor, "H W 1"]) -> Planes:
@@ -97,8 +98,9 @@ def planes_of(job: ReflectionJob, image: Float[Tensor, "H W C"], alpha: Float[Te
 
     ``image`` holds them side by side, without alpha, in the order of ``ReflectionShader.needs``.
     """
-    latents = job.shape[LATENTS]
-    rgb, normal, latent_planes, *depth = image.permute(2, 0, 1).split([3, 3, latents, *([1] if job.depth else [])])
+    planar, depth_width = image.permute(2, 0, 1), [1] if job.depth else []
+    latents = len(planar) - 6 - len(depth_width)
+    rgb, normal, latent_planes, *depth = planar.split([3, 3, latents, *depth_width])
     planes = [rgb, normal, latent_planes, alpha.permute(2, 0, 1), *depth]
     return [plane.contiguous() for plane in planes]
 
@@ -130,8 +132,9 @@ def plane_gradients(
     grad_alpha = torch.empty_like(planes[ALPHA])
     grad_planes = [grad_rgb, grad_normal, grad_latents, grad_alpha]
     _kernels.reflection_backward(
-        job.shape, parameters, job.view, planes, grad_color.permute(2, 0, 1).contiguous(), job.gradient_share,
-        gradients, [*grad_planes, *grad_depth] if job.depth_gradient else grad_planes,
+        job.shape, parameters, job.view, planes, grad_color.permute(2, 0, 1).contiguous(),
+        job.gradient_share, gradients,
+        [*grad_planes, *grad_depth] if job.depth_gradient else grad_planes,
     )  # fmt: skip
     if grad_depth and not job.depth_gradient:
         grad_depth[0].zero_()

@@ -7,20 +7,20 @@ from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
 
 LARGEST = {"hidden": 1024, "features": 64, "latents": 64, "side": 1024, "axis_nodes": 1024}
-"""Far beyond what was ever of use: a damaged or hostile model file may not ask for all the memory there is."""
+"""Far beyond what was ever of use. They keep a damaged or hostile model file from asking for all the memory."""
 
 FIRST_LOG_INVERSE_RADII = (-1.5, 0.0)
-"""Where the shells' learned sizes begin, in half sides of the scene's box: far around it, and close."""
+"""Logarithms of the shells' first inverse radii, in half sides of the scene's box: far around it, and close."""
 
 NEAR_FIELD = RingSettings(
     rank=8, features=8, head_hidden=64, bands=6, view_bands=4, position_nodes=128, view_nodes=24, core_scale=0.1
 )
-"""As the forward road's, with fewer features, for the maps are there as well."""
+"""As that of ringlight-ring, with fewer features, since the maps are there as well."""
 
 
 @dataclass(frozen=True)
 class ReflectionSettings:
-    """A network that shades each pixel once, from its blended surface and maps of the reflected direction."""
+    """A network shades each pixel once. It sees the blended surface, and features of the reflected direction."""
 
     hidden: int = 64
     """Width of the network's hidden layers."""
@@ -31,26 +31,27 @@ class ReflectionSettings:
     features: int = 4
     """Features at each node of each map."""
     latents: int = 4
-    """Values per Gaussian, blended, that the network sees besides the base colour: what a material is."""
+    """Values per Gaussian that are blended, and seen by the network besides the base colour: the material."""
     shells: int = 1
-    """Spheres, each with maps of its own, on which reflections lie."""
+    """Spheres on which reflections lie, each with maps of its own."""
     parallax: bool = True
-    """Whether reflections lie on spheres of learned centre and size, or infinitely far away."""
+    """Whether reflections lie on spheres whose centre and size are learned; else they lie infinitely far away."""
     axis_nodes: int = 0
-    """Nodes on each of three axes, of factors by which the maps' features are multiplied: together a diagonal tensor
-    ring over the reflecting point and the direction. 0: features of the direction alone."""
+    """Nodes on each of three axes. The axes hold factors of the reflecting point that multiply the maps' features:
+    together a diagonal tensor ring over point and direction. 0 leaves features of the direction alone."""
     ring: Literal["none", "full", "diagonal"] = "none"
-    """Whether the network also sees features of a tensor ring at the reflecting point, in the reflected direction: what
-    is reflected from near by depends on both. In torch alone, so that a step takes several times as long."""
+    """Whether the network also sees features of a tensor ring over reflecting point and reflected direction. What is
+    reflected from near by depends on both. It runs in torch, so a step takes several times as long."""
     near_field: RingSettings = field(default_factory=lambda: NEAR_FIELD)
-    """Of that ring."""
+    """Sizes of the ring that --shader.ring adds."""
     raw_direction: bool = True
-    """Whether the network sees the viewing direction too, not only the reflected one."""
+    """Whether the network also sees the viewing direction."""
     gradient_share: float = 1.0
-    """Share of the pixels whose shading is differentiated in a step, drawn by lot in proportion to their gradients and
-    weighted, so that the expectation is the same. By kernel only: other devices differentiate all."""
+    """Share of the pixels whose shading is differentiated in a step. They are drawn in proportion to their gradients
+    and weighted, so that the expectation is the whole gradient (importance sampling). Other devices differentiate
+    all."""
     depth_gradient: bool = False
-    """Whether the gradient of the reflecting point reaches the blended depth, and with it the Gaussians' places."""
+    """Whether the gradient of the reflecting point reaches the blended depth, and so the Gaussians' centres."""
 
     def __post_init__(self) -> None:
         if not self.levels:

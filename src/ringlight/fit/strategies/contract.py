@@ -1,21 +1,28 @@
 """The socket: anything that changes a model's structure while it trains."""
 
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from torch import Tensor
 
 from ringlight.core.rendering import Rendering
 from ringlight.fit.optimizer import Optimizer
-from ringlight.models.splats import SplatModel
 
 
 @runtime_checkable
 class Strategy(Protocol):
     """Called after each optimizer step. Keeps whatever it counts in ``state``, so that a run can resume."""
 
-    def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
-        """Look at the rendering of ``step`` and maybe change the model, through the optimizer's verbs."""
+    @property
+    def most(self) -> int | None:
+        """Rows to which it lets the model grow; None for one that adds none. Memory is planned by it."""
+        ...
+
+    def update(self, step: int, model: Any, optimizer: Optimizer, prediction: Rendering) -> None:
+        """Look at the prediction of ``step`` and maybe change the model, through the optimizer's verbs.
+
+        The model is of the kind that the recipe builds.
+        """
         ...
 
     def state(self) -> dict[str, Tensor]:

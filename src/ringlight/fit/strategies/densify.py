@@ -25,7 +25,7 @@ WHITE_RESET_STEP = 500
 
 
 class Densify:
-    """Counts each row's mean screen-space pull and, every so often, edits the table.
+    """Counts each row's mean screen-space gradient and, every so often, edits the table.
 
     Rows leave in Morton order, so that Gaussians that are close in space are close in memory. Removal looks at the
     opacity in force, which includes the colour model's ``wanted`` rows (RingLight's mask).
@@ -35,7 +35,7 @@ class Densify:
         self.settings, self.extent, self.seed = settings, extent, seed
         self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
         self.white = white
-        self._pull, self._views = torch.zeros(0), torch.zeros(0)
+        self._sums, self._views = torch.zeros(0), torch.zeros(0)
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step > self.last_step:
@@ -48,12 +48,14 @@ class Densify:
             optimizer.replace("columns.opacity_logits", model.columns["opacity_logits"].detach().clamp_max(ceiling))
 
     def state(self) -> dict[str, Tensor]:
-        return {"pull": self._pull, "views": self._views}
+        return {"screen_gradients": self._sums, "views": self._views}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
-        if state["pull"].shape != state["views"].shape:
-            raise ValueError(f"a pull for {len(state['pull'])} rows, and views for {len(state['views'])}")
-        self._pull, self._views = state["pull"].clone(), state["views"].clone()  # moved by the next step
+        if state["screen_gradients"].shape != state["views"].shape:
+            raise ValueError(
+                f"screen-space gradients for {len(state['screen_gradients'])} rows, and views for {len(state['views'])}"
+            )
+        self._sums, self._views = state["screen_gradients"].clone(), state["views"].clone()  # moved by the next step
 
     def _resets(self, step: int) -> bool:
         every = self.settings.reset_every
@@ -62,20 +64,22 @@ class Densify:
         return step % every == 0 or (self.white and step == WHITE_RESET_STEP)
 
     def _observe(self, model: SplatModel, prediction: Rendering) -> None:
-        if len(self._pull) != len(model):
-            self._pull, self._views = torch.zeros(2, len(model), device=model.device)
-        self._pull, self._views = self._pull.to(model.device), self._views.to(model.device)
+        if len(self._sums) != len(model):
+            self._sums, self._views = torch.zeros(2, len(model), device=model.device)
+        self._sums, self._views = self._sums.to(model.device), self._views.to(model.device)
         footprint = prediction.footprint
         if footprint is None or footprint.means2d_gradient is None:
             return
         height, width = prediction.alpha.shape[:2]
         # Half the size in pixels turns a gradient in pixels into one in normalized device coordinates.
-        accumulate_pull_(footprint.means2d_gradient, footprint.radii, (width / 2, height / 2), self._pull, self._views)
+        accumulate_screen_gradients_(
+            footprint.means2d_gradient, footprint.radii, (width / 2, height / 2), self._sums, self._views
+        )
 
     def _edit(self, step: int, model: SplatModel, optimizer: Optimizer) -> None:
         table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
         widest = table.log_scales.amax(1).exp()
-        strong = self._strongest(self._pull / self._views.clamp_min(1), len(table))
+        strong = self._strongest(self._sums / self._views.clamp_min(1), len(table))
         small = widest <= self.settings.clone_below * self.extent
         split = strong & ~small
         keep = ~split & self._worth_keeping(step, table, widest, model)
@@ -86,14 +90,14 @@ class Densify:
         added = _joined(clones, children)
         rows = torch.cat([keep.nonzero()[:, 0], len(table) + torch.arange(len(added), device=keep.device)])
         optimizer.edit_rows(rows[morton_order(torch.cat([table.means, added.means])[rows])], added)
-        self._pull, self._views = torch.zeros(2, len(model), device=model.device)
+        self._sums, self._views = torch.zeros(2, len(model), device=model.device)
 
-    def _strongest(self, pull: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
-        """Rows over the threshold; where all would exceed the budget, those with the strongest pull."""
-        strong = pull > self.settings.threshold
+    def _strongest(self, means: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
+        """Rows over the threshold; where all would exceed the budget, those with the largest gradient."""
+        strong = means > self.settings.threshold
         room = max(self.most - count, 0) if self.most else count
         if int(strong.sum()) > room:
-            chosen = pull.argsort(descending=True, stable=True)[:room]
+            chosen = means.argsort(descending=True, stable=True)[:room]
             strong = torch.zeros_like(strong).index_fill_(0, chosen, True) & strong
         return strong
 
@@ -119,32 +123,32 @@ class Densify:
         return Gaussians.from_columns(columns)
 
 
-def accumulate_pull_(
+def accumulate_screen_gradients_(
     gradient: Float[Tensor, "N 2"],
     radii: Float[Tensor, "N 2"],
     pixels_to_ndc: tuple[float, float],
-    pull: Float[Tensor, "N"],
+    sums: Float[Tensor, "N"],
     views: Float[Tensor, "N"],
 ) -> None:
-    """Add each drawn row's gradient length to ``pull`` and one to ``views``, in place."""
+    """Add each drawn row's gradient length to ``sums`` and one to ``views``, in place."""
     if not (gradient.is_cpu and gradient.dtype == torch.float32):
-        accumulate_pull_twin_(gradient, radii, pixels_to_ndc, pull, views)
+        accumulate_screen_gradients_reference_(gradient, radii, pixels_to_ndc, sums, views)
         return
-    _kernels.accumulate_pull(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, pull, views)
+    _kernels.accumulate_pull(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, sums, views)
 
 
-def accumulate_pull_twin_(
+def accumulate_screen_gradients_reference_(
     gradient: Float[Tensor, "N 2"],
     radii: Float[Tensor, "N 2"],
     pixels_to_ndc: tuple[float, float],
-    pull: Float[Tensor, "N"],
+    sums: Float[Tensor, "N"],
     views: Float[Tensor, "N"],
 ) -> None:
     """The same in torch, on any device."""
     drawn = radii[:, 0] > 0
     across, down = pixels_to_ndc
     lengths = torch.hypot(gradient[:, 0] * across, gradient[:, 1] * down)
-    pull.add_(torch.where(drawn, lengths, 0))
+    sums.add_(torch.where(drawn, lengths, 0))
     views.add_(drawn)
 
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from ringlight.errors import RecipeError
 
 DROP_ROUNDS = 5
-"""Rounds in which Gaussians are dropped, so that the others can fill the gaps in between: all at once costs 0.1 dB on
-chair_400 after 3,000 steps."""
+"""Rounds in which Gaussians are dropped. Between them the others fill the gaps: all at once costs 0.1 dB on chair_400
+after 3,000 steps."""
 
 FEWEST_GROWTHS = 5
-"""Rounds of density control below which nothing is dropped: in shorter runs most Gaussians are still the first ones."""
+"""With fewer rounds of density control nothing is dropped: most Gaussians are still the first ones then."""
 
 
 @dataclass(frozen=True)
@@ -17,17 +17,17 @@ class DensifySettings:
     """Adaptive density control (3DGS, section 5.2)."""
 
     threshold: float = 2e-4
-    """A Gaussian is cloned or split when its mean screen-space pull, dL/d(NDC position), exceeds this."""
+    """A Gaussian is cloned or split if its mean screen-space gradient, dL/d(NDC position), exceeds this."""
     begin: int = 500
-    """First step after which Gaussians are added."""
+    """Gaussians are added after this step."""
     stop: float = 0.5
-    """Share of all steps after which the number of Gaussians stays."""
+    """Share of all steps after which no Gaussians are added."""
     latest: int = 15_000
-    """No densification after this step, however long the run."""
+    """No Gaussians are added after this step, however long the run."""
     every: int = 100
     """Steps between two rounds."""
     clone_below: float = 0.01
-    """Gaussians up to this share of the scene's extent are cloned, larger ones split."""
+    """Gaussians up to this share of the scene's extent are cloned; wider ones are split."""
     prune_opacity: float = 0.005
     """Fainter Gaussians are removed."""
     prune_scale: float = 0.1
@@ -35,16 +35,16 @@ class DensifySettings:
     reset_every: int = 3000
     """Steps between two opacity resets; 0 never resets."""
     reset_opacity: float = 0.01
-    """Opacities are lowered to this at a reset."""
+    """A reset lowers opacities to this."""
     max_gaussians: int = 0
-    """Density control ends with no more than this many, unless it began with more; the strongest pulls come first. 0:
-    as many as a training photograph has pixels, since no view could tell more apart; where pixels of a subject
-    that is cut out are lit, as in ringlight-mirror, one for every seven, or 10,000 if there are as many pixels."""
+    """Most Gaussians at the end of density control, unless it began with more. The largest gradients come first. 0
+    takes as many as a training photograph has pixels, since no view could tell more apart. Where a subject is cut out,
+    ringlight-mirror takes one for every seven pixels, but at least 10,000 if there are as many pixels."""
     drop_share: float = 0.0
-    """Share of the Gaussians that is dropped again after density control, those that add least to the training
-    photographs. Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
+    """Share of the Gaussians that is dropped once no more are added: those that add least to the training photographs.
+    Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
     drop_until: float = 0.75
-    """Share of all steps by which the last of them are dropped."""
+    """Share of all steps at which the last Gaussians are dropped."""
 
     def __post_init__(self) -> None:
         for name, least in {"begin": 0, "latest": 0, "every": 1, "reset_every": 0, "max_gaussians": 0}.items():

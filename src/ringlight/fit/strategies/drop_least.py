@@ -24,6 +24,8 @@ class DropLeast:
     from finished models).
     """
 
+    most = None
+
     def __init__(self, settings: DensifySettings, cameras: Sequence[Camera], steps: int):
         self.rounds, self.cameras = settings.drop_rounds(steps), cameras
         self.kept = (1 - settings.drop_share) ** (1 / max(len(self.rounds), 1))

@@ -12,6 +12,8 @@ from ringlight.models.splats import SplatModel
 class Prune:
     """Every ``every`` steps from ``begin``: drop rows fainter than ``opacity`` or no longer wanted by the colour."""
 
+    most = None
+
     def __init__(self, begin: int, every: int, opacity: float):
         self.begin, self.every, self.opacity = begin, every, opacity
 

@@ -13,6 +13,8 @@ from ringlight.models.splats import SplatModel
 class Unlock:
     """Writes ``schedule[step]`` into the buffer when training reaches ``step``; the buffer is saved with the model."""
 
+    most = None
+
     def __init__(self, buffer: str, schedule: Mapping[int, int]):
         self.buffer, self.schedule = buffer, dict(schedule)
 

@@ -1,0 +1,72 @@
+#include <nanobind/stl/vector.h>
+
+#include <vector>
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "dense/perceptron.hpp"
+#include "simd/dispatch.hpp"
+
+namespace nb = nanobind;
+
+namespace ringlight {
+namespace {
+
+using Stack = Tensor<const float, -1, -1, -1>;
+
+// Weight, bias, weight, bias, ...: [H inputs outputs] and [H 1 outputs].
+template <class Float, class Arrays>
+PerceptronLayers<Float> layers_from(const PerceptronShape& shape, const Arrays& arrays) {
+  require(arrays.size() == 6, "perceptron: three layers have six parameters");
+  const std::size_t widths[] = {static_cast<std::size_t>(shape.inputs), static_cast<std::size_t>(shape.hidden),
+                                static_cast<std::size_t>(shape.hidden), static_cast<std::size_t>(shape.outputs)};
+  PerceptronLayers<Float> layers;
+  for (int layer = 0; layer < 3; layer++) {
+    const auto &weight = arrays[2 * layer], &bias = arrays[2 * layer + 1];
+    require(weight.size() == shape.heads * widths[layer] * widths[layer + 1] &&
+              bias.size() == shape.heads * widths[layer + 1],
+          "perceptron: a parameter has the wrong size");
+    layers.weight[layer] = weight.data();
+    layers.bias[layer] = bias.data();
+  }
+  return layers;
+}
+
+PerceptronShape shape_from(const Stack& rows, const std::vector<Input>& parameters, std::size_t results) {
+  constexpr std::size_t MOST_HEADS = 1 << 10, MOST_NODES = 1 << 20, WIDEST = 1 << 14;  // products fit an int
+  const std::size_t heads = rows.shape(0), nodes = rows.shape(1), inputs = rows.shape(2);
+  require(heads && nodes && parameters.size() == 6, "perceptron: no rows, or not three layers");
+  require(heads <= MOST_HEADS && nodes <= MOST_NODES, "perceptron: too many heads or nodes");
+  const std::size_t hidden = parameters[1].size() / heads, outputs = results / (heads * nodes);
+  require(results == heads * nodes * outputs, "perceptron: results and their gradient must be [H K outputs]");
+  require(inputs && hidden && outputs && inputs <= WIDEST && hidden <= WIDEST && outputs <= WIDEST,
+        "perceptron: a width is 0 or above 2^14");
+  return {static_cast<int>(heads), static_cast<int>(nodes), static_cast<int>(inputs), static_cast<int>(hidden),
+          static_cast<int>(outputs)};
+}
+
+void forward(const std::vector<Input>& parameters, Stack rows, Array results) {
+  const PerceptronShape shape = shape_from(rows, parameters, results.size());
+  const auto layers = layers_from<const float>(shape, parameters);
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN_WITH_BF16(perceptron_forward)(shape, layers, rows.data(), results.data());
+}
+
+void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, const std::vector<Array>& gradients) {
+  const PerceptronShape shape = shape_from(rows, parameters, upstream.size());
+  const auto layers = layers_from<const float>(shape, parameters);
+  const auto sums = layers_from<float>(shape, gradients);
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN_WITH_BF16(perceptron_backward)(shape, layers, rows.data(), upstream.data(), sums);
+}
+
+}  // namespace
+
+void bind_perceptron(nb::module_& module) {
+  module.def("perceptron_forward", &forward, nb::arg("parameters"), nb::arg("rows"),
+             nb::arg("results"), "H perceptrons of three layers, each at its own rows [H K inputs].");
+  module.def("perceptron_backward", &backward, nb::arg("parameters"), nb::arg("rows"),
+             nb::arg("upstream"), nb::arg("gradients"), "Gradients of all weights and biases.");
+}
+
+}  // namespace ringlight

@@ -1,0 +1,71 @@
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <tuple>
+#include <vector>
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "simd/dispatch.hpp"
+#include "step/adam.hpp"
+#include "step/screen_gradient.hpp"
+
+namespace nb = nanobind;
+
+namespace ringlight {
+namespace {
+
+using Arrays = std::vector<Array>;
+using Inputs = std::vector<Input>;
+// Rate, both betas, epsilon, and the number of the update.
+using Steps = std::vector<std::tuple<float, float, float, float, long>>;
+
+std::size_t adam_step(const Arrays& values, const Inputs& gradients, const Arrays& means, const Arrays& squares,
+                      const Steps& steps, const std::optional<Tensor<const float, -1, 2>>& radii) {
+  const std::size_t count = values.size();
+  require(gradients.size() == count && means.size() == count && squares.size() == count && steps.size() == count,
+        "adam: every parameter needs a gradient, two moments and its step");
+  std::vector<AdamColumn> columns;
+  columns.reserve(count);
+  for (std::size_t i = 0; i < count; i++) {
+    const std::size_t size = values[i].size(), rows = radii ? radii->shape(0) : size;
+    require(gradients[i].size() == size && means[i].size() == size && squares[i].size() == size,
+          "adam: value, gradient and moments must have the same size");
+    const auto [rate, beta1, beta2, epsilon, step] = steps[i];
+    require(step >= 1, "adam: steps count from 1");
+    if (size == 0) continue;
+    require(rows > 0 && size % rows == 0, "adam: every parameter needs as many rows as radii");
+    columns.push_back({values[i].data(), gradients[i].data(), means[i].data(), squares[i].data(), rows, size / rows,
+                       {rate, beta1, beta2, epsilon, step}});
+  }
+  const nb::gil_scoped_release unlocked;
+  const auto run = RINGLIGHT_CHOSEN(adam);
+  return run(columns.data(), columns.size(), radii ? radii->data() : nullptr);
+}
+
+void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array pull, Array views) {
+  const std::size_t count = pull.size();
+  require(gradient.size() == 2 * count && radii.size() == 2 * count && views.size() == count,
+        "accumulate_pull: gradient and radii must be [N 2], pull and views [N]");
+  const nb::gil_scoped_release unlocked;
+  const auto run = RINGLIGHT_CHOSEN(accumulate_pull);
+  run(gradient.data(), radii.data(), {scale_x, scale_y}, pull.data(), views.data(), count);
+}
+
+}  // namespace
+
+void bind_step(nb::module_& module) {
+  module.def("adam", &adam_step, nb::arg("values"), nb::arg("gradients"),
+             nb::arg("means"), nb::arg("squares"), nb::arg("steps"),
+             nb::arg("radii").none() = nb::none(),
+             "One Adam update of many parameters in place; steps are (rate, beta1, beta2, epsilon, number of the "
+             "update). With radii [N 2] only the rows that were drawn are updated. Elements of which any would not be "
+             "finite stay as they are; returns how many.");
+  module.def("accumulate_pull", &add_pull, nb::arg("gradient"), nb::arg("radii"),
+             nb::arg("scale_x"), nb::arg("scale_y"), nb::arg("pull"), nb::arg("views"),
+             "Add each drawn row's screen-space pull and visit to the running sums, in place.");
+}
+
+}  // namespace ringlight

@@ -1,0 +1,232 @@
+#include "dense/perceptron.hpp"
+
+#include <cstring>
+
+#include "dense/lane_layers.isa.hpp"
+#include "machine/parallel.hpp"
+#include "machine/scratch.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr int LAYERS = 3;
+constexpr int SHARD = 8 * GROUP;  // nodes whose gradients are summed together: a fixed share, for the same bits
+
+struct Widths {
+  int of[LAYERS + 1];  // inputs, hidden, hidden, outputs
+  int widest;  // rows to allow for in a group
+
+  explicit Widths(const PerceptronShape& shape) : of{shape.inputs, shape.hidden, shape.hidden, shape.outputs} {
+    widest = 0;
+    for (const int width : of) widest = width > widest ? width : widest;
+    widest = result_rows(widest);
+  }
+  // Floats of a packed layer, transposed or not, and of all.
+  std::size_t weights(int layer) const {
+    const int inputs = of[layer], outputs = of[layer + 1];
+    const std::size_t plain = panel_floats<LayerTerms>(outputs, inputs);
+    const std::size_t transposed = panel_floats<LayerTerms>(inputs, outputs);
+    return plain > transposed ? plain : transposed;
+  }
+  std::size_t weights() const { return weights(0) + weights(1) + weights(2); }
+};
+
+// One head's layers, reordered.
+struct HeadPanels {
+  Panels layers[LAYERS];
+};
+
+// All heads' layers; the transposed ones map the gradient of a layer's result to that of its input.
+struct StackPanels {
+  Widths widths;
+  PerceptronLayers<const float> layers;
+  Scratch memory;
+  int heads;
+
+  StackPanels(const PerceptronShape& shape, const PerceptronLayers<const float>& from, bool with_transposed)
+      : widths(shape),
+        layers(from),
+        memory(widths.weights() * shape.heads * (1 + with_transposed) * sizeof(float)),
+        heads(shape.heads) {
+    parallel_for(static_cast<std::size_t>(heads) * (1 + with_transposed), [this](std::size_t piece) {
+      walk(static_cast<int>(piece) % heads, static_cast<int>(piece) >= heads, true);
+    });
+  }
+  HeadPanels of(int head, bool transposed) const { return walk(head, transposed, false); }
+
+ private:
+  HeadPanels walk(int head, bool transposed, bool write) const {
+    HeadPanels panels;
+    float* to = memory.floats() + widths.weights() * (head + (transposed ? heads : 0));
+    for (int layer = 0; layer < LAYERS; layer++) {
+      const int inputs = widths.of[layer], outputs = widths.of[layer + 1];
+      const float* weight = layers.weight[layer] + static_cast<std::size_t>(head) * inputs * outputs;
+      const float* bias = layers.bias[layer] + head * outputs;
+      panels.layers[layer] = transposed ? Panels{to, nullptr, inputs, outputs} : Panels{to, bias, outputs, inputs};
+      if (write && transposed) pack<LayerTerms>(weight, outputs, 1, nullptr, inputs, outputs, to);
+      if (write && !transposed) pack<LayerTerms>(weight, 1, outputs, bias, outputs, inputs, to);
+      to += widths.weights(layer);
+    }
+    return panels;
+  }
+};
+
+// rows[count][width] to lanes[width][GROUP], zero in lanes from `count` on; and back.
+void rows_to_lanes(const float* rows, int count, int width, float* lanes) {
+  for (int first = 0; first < width; first += LANES)
+    for (int half = 0; half < GROUP; half += LANES) {
+      const int left = width - first < LANES ? width - first : LANES;
+      Vec square[LANES];
+      for (int i = 0; i < LANES; i++)
+        square[i] = half + i < count ? load_first(rows + static_cast<std::size_t>(half + i) * width + first, left)
+                                     : Vec(0.f);
+      transpose(square);
+      for (int i = 0; i < left; i++) store(lanes + (first + i) * GROUP + half, square[i]);
+    }
+}
+
+void lanes_to_rows(const float* lanes, int count, int width, float* blocks, float* rows) {
+  to_rows(lanes, width, blocks);
+  for (int first = 0; first < width; first += LANES) {
+    const int left = width - first < LANES ? width - first : LANES;
+    for (int lane = 0; lane < count; lane++)
+      store_first(rows + static_cast<std::size_t>(lane) * width + first,
+                  load(blocks + (first / LANES * GROUP + lane) * LANES), left);
+  }
+}
+
+// What each layer is given, and the last one's result: [width][GROUP]; and room for a layer's input as terms.
+struct Activations {
+  float *of[LAYERS + 1], *terms;
+};
+
+template <Result Kind>
+void evaluate(const HeadPanels& panels, const Activations& at, int layer) {
+  const Panels& packed = panels.layers[layer];
+  dense<LayerTerms, Kind>(packed, feature_terms<LayerTerms>(at.of[layer], packed.inputs, at.terms), at.of[layer + 1]);
+}
+
+void evaluate_hidden(const HeadPanels& panels, const Activations& at) {
+  for (int layer = 0; layer + 1 < LAYERS; layer++) evaluate<Result::RECTIFIED>(panels, at, layer);
+}
+
+Activations lay_out(const Widths& widths, float* memory) {
+  Activations at;
+  const std::size_t block = static_cast<std::size_t>(widths.widest) * GROUP;
+  for (int i = 0; i <= LAYERS; i++) at.of[i] = memory + i * block;
+  at.terms = memory + (LAYERS + 1) * block;
+  return at;
+}
+constexpr int SPARE = LAYERS + 2;  // blocks of [widest][GROUP] that Activations take
+
+// Sums of a shard: weight_sums(inputs, outputs), then bias [outputs][16], layer after layer.
+std::size_t sums_size(const Widths& widths) {
+  std::size_t size = 0;
+  for (int layer = 0; layer < LAYERS; layer++)
+    size += weight_sums(widths.of[layer], widths.of[layer + 1]) + widths.of[layer + 1] * LANES;
+  return size;
+}
+
+// Adds one group's gradients; on entry gradient.of[LAYERS] is dL/dresult. Weights are stored [inputs outputs], so the
+// roles of add_layer_gradient are swapped: the layer's input is broadcast, the gradient is turned into rows.
+void add_gradients(const Widths& widths, const HeadPanels& transposed, const Activations& at,
+                   const Activations& gradient, float* blocks, float* sums) {
+  float* ends = sums + sums_size(widths);
+  for (int layer = LAYERS - 1; layer >= 0; layer--) {
+    const int inputs = widths.of[layer], outputs = widths.of[layer + 1];
+    ends -= weight_sums(inputs, outputs) + outputs * LANES;
+    to_rows<LayerTerms>(gradient.of[layer + 1], outputs, blocks);
+    add_layer_gradient<LayerTerms>({ends, nullptr, inputs, outputs}, at.of[layer], blocks, at.terms);
+    float* bias = ends + weight_sums(inputs, outputs);
+    for (int o = 0; o < outputs; o++) {
+      const float* of_output = gradient.of[layer + 1] + o * GROUP;
+      store(bias + o * LANES, load(bias + o * LANES) + load(of_output) + load(of_output + LANES));
+    }
+    if (layer == 0) return;
+    const float* terms = feature_terms<LayerTerms>(gradient.of[layer + 1], outputs, at.terms);
+    dense<LayerTerms>(transposed.layers[layer], terms, gradient.of[layer]);
+    rectify_gradient(gradient.of[layer], at.of[layer], inputs);
+  }
+}
+
+// Adds up the shards of one head, in order.
+void write_gradients(const Widths& widths, const float* sums, int shards, int head,
+                     const PerceptronLayers<float>& gradients) {
+  const std::size_t stride = sums_size(widths);
+  for (int layer = 0; layer < LAYERS; layer++) {
+    const int inputs = widths.of[layer], outputs = widths.of[layer + 1], width = padded(outputs);
+    float* weight = gradients.weight[layer] + static_cast<std::size_t>(head) * inputs * outputs;
+    for (int i = 0; i < inputs; i++)
+      for (int o = 0; o < outputs; o += LANES) {
+        const int left = outputs - o < LANES ? outputs - o : LANES;
+        Vec total(0.f);
+        for (int shard = 0; shard < shards; shard++) total += load(sums + shard * stride + i * width + o);
+        store_first(weight + static_cast<std::size_t>(i) * outputs + o, total, left);
+      }
+    sums += weight_sums(inputs, outputs);
+    for (int o = 0; o < outputs; o++) {
+      Vec total(0.f);
+      for (int shard = 0; shard < shards; shard++) total += load(sums + shard * stride + o * LANES);
+      gradients.bias[layer][head * outputs + o] = sum(total);
+    }
+    sums += outputs * LANES;
+  }
+}
+
+}  // namespace
+
+void perceptron_forward(const PerceptronShape& shape, const PerceptronLayers<const float>& layers, const float* rows,
+                        float* results) {
+  const StackPanels packed(shape, layers, false);
+  const Widths& widths = packed.widths;
+  const int shards = (shape.nodes + SHARD - 1) / SHARD;
+  parallel_for(static_cast<std::size_t>(shape.heads) * shards, [&](std::size_t piece) {
+    const int head = static_cast<int>(piece) / shards, begin = static_cast<int>(piece) % shards * SHARD;
+    const Scratch memory(static_cast<std::size_t>(SPARE + 1) * (widths.widest + LANES) * GROUP * sizeof(float));
+    const MatrixUnit unit;
+    const HeadPanels panels = packed.of(head, false);
+    const Activations at = lay_out(widths, memory.floats());
+    float* blocks = memory.floats() + static_cast<std::size_t>(SPARE) * widths.widest * GROUP;
+    for (int node = begin; node < begin + SHARD && node < shape.nodes; node += GROUP) {
+      const int count = shape.nodes - node < GROUP ? shape.nodes - node : GROUP;
+      const std::size_t row = static_cast<std::size_t>(head) * shape.nodes + node;
+      rows_to_lanes(rows + row * shape.inputs, count, shape.inputs, at.of[0]);
+      evaluate_hidden(panels, at);
+      evaluate<Result::PLAIN>(panels, at, LAYERS - 1);
+      lanes_to_rows(at.of[LAYERS], count, shape.outputs, blocks, results + row * shape.outputs);
+    }
+  });
+}
+
+void perceptron_backward(const PerceptronShape& shape, const PerceptronLayers<const float>& layers, const float* rows,
+                         const float* upstream, const PerceptronLayers<float>& gradients) {
+  const StackPanels packed(shape, layers, true);
+  const Widths& widths = packed.widths;
+  const int shards = (shape.nodes + SHARD - 1) / SHARD;
+  const std::size_t size = sums_size(widths);
+  const Scratch sums(size * shape.heads * shards * sizeof(float));
+  parallel_for(static_cast<std::size_t>(shape.heads) * shards, [&](std::size_t piece) {
+    const int head = static_cast<int>(piece) / shards, begin = static_cast<int>(piece) % shards * SHARD;
+    const Scratch memory(static_cast<std::size_t>(2 * SPARE + 1) * (widths.widest + LANES) * GROUP * sizeof(float));
+    const MatrixUnit unit;
+    const HeadPanels panels = packed.of(head, false), transposed = packed.of(head, true);
+    const std::size_t half = static_cast<std::size_t>(SPARE) * widths.widest * GROUP;
+    const Activations at = lay_out(widths, memory.floats()), gradient = lay_out(widths, memory.floats() + half);
+    float* own = sums.floats() + piece * size;
+    std::memset(own, 0, size * sizeof(float));
+    for (int node = begin; node < begin + SHARD && node < shape.nodes; node += GROUP) {
+      const int count = shape.nodes - node < GROUP ? shape.nodes - node : GROUP;
+      const std::size_t row = static_cast<std::size_t>(head) * shape.nodes + node;
+      rows_to_lanes(rows + row * shape.inputs, count, shape.inputs, at.of[0]);
+      rows_to_lanes(upstream + row * shape.outputs, count, shape.outputs, gradient.of[LAYERS]);
+      evaluate_hidden(panels, at);
+      add_gradients(widths, transposed, at, gradient, memory.floats() + 2 * half, own);
+    }
+  });
+  parallel_for(shape.heads, [&](std::size_t head) {
+    const float* of_head = sums.floats() + head * shards * size;
+    write_gradients(widths, of_head, shards, static_cast<int>(head), gradients);
+  });
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

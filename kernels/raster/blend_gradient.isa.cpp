@@ -1,0 +1,281 @@
+// Stage 5: the gradient of blending, front to back again. Entry by entry, each walks the blocks it touched while its
+// sums stay in registers: one reduction and one slot written per entry.
+//
+// With w = alpha T and rest = sum of v . (what lies behind) + background, a pixel's g = dL / d log(alpha) is
+// w (v . channels) - alpha / (1 - alpha) rest. `rest` starts as v . image - v_alpha T_final and loses w (v . channels)
+// with every Gaussian, so the pass needs no back-to-front order and one scalar per pixel whatever the channels.
+#include "raster/tile_pixels.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr std::uint32_t PREFETCH = 10;  // entries ahead
+
+// State of a block: running transmittance, rest, then the image's gradient by channel.
+enum State { RUNNING = 0, REST = LANES, UPSTREAM = 2 * LANES };
+
+// What a worker keeps in its scratch memory.
+struct Workplace {
+  float* states;     // [BLOCKS][2 + width][LANES]
+  float* channels;   // [width] of the current entry, padded with zeros
+  float* weights;    // [BLOCKS][LANES] of the current entry, general kernel only
+  int width;         // channels, padded
+  alignas(64) float x[BLOCKS_PER_SIDE][LANES], y[BLOCKS_PER_SIDE][LANES];  // pixel centres by block column and row
+};
+
+RINGLIGHT_INLINE float* state_of(const Workplace& place, int block, int width) {
+  return place.states + block * (2 + width) * LANES;
+}
+
+RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const ImageGradients& from, Workplace& place) {
+  const std::size_t stride = static_cast<std::size_t>(frame.camera.width);
+  const std::size_t plane = stride * static_cast<std::size_t>(frame.camera.height);
+  const float* const transmittance =
+      frame.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
+  for (int side = 0; side < BLOCKS_PER_SIDE; side++) {
+    store(place.x[side], load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * side)));
+    store(place.y[side], load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * side)));
+  }
+  const int floats = (2 + place.width) * LANES;
+  for_each_strip(frame, tile, [&](const Strip& strip) {
+    float* const first = state_of(place, strip.first_block, place.width);
+    Vec rest[STRIP], pixels[STRIP], upstream[STRIP];
+    for (int k = 0; k < STRIP; k++) rest[k] = Vec(0.f);
+    if (from.alpha_gradient) {
+      load_strip(from.alpha_gradient, stride, strip, upstream);
+      for (int k = 0; k < STRIP; k++)
+        rest[k] = -(upstream[k] * load(transmittance + (strip.first_block + k) * LANES));
+    }
+    for (int c = 0; c < frame.sloped_channels; c++) {
+      load_strip(from.image_gradient + static_cast<std::size_t>(c) * plane, stride, strip, upstream);
+      load_strip(from.image + static_cast<std::size_t>(c) * plane, stride, strip, pixels);
+      for (int k = 0; k < STRIP; k++) {
+        rest[k] = fma(upstream[k], pixels[k], rest[k]);
+        store(first + k * floats + UPSTREAM + c * LANES, upstream[k]);
+      }
+    }
+    for (int k = 0; k < STRIP; k++) {
+      float* const state = first + k * floats;
+      for (int c = frame.sloped_channels; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));
+      store(state + RUNNING, Vec(1.f));
+      store(state + REST, rest[k]);
+    }
+  });
+}
+
+template <int C, bool Absolute>
+RINGLIGHT_INLINE void write_slot(float* slot, const Vec* sums) {
+  constexpr int moments = slot_moments(Absolute);
+  if constexpr (C == WIDE) {
+    store_first(slot, lane_sums<moments>(sums), moments);
+  } else {
+    constexpr int terms = moments + C;
+    store(slot, lane_sums<(terms < LANES ? terms : LANES)>(sums));
+    if constexpr (terms > LANES) store(slot + LANES, lane_sums<terms - LANES>(sums + LANES));
+  }
+}
+
+// The ellipse of an entry at the pixels of one block: all that does not wait for the entries in front.
+struct Sample {
+  Vec along, across, alpha;
+};
+
+struct Ellipse {
+  Vec center_x, center_y, along_x, along_y, across_y, log2_opacity, strongest;
+};
+
+RINGLIGHT_INLINE Ellipse ellipse_of(const float* record, float max_alpha) {
+  return {Vec(record[CENTER_X]), Vec(record[CENTER_Y]),     Vec(record[ALONG_X]), Vec(record[ALONG_Y]),
+          Vec(record[ACROSS_Y]), Vec(record[LOG2_OPACITY]), Vec(max_alpha)};
+}
+
+RINGLIGHT_INLINE Sample sample(const Ellipse& e, const Workplace& place, int block) {
+  const Vec dx = load(place.x[block % BLOCKS_PER_SIDE]) - e.center_x;
+  const Vec dy = load(place.y[block / BLOCKS_PER_SIDE]) - e.center_y;
+  const Vec along = fma(e.along_y, dy, e.along_x * dx), across = e.across_y * dy;
+  const Vec log2_alpha = fnma(across, across, fnma(along, along, e.log2_opacity));
+  return {along, across, keep(ge(log2_alpha, Vec(LOG2_MIN_ALPHA)), min(exp2_fast(log2_alpha), e.strongest))};
+}
+
+// v . channels for one block.
+template <int C>
+RINGLIGHT_INLINE Vec upstream_dot(const float* upstream, const float* channels, int width) {
+  if constexpr (C != WIDE) {
+    Vec dot = load(upstream) * Vec(channels[0]);
+#pragma GCC unroll 8
+    for (int c = 1; c < C; c++) dot = fma(load(upstream + c * LANES), Vec(channels[c]), dot);
+    return dot;
+  }
+  Vec even(0.f), odd(0.f);  // two sums, since each waits for itself
+  for (int c = 0; c < width; c += CHANNEL_GROUP)
+#pragma GCC unroll 8
+    for (int i = c; i < c + CHANNEL_GROUP; i += 2) {
+      even = fma(load(upstream + i * LANES), Vec(channels[i]), even);
+      odd = fma(load(upstream + (i + 1) * LANES), Vec(channels[i + 1]), odd);
+    }
+  return even + odd;
+}
+
+// Moves one block past the entry and adds its pixels to the sums. Returns whether any pixel is still unfinished.
+template <int C, bool Absolute>
+RINGLIGHT_INLINE bool add_block(const Ellipse& e, const Sample& at, const float* channels, const Workplace& place,
+                                int block, Vec* sums) {
+  constexpr int moments = slot_moments(Absolute);
+  const int width = C == WIDE ? place.width : C;
+  float* const state = state_of(place, block, width);
+  const Vec running = load(state + RUNNING), rest_before = load(state + REST), one(1.f);
+  const Vec behind = fnma(running, at.alpha, running);
+  const Mask drawn = gt(behind, Vec(convention::MIN_TRANSMITTANCE));
+  const Vec weight = keep(drawn, at.alpha * running);
+  store(state + RUNNING, behind);
+
+  const Vec dot = upstream_dot<C>(state + UPSTREAM, channels, width);
+  const Vec own = weight * dot, rest = rest_before - own;
+  store(state + REST, rest);
+  // A clamped alpha does not move with the geometry; its channels still do.
+  const Mask moves = both(drawn, lt(at.alpha, e.strongest));
+  const Vec g = keep(moves, fnma(rest, at.alpha * reciprocal(one - at.alpha), own));
+
+  const Vec g_along = g * at.along, g_across = g * at.across;
+  sums[SUM_G] += g;
+  sums[SUM_GU] += g_along;
+  sums[SUM_GV] += g_across;
+  sums[SUM_GUU] = fma(g_along, at.along, sums[SUM_GUU]);
+  sums[SUM_GUV] = fma(g_along, at.across, sums[SUM_GUV]);
+  sums[SUM_GVV] = fma(g_across, at.across, sums[SUM_GVV]);
+  if constexpr (Absolute) {
+    sums[ABSOLUTE_X] += abs(g_along);
+    sums[ABSOLUTE_Y] += abs(fma(e.along_y, g_along, e.across_y * g_across));
+  }
+  if constexpr (C == WIDE) {
+    store(place.weights + block * LANES, weight);
+  } else {
+#pragma GCC unroll 16
+    for (int c = 0; c < C; c++)
+      sums[moments + c] = fma(weight, load(state + UPSTREAM + c * LANES), sums[moments + c]);
+  }
+  return any(drawn);
+}
+
+// The gradients of the entry's channels, group by group, from the weights that its blocks left.
+RINGLIGHT_INLINE void add_channels(const Workplace& place, std::uint64_t blocks, float* to) {
+  for (int c = 0; c < place.width; c += CHANNEL_GROUP) {
+    Vec sums[CHANNEL_GROUP];
+#pragma GCC unroll 8
+    for (int i = 0; i < CHANNEL_GROUP; i++) sums[i] = Vec(0.f);
+    for (std::uint64_t left = blocks; left; left &= left - 1) {
+      const int block = __builtin_ctzll(left);
+      const Vec weight = load(place.weights + block * LANES);
+      const float* const upstream = state_of(place, block, place.width) + UPSTREAM + c * LANES;
+#pragma GCC unroll 8
+      for (int i = 0; i < CHANNEL_GROUP; i++) sums[i] = fma(weight, load(upstream + i * LANES), sums[i]);
+    }
+    store_first(to + c, lane_sums<CHANNEL_GROUP>(sums), CHANNEL_GROUP);
+  }
+}
+
+// Adds up one entry over the blocks in `mask`. Returns the blocks whose pixels are all finished.
+template <int C, bool Absolute>
+RINGLIGHT_INLINE std::uint64_t walk_entry(const Ellipse& e, const float* channels, std::uint64_t mask,
+                                          const Workplace& place, float* slot) {
+  constexpr int terms = slot_moments(Absolute) + (C == WIDE ? 0 : C);
+  [[maybe_unused]] const std::uint64_t visited = mask;
+  Vec sums[terms];
+#pragma GCC unroll 32
+  for (int i = 0; i < terms; i++) sums[i] = Vec(0.f);
+  std::uint64_t finished = 0;
+  int block = __builtin_ctzll(mask);
+  Sample now = sample(e, place, block);
+  // One block ahead: the long chain of a sample overlaps the other long chain, that of the block before.
+  while (mask &= mask - 1) {
+    const int next_block = __builtin_ctzll(mask);
+    const Sample next = sample(e, place, next_block);
+    if (!add_block<C, Absolute>(e, now, channels, place, block, sums)) [[unlikely]]
+      finished |= std::uint64_t{1} << block;
+    block = next_block;
+    now = next;
+  }
+  if (!add_block<C, Absolute>(e, now, channels, place, block, sums)) [[unlikely]]
+    finished |= std::uint64_t{1} << block;
+  write_slot<C, Absolute>(slot, sums);
+  if constexpr (C == WIDE) add_channels(place, visited, slot + slot_moments(Absolute));
+  return finished;
+}
+
+// The channels of a row where the kernel can read all that it is compiled for.
+template <int C>
+RINGLIGHT_INLINE const float* channels_of(const Frame& frame, const float* record, std::size_t row,
+                                          const Workplace& place) {
+  if constexpr (C != WIDE && C <= RECORD_CHANNELS) return record + FIRST_CHANNELS;
+  const int channels = frame.splats.channel_count;
+  const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
+  if (place.width <= channels) return from;
+  for (int c = 0; c < channels; c += LANES)
+    store(place.channels + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
+  return place.channels;
+}
+
+template <int C, bool Absolute>
+RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Tile* next, const ImageGradients& from,
+                                Workplace& place) {
+  const std::uint32_t end = tile.begin + frame.tile_used[tile.number];
+  if (end == tile.begin) return;
+  open_tile(frame, tile, from, place);
+  if (next) {
+    prefetch_pixels(frame, *next, from.image_gradient, frame.sloped_channels);
+    prefetch_pixels(frame, *next, from.image, frame.sloped_channels);
+  }
+  const std::size_t stride =
+      static_cast<std::size_t>(slot_stride(C == WIDE ? frame.sloped_channels : C, Absolute));
+  std::uint64_t alive = tile.inside;
+  for (std::uint32_t at = tile.begin; at < end; at++) {
+    const std::uint64_t mask = frame.block_masks[at] & alive;
+    if (!mask) continue;
+    const std::uint64_t entry = frame.entries[at], ahead = frame.entries[at + PREFETCH < end ? at + PREFETCH : end - 1];
+    __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(ahead)} * RECORD);
+    __builtin_prefetch(frame.slots + (ahead >> 32) * stride, 1);
+    __builtin_prefetch(frame.slot_used + (ahead >> 32), 1);
+    if (C == WIDE || C > RECORD_CHANNELS)
+      prefetch_floats(frame.splats.channels + static_cast<std::uint32_t>(ahead) *
+                          static_cast<std::size_t>(frame.splats.channel_count), frame.splats.channel_count);
+    const std::size_t row = static_cast<std::uint32_t>(entry), slot = entry >> 32;
+    const float* const record = frame.records + row * RECORD;
+    const float* const channels = channels_of<C>(frame, record, row, place);
+    frame.slot_used[slot] = 1;
+    const Ellipse ellipse = ellipse_of(record, frame.settings.max_alpha);
+    alive &= ~walk_entry<C, Absolute>(ellipse, channels, mask, place, frame.slots + slot * stride);
+  }
+}
+
+template <int C, bool Absolute>
+void walk_all(const Frame& frame, const ImageGradients& from) {
+  for_each_tile_ahead(frame, [&](const Tile& tile, const Tile* next, float* scratch) {
+    Workplace place;
+    place.width = C == WIDE ? padded_channels(frame.sloped_channels) : C;
+    place.states = scratch;
+    place.weights = scratch + BLOCKS * (2 + place.width) * LANES;
+    place.channels = place.weights + BLOCKS * LANES;
+    walk_tile<C, Absolute>(frame, tile, next, from, place);
+  });
+}
+
+template <int C>
+void walk_all(const Frame& frame, const ImageGradients& from) {
+  frame.settings.absgrad ? walk_all<C, true>(frame, from) : walk_all<C, false>(frame, from);
+}
+
+}  // namespace
+
+void blend_gradient(const Frame& frame, const ImageGradients& from) {
+  switch (kernel_channels(frame.sloped_channels)) {
+    case 1: return walk_all<1>(frame, from);
+    case 3: return walk_all<3>(frame, from);
+    case 4: return walk_all<4>(frame, from);
+    case 8: return walk_all<8>(frame, from);
+    case 10: return walk_all<10>(frame, from);
+    case 11: return walk_all<11>(frame, from);
+    default: return walk_all<WIDE>(frame, from);
+  }
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

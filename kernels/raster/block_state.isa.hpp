@@ -1,0 +1,36 @@
+// A block of a tile while it is blended.
+#pragma once
+#include "raster/raster.hpp"
+#include "raster/tile_shader.hpp"
+#include "simd/simd.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+
+// State of a block between chunks: 16 transmittances that go on falling past the threshold (which is how a pixel
+// knows that it is finished), 16 final ones, then 16 values of each channel.
+enum State { RUNNING = BLOCK_RUNNING, FINAL = BLOCK_FINAL, COLOR = BLOCK_CHANNELS };
+
+// Rows of the chunk that touch one block, in order; one more number follows the last.
+struct RowList {
+  const float* rows;
+  const std::uint8_t* numbers;
+  int count;
+};
+
+// Stops the blocks through whose pixels less than EARLY_STOP of what lies behind shows, as if that were what is in
+// front; returns the others. Blocks whose pixels are all finished are not asked: less is missing of them.
+RINGLIGHT_INLINE std::uint64_t close_dim_blocks(std::uint64_t blocks, float* states, int floats) {
+  std::uint64_t open = blocks;
+  for (std::uint64_t left = blocks; left; left &= left - 1) {
+    const int block = __builtin_ctzll(left);
+    float* const state = states + block * floats;
+    if (any(ge(load(state + RUNNING), Vec(convention::EARLY_STOP)))) continue;
+    const Vec filling = Vec(1.f) / (Vec(1.f) - load(state + FINAL));
+    for (int i = COLOR; i < floats; i += LANES) store(state + i, load(state + i) * filling);
+    store(state + FINAL, Vec(0.f));
+    open &= ~(std::uint64_t{1} << block);
+  }
+  return open;
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

@@ -1,0 +1,114 @@
+// Directions from the camera and the harmonics' polynomials in them, LANES Gaussians at a time: each quantity of theirs
+// is one planar row of floats.
+#pragma once
+#include "simd/simd.isa.hpp"
+#include "step/sh.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr float SMALLEST_SQUARE = 1e-24f;  // square of core/directions.py's SMALLEST_LENGTH
+
+// Norms of the polynomials below, as in core/sh_basis.py.
+constexpr float GREY = 0.5f;
+constexpr float C0 = 0.28209479177387814f;
+constexpr float C1 = 0.4886025119029199f;
+constexpr float C2[] = {0.31539156525252005f, 1.0925484305920792f, 0.5462742152960396f};
+constexpr float C3[] = {0.3731763325901154f, 0.4570457994644658f, 1.445305721320277f, 0.5900435899266435f};
+
+constexpr int HARMONICS = 15;  // without the constant one
+
+using Lanes = float[LANES];
+
+struct Block {
+  std::size_t first;  // row of the table
+  int rows;           // LANES except at the end of the table; surplus lanes repeat the last row
+  int count;          // harmonics in use, without the constant one
+  Lanes x, y, z;      // unit directions from the camera
+  Lanes inverse_distance;
+  Lanes basis[HARMONICS];
+};
+
+// Three planar rows from the block's rows of a table [N 3].
+inline void load_triples(const float* table, const Block& block, Lanes* planar) {
+  const float* const from = table + 3 * block.first;
+  if (block.rows == LANES) {
+    Vec a(0.f), b(0.f), c(0.f);
+    load_columns(from, a, b, c);
+    store(planar[0], a);
+    store(planar[1], b);
+    store(planar[2], c);
+    return;
+  }
+  for (int lane = 0; lane < LANES; lane++)
+    for (int k = 0; k < 3; k++) planar[k][lane] = from[3 * (lane < block.rows ? lane : block.rows - 1) + k];
+}
+
+// And back.
+inline void store_triples(const Lanes* planar, const Block& block, float* table) {
+  float* const to = table + 3 * block.first;
+  if (block.rows == LANES) return store_columns(to, load(planar[0]), load(planar[1]), load(planar[2]));
+  for (int lane = 0; lane < block.rows; lane++)
+    for (int k = 0; k < 3; k++) to[3 * lane + k] = planar[k][lane];
+}
+
+inline void find_directions(const Harmonics& table, Block& block) {
+  Lanes means[3];
+  load_triples(table.means, block, means);
+  for (int i = 0; i < LANES; i++) {
+    block.x[i] = means[0][i] - table.position[0];
+    block.y[i] = means[1][i] - table.position[1];
+    block.z[i] = means[2][i] - table.position[2];
+  }
+  for (int i = 0; i < LANES; i++) {
+    const float square = block.x[i] * block.x[i] + block.y[i] * block.y[i] + block.z[i] * block.z[i];
+    const float inverse = 1 / __builtin_sqrtf(square > SMALLEST_SQUARE ? square : SMALLEST_SQUARE);
+    block.inverse_distance[i] = inverse;
+    block.x[i] *= inverse;
+    block.y[i] *= inverse;
+    block.z[i] *= inverse;
+  }
+}
+
+inline void find_basis(int degree, Block& block) {
+  Lanes* basis = block.basis;
+  if (degree >= 1)
+    for (int i = 0; i < LANES; i++) {
+      basis[0][i] = -C1 * block.y[i];
+      basis[1][i] = C1 * block.z[i];
+      basis[2][i] = -C1 * block.x[i];
+    }
+  if (degree >= 2)
+    for (int i = 0; i < LANES; i++) {
+      const float x = block.x[i], y = block.y[i], z = block.z[i];
+      basis[3][i] = C2[1] * x * y;
+      basis[4][i] = -C2[1] * y * z;
+      basis[5][i] = C2[0] * (2 * z * z - x * x - y * y);
+      basis[6][i] = -C2[1] * x * z;
+      basis[7][i] = C2[2] * (x * x - y * y);
+    }
+  if (degree >= 3)
+    for (int i = 0; i < LANES; i++) {
+      const float x = block.x[i], y = block.y[i], z = block.z[i];
+      const float xx = x * x, yy = y * y, zz = z * z;
+      basis[8][i] = -C3[3] * y * (3 * xx - yy);
+      basis[9][i] = 2 * C3[2] * x * y * z;
+      basis[10][i] = -C3[1] * y * (4 * zz - xx - yy);
+      basis[11][i] = C3[0] * z * (2 * zz - 3 * xx - 3 * yy);
+      basis[12][i] = -C3[1] * x * (4 * zz - xx - yy);
+      basis[13][i] = C3[2] * z * (xx - yy);
+      basis[14][i] = -C3[3] * x * (xx - 3 * yy);
+    }
+}
+
+// The block of rows from `first` on, of a table whose piece ends at `end`.
+inline void open_block(const Harmonics& table, std::size_t first, std::size_t end, Block& block) {
+  block.first = first;
+  block.rows = end - first < LANES ? static_cast<int>(end - first) : LANES;
+  block.count = (table.degree + 1) * (table.degree + 1) - 1;
+  find_directions(table, block);
+  find_basis(table.degree, block);
+}
+
+}  // namespace
+}  // namespace ringlight::RINGLIGHT_ISA

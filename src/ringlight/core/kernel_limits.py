@@ -1,0 +1,26 @@
+"""The largest sizes that the compiled kernels take, for Python and C++: CMake writes them into convention.hpp.
+
+Numbers alone: settings are checked by them before the compiled module, or torch, is imported.
+"""
+
+RING_MAX_RANK = 32
+"""Rows of a matrix of the ring."""
+RING_MAX_FEATURES = 64
+RING_MAX_HIDDEN = 128
+"""Width of the light field's hidden layers."""
+RING_MAX_NODES = 65536
+"""On an axis, and on a side of the octahedral map: a node's number must be exact as a float."""
+RING_MAX_LATENTS = 16
+"""Values of a Gaussian's own."""
+
+REFLECTION_MAX_HIDDEN = 128
+REFLECTION_MAX_LATENTS = 16
+REFLECTION_MAX_FEATURES = 16
+REFLECTION_QUAD = 4
+"""Features of a map are read in fours."""
+REFLECTION_MAX_LEVELS = 8
+REFLECTION_MAX_SIDE = 1024
+"""Nodes on a side of a map, or on an axis."""
+
+MIRROR_MAX_LATENTS = 9
+"""A row's channels, rgb, normal, depth and these, fill one register."""

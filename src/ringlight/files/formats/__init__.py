@@ -1,0 +1,1 @@
+"""Forms of a model that other programs open, one file each."""

@@ -1,0 +1,1 @@
+"""Socket: what a prediction is compared with."""

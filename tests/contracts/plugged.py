@@ -1,0 +1,65 @@
+"""Everything that is plugged in, by socket: the product's tables and the five plugs of tests/plugs. A plug is a line.
+
+Small sizes: contracts are about what must hold, not about how well it looks.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import torch
+from torch import nn
+
+from plugs.directional_opacity import DirectionalOpacity
+from plugs.environment import Environment, HarmonicsWithNormals
+from ringlight.color.harmonics import SphericalHarmonics
+from ringlight.color.light_fields import FIELDS
+from ringlight.color.mirror import Mirror
+from ringlight.color.ringlight import RingLight
+from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
+from ringlight.shade.passthrough import PassThrough
+from ringlight.shade.reflection import ReflectionShader
+from ringlight.shade.reflection_settings import ReflectionSettings
+
+BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
+
+RING = RingSettings(
+    rank=3, features=5, head_hidden=8, bands=2, view_bands=2, position_nodes=9, view_nodes=5, core_scale=0.5
+)
+LIGHT = RingLightSettings(
+    RING,
+    render_hidden=8,
+    modulation_hidden=6,
+    latents=2,
+    mask=True,
+    knots=KnotSettings(axis=7, view=5),
+    vm=VectorMatrixSettings(side=6, components=2, view=5),
+    mlp=PerceptronSettings(hidden=8, layers=2),
+)
+"""All of its gradients are computed: a share of them is right in expectation only."""
+
+COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
+    "harmonics": SphericalHarmonics,
+    "harmonics of degree 1": lambda: SphericalHarmonics(1),
+    **{f"light: {name}": lambda name=name: RingLight(replace(LIGHT, field=name), BOX, 1) for name in FIELDS},
+    "light, exact heads": lambda: RingLight(replace(LIGHT, evaluation="exact"), BOX, 1),
+    "light, bare": lambda: RingLight(replace(LIGHT, mask=False, latents=0, light_modulation=False), BOX, 1),
+    "light, no base colour": lambda: RingLight(replace(LIGHT, base_color=False), BOX, 1),
+    "mirror": lambda: Mirror(latents=3, seed=1),
+    "mirror, many latents": lambda: Mirror(latents=12, seed=1),
+    "plug: directional opacity": DirectionalOpacity,
+    "plug: harmonics with normals": HarmonicsWithNormals,
+}
+
+FIELD_NAMES = tuple(FIELDS)
+
+REFLECTION = ReflectionSettings(hidden=8, levels=(4, 7), features=4, latents=3, axis_nodes=4)
+
+SHADERS: dict[str, Callable[[], nn.Module]] = {
+    "pass-through": PassThrough,
+    "reflection": lambda: ReflectionShader(REFLECTION, BOX, 1),
+    "reflection, depth": lambda: ReflectionShader(replace(REFLECTION, depth_gradient=True), BOX, 1),
+    "reflection, directions alone": lambda: ReflectionShader(replace(REFLECTION, parallax=False, axis_nodes=0), BOX, 1),
+    "reflection, ring": lambda: ReflectionShader(replace(REFLECTION, ring="full", near_field=RING), BOX, 1),
+    "plug: environment": lambda: Environment(5, seed=1),
+}

@@ -1,0 +1,99 @@
+"""What every strategy must do, parametrised over all of them and the plug."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from torch import Tensor
+
+from contracts.methods import GROWING, small
+from plugs.relocate import Relocate
+from ringlight.core.scene import Scene
+from ringlight.data.synthetic import tiny_scene
+from ringlight.fit.strategies.contract import Strategy
+from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.drop_least import DropLeast
+from ringlight.fit.strategies.prune import Prune
+from ringlight.fit.strategies.unlock import Unlock
+from ringlight.fit.train import Training, train
+from ringlight.rasterize.choose import rasterizer_for
+
+STEPS, HALF = 30, 13
+
+SETTINGS = DensifySettings(**GROWING)
+DROPPING = DensifySettings(begin=0, every=2, stop=0.4, drop_share=0.5, drop_until=0.8)
+
+STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
+    "densify": lambda scene: Densify(SETTINGS, scene.extent, STEPS, 3, white=True),
+    "drop least": lambda scene: DropLeast(DROPPING, [view.camera for view in scene.train], STEPS),
+    "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),
+    "unlock": lambda scene: Unlock("color.active_degree", {5: 1, 12: 2, 20: 3}),
+    "plug: relocate": lambda scene: Relocate(every=4, noise=1e-3, seed=3),
+}
+
+pytestmark = [pytest.mark.parametrize("name", STRATEGIES)]
+
+
+def training_of(name: str) -> Training:
+    """3DGS with this strategy alone; a third of its Gaussians nearly transparent."""
+    scene = tiny_scene(views=6, size=24)
+    training = small("3dgs", STEPS).build(scene, rasterizer_for("auto"), 3)
+    training.strategies = (STRATEGIES[name](scene),)
+    with torch.no_grad():
+        training.model.get_parameter("columns.opacity_logits")[::3] = -5.5
+    return training
+
+
+def finish(training: Training) -> dict[str, Tensor]:
+    for progress in train(training):
+        assert progress.fault is None
+    return {name: tensor.clone() for name, tensor in training.state().items()}
+
+
+def same(one: dict[str, Tensor], other: dict[str, Tensor]) -> bool:
+    return one.keys() == other.keys() and all(torch.equal(one[name], other[name]) for name in one)
+
+
+def test_it_changes_something_and_leaves_all_finite(name: str):
+    training, without = training_of(name), training_of(name)
+    assert isinstance(training.strategies[0], Strategy)
+    without.strategies = ()
+    changed, plain = finish(training), finish(without)
+    assert any(changed[n].shape != plain[n].shape or not torch.equal(changed[n], plain[n]) for n in plain)
+    assert all(tensor.isfinite().all() for tensor in changed.values() if tensor.is_floating_point())
+
+
+def test_every_column_and_its_moments_keep_the_tables_rows(name: str):
+    training = training_of(name)
+    most = training.strategies[0].most
+    for _ in train(training):
+        rows = training.model.counted().number
+        assert rows > 0
+        tensors = training.model.state_dict() | training.optimizer.moments
+        columns = {n: t for n, t in tensors.items() if "columns." in n}
+        assert len(columns) == 3 * len([n for n in tensors if n.startswith("columns.")])
+        assert all(len(tensor) == rows for tensor in columns.values())
+        assert most is None or rows <= max(most, 20_000)
+
+
+def test_the_same_seed_gives_the_same_bits(name: str):
+    assert same(finish(training_of(name)), finish(training_of(name)))
+
+
+def test_what_it_counts_resumes_to_the_bit(name: str):
+    whole, halfway = training_of(name), dict[str, Tensor]()
+    for progress in train(whole):
+        if progress.step == HALF:
+            halfway = {n: tensor.clone() for n, tensor in whole.state().items()}
+    resumed = training_of(name)
+    resumed.restore(halfway)
+    assert same(finish(resumed), whole.state())
+
+
+def test_gradients_that_are_all_zero_are_no_trouble(name: str):
+    """A photograph without a Gaussian in it."""
+    training = training_of(name)
+    with torch.no_grad():
+        training.model.get_parameter("columns.means").add_(1000.0)
+    assert all(tensor.isfinite().all() for tensor in finish(training).values() if tensor.is_floating_point())

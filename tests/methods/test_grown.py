@@ -1,0 +1,30 @@
+"""The bounds that memory, studies and benchmarks ask of a recipe, without knowing what it is."""
+
+import dataclasses
+
+import pytest
+
+from ringlight.methods.three_dgs import ThreeDGSRecipe
+
+RECIPE = ThreeDGSRecipe(steps=4000)
+
+
+def test_a_bound_is_stated_or_left_to_the_scene():
+    assert RECIPE.most is None
+    assert RECIPE.ending_with(70).most == 70
+    assert RECIPE.ending_with(70).ending_with(None) == RECIPE
+
+
+def test_what_is_not_dropped_is_not_grown_either():
+    dropping = dataclasses.replace(RECIPE, densify=dataclasses.replace(RECIPE.densify, drop_share=0.6))
+    assert dropping.ending_with(70).densify.most_growing(4000) == 175
+    assert dropping.ending_with(70, dropping=False).densify.most_growing(4000) == 70
+
+
+@pytest.mark.parametrize("most", [1, 7, 100, 12_345, 1_000_003])
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3, 0.6, 0.9])
+def test_no_more_than_that_at_any_step(most: int, share: float):
+    dropping = dataclasses.replace(RECIPE, densify=dataclasses.replace(RECIPE.densify, drop_share=share))
+    growing = dropping.never_above(most).densify.most_growing(4000)
+    assert growing <= max(most, int(1 / (1 - share)))
+    assert growing > most - 1 / (1 - share) - 1, "and not much less"

@@ -1,0 +1,34 @@
+"""Presets with settings that make them small, without a test that knows what kind of recipe each is."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from ringlight.methods.table import CHOOSERS, METHODS
+
+TRAINED = tuple(name for name in METHODS if name not in CHOOSERS)
+"""What runs and files are of; a chooser settles on one of these."""
+
+SMALL = {
+    "light": {
+        "ring": {"rank": 4, "features": 6, "head_hidden": 8, "position_nodes": 16, "view_nodes": 4},
+        "render_hidden": 8,
+        "modulation_hidden": 8,
+    }
+}
+
+
+def small(method: str, **settings: object) -> Any:
+    """The preset, small, with these settings."""
+    return with_settings(METHODS[method], SMALL | settings)
+
+
+def with_settings(record: Any, settings: Mapping[str, object]) -> Any:
+    """The record with those of the settings that it has; a mapping changes settings inside a group."""
+    known = {field.name for field in dataclasses.fields(record)}
+    changes = {
+        name: with_settings(getattr(record, name), value) if isinstance(value, Mapping) else value
+        for name, value in settings.items()
+        if name in known
+    }
+    return dataclasses.replace(record, **changes)
