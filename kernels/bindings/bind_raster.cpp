@@ -78,15 +78,15 @@ bool is_image(const Array& array, const Camera& camera) {
 
 void forward(Workspace& workspace, const Table& table, const Camera& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
-             const LateColors* late, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
+             const LazyColors* lazy, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
              bool early_stop) {
   require(is_finite(camera), "rasterizer: the camera must be finite");
   require(camera.width >= 1 && camera.height >= 1 && camera.width <= MAX_IMAGE_SIDE && camera.height <= MAX_IMAGE_SIDE,
           "rasterizer: width and height must be 1 to 8192");
   const Splats splats = table.splats();
   const std::size_t channels = table.channels.shape(1);
-  require(!late || (splats.channel_count == LATE_CHANNELS && late->count == splats.count),
-          "rasterizer: late colours are three for each row of the table");
+  require(!lazy || (splats.channel_count == LAZY_CHANNELS && lazy->count == splats.count),
+          "rasterizer: lazy colours are three for each row of the table");
   require(!shader || shader->channels() == channels, "rasterizer: the shader takes another number of channels");
   require(is_image(image, camera) && is_image(alpha, camera) && image.shape(0) == (shader ? 3 : channels),
           "rasterizer: image must be [C H W], or [3 H W] with a shader, and alpha [H W]");
@@ -97,7 +97,7 @@ void forward(Workspace& workspace, const Table& table, const Camera& camera, con
   const nb::gil_scoped_release unlocked;
   const Images images{image.data(), alpha.data(), shader ? &shader->shader() : nullptr,
                       blended ? blended->data() : nullptr, early_stop};
-  workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()}, late);
+  workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()}, lazy);
 }
 
 struct Gradients {
@@ -134,16 +134,16 @@ struct Gradients {
 void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In<-1, -1, -1> image_gradient,
               std::optional<In<-1, -1>> alpha_gradient, const Gradients& gradients) {
   const Splats splats = table.splats();
-  const Frame& frame = workspace.frame();
-  require(workspace.complete() && splats.count == frame.splats.count &&
-              splats.channel_count == frame.splats.channel_count,
+  const View& view = workspace.view();
+  require(workspace.complete() && splats.count == view.splats.count &&
+              splats.channel_count == view.splats.channel_count,
           "rasterizer: backward needs the table of the last forward pass");
   const auto fits = [&](const auto& array) {
-    return is_image(array, frame.camera) && array.shape(0) == table.channels.shape(1);
+    return is_image(array, view.camera) && array.shape(0) == table.channels.shape(1);
   };
-  require(fits(image) && fits(image_gradient) && (!alpha_gradient || is_image(*alpha_gradient, frame.camera)),
+  require(fits(image) && fits(image_gradient) && (!alpha_gradient || is_image(*alpha_gradient, view.camera)),
           "rasterizer: image and its gradient must be [C H W], the gradient of alpha [H W]");
-  const SplatGradients to = gradients.pointers(splats, frame.settings.absgrad);
+  const SplatGradients to = gradients.pointers(splats, view.settings.absgrad);
   const nb::gil_scoped_release unlocked;
   workspace.backward(
       splats, {image.data(), image_gradient.data(), alpha_gradient ? alpha_gradient->data() : nullptr}, to);
@@ -152,7 +152,7 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
 std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
   require(workspace.complete(), "rasterizer: there is no forward pass whose pairs could be counted");
   const nb::gil_scoped_release unlocked;
-  const PairCounts counts = count_pairs(workspace.frame());
+  const PairCounts counts = count_pairs(workspace.view());
   return {counts.evaluated, counts.blended};
 }
 
@@ -175,7 +175,7 @@ void bind_raster(nb::module_& module) {
         new (self) RasterSettings(settings(eps2d, near, max_alpha, antialiased, absgrad));
       }, "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
 
-  nb::class_<LateColors>(module, "LateColors",
+  nb::class_<LazyColors>(module, "LazyColors",
                          "Better colours than the channels, worked out when the blend first needs them.");
 
   nb::class_<Table>(module, "SplatTable",
@@ -199,9 +199,9 @@ void bind_raster(nb::module_& module) {
       .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
-           "means2d"_a, "radii"_a, "late"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(),
+           "means2d"_a, "radii"_a, "lazy"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(),
            "early_stop"_a = false,
-           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Late colours take the place of the table's "
+           "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Lazy colours take the place of the table's "
            "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
            "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W] is there "
            "to keep what the shader was given. With early_stop the last 1/64 of a pixel's light may be what lies in "

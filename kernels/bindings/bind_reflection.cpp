@@ -185,7 +185,7 @@ void bind_reflection(nb::module_& module) {
   module.def("reflection_backward", &backward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
              nb::arg("planes"), nb::arg("color_gradient"), nb::arg("share"), nb::arg("gradients"),
              nb::arg("plane_gradients"),
-             "Gradients of all parameters and of the planes; by a share of the pixels, drawn by lot.");
+             "Gradients of all parameters and of the planes; by a share of the pixels, importance-sampled.");
   nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",
                                                "Shades tiles of a picture as reflection_forward shades its planes; "
                                                "where exact with the same bits, else with a layer in bytes.")

@@ -134,24 +134,24 @@ std::size_t workspace(const RingShape& shape, std::size_t visible_count) {
 }
 
 // The light field of one view, for rows that are asked for one after the other. Keeps its arrays alive.
-class LateRing : public LateColors {
+class LazyRing : public LazyColors {
  public:
-  LateRing(const RingShape& shape, std::vector<Input> parameters, Input means, Input base, Input latents,
+  LazyRing(const RingShape& shape, std::vector<Input> parameters, Input means, Input base, Input latents,
            const Camera& camera, const Box& box, std::optional<Array> colors)
-      : LateColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0, 0, colors ? colors->data() : nullptr},
+      : LazyColors{RINGLIGHT_CHOSEN_WITH_BF16(ring_light), &ring_, 0, 0, colors ? colors->data() : nullptr},
         parameters_(std::move(parameters)), columns_{means, base, latents}, colors_(colors) {
     ring_.shape = shape;
     ring_.parameters = parameters_from<const float>(ring_.shape, parameters_);
     ring_.scene = scene_from(ring_.shape, columns_, nullptr, camera, box);
     count = ring_.scene.count;
-    require(!colors || colors->size() == LATE_CHANNELS * count, "ring: colors must be [N 3]");
+    require(!colors || colors->size() == LAZY_CHANNELS * count, "ring: colors must be [N 3]");
     scratch = RINGLIGHT_CHOSEN_WITH_BF16(ring_light_floats)(ring_.shape);
     float* const packed = packed_.reserve(RINGLIGHT_CHOSEN_WITH_BF16(ring_packed_floats)(ring_.shape));
     RINGLIGHT_CHOSEN_WITH_BF16(ring_pack)(ring_.shape, ring_.parameters, packed);
     ring_.packed = packed;
   }
-  LateRing(const LateRing&) = delete;
-  LateRing& operator=(const LateRing&) = delete;
+  LazyRing(const LazyRing&) = delete;
+  LazyRing& operator=(const LazyRing&) = delete;
 
  private:
   std::vector<Input> parameters_;
@@ -182,8 +182,8 @@ void bind_ring(nb::module_& module) {
              nb::arg("share"), nb::arg("gradients"), nb::arg("base_gradient"),
              nb::arg("latents_gradient"), nb::arg("workspace"),
              "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, "
-             "drawn by lot.");
-  nb::class_<LateRing, LateColors>(module, "LateRing",
+             "importance-sampled.");
+  nb::class_<LazyRing, LazyColors>(module, "LazyRing",
                                    "The light field's colours, row by row when the blend needs them. With `colors`, "
                                    "where they are kept, a backward pass may follow.")
       .def(nb::init<const RingShape&, std::vector<Input>, Input, Input, Input, const Camera&, Box,

@@ -45,13 +45,13 @@ std::size_t adam_step(const Arrays& values, const Inputs& gradients, const Array
   return run(columns.data(), columns.size(), radii ? radii->data() : nullptr);
 }
 
-void add_pull(Input gradient, Input radii, float scale_x, float scale_y, Array pull, Array views) {
-  const std::size_t count = pull.size();
+void add_screen_gradient(Input gradient, Input radii, float scale_x, float scale_y, Array total, Array views) {
+  const std::size_t count = total.size();
   require(gradient.size() == 2 * count && radii.size() == 2 * count && views.size() == count,
-        "accumulate_pull: gradient and radii must be [N 2], pull and views [N]");
+        "accumulate_screen_gradient: gradient and radii must be [N 2], total and views [N]");
   const nb::gil_scoped_release unlocked;
-  const auto run = RINGLIGHT_CHOSEN(accumulate_pull);
-  run(gradient.data(), radii.data(), {scale_x, scale_y}, pull.data(), views.data(), count);
+  const auto run = RINGLIGHT_CHOSEN(accumulate_screen_gradient);
+  run(gradient.data(), radii.data(), {scale_x, scale_y}, total.data(), views.data(), count);
 }
 
 }  // namespace
@@ -63,9 +63,9 @@ void bind_step(nb::module_& module) {
              "One Adam update of many parameters in place; steps are (rate, beta1, beta2, epsilon, number of the "
              "update). With radii [N 2] only the rows that were drawn are updated. Elements of which any would not be "
              "finite stay as they are; returns how many.");
-  module.def("accumulate_pull", &add_pull, nb::arg("gradient"), nb::arg("radii"),
-             nb::arg("scale_x"), nb::arg("scale_y"), nb::arg("pull"), nb::arg("views"),
-             "Add each drawn row's screen-space pull and visit to the running sums, in place.");
+  module.def("accumulate_screen_gradient", &add_screen_gradient, nb::arg("gradient"), nb::arg("radii"),
+             nb::arg("scale_x"), nb::arg("scale_y"), nb::arg("total"), nb::arg("views"),
+             "Add the length of each drawn row's screen-space gradient to total, and 1 to views, in place.");
 }
 
 }  // namespace ringlight

@@ -54,7 +54,7 @@ struct AxisTable {
     return below + Values(cells.fraction[lane]) * (load_at(at + width) - below);
   }
   template <class Values, class Add>
-  __attribute__((always_inline)) void spread(float* table, int lane, Values gradient, Add add_at) const {
+  __attribute__((always_inline)) void scatter(float* table, int lane, Values gradient, Add add_at) const {
     float* at = table + (row(table, lane) - table);
     const Values above = gradient * Values(cells.fraction[lane]);
     add_at(at, gradient - above);
@@ -79,7 +79,7 @@ struct MapTable {
     return above + Values(down.fraction[lane]) * (below - above);
   }
   template <class Values, class Add>
-  __attribute__((always_inline)) void spread(float* table, int lane, Values gradient, Add add_at) const {
+  __attribute__((always_inline)) void scatter(float* table, int lane, Values gradient, Add add_at) const {
     float* upper = table + (row(table, lane) - table);
     float* lower = upper + static_cast<std::size_t>(side) * width;
     const Values right(across.fraction[lane]);
@@ -117,12 +117,12 @@ static void add_to_table(const Table& at, float* table, const float* lanes) {
     for (int i = 0; i < LANES; i++) square[i] = load(lanes + (column + i) * LANES);
     transpose(square);
     for (int lane = 0; lane < LANES; lane++)
-      at.template spread<Vec>(table + column, lane, square[lane],
+      at.template scatter<Vec>(table + column, lane, square[lane],
                               [](float* to, Vec value) { store(to, load(to) + value); });
   }
   for (; column < at.width; column++)
     for (int lane = 0; lane < LANES; lane++)
-      at.template spread<float>(table + column, lane, lanes[column * LANES + lane],
+      at.template scatter<float>(table + column, lane, lanes[column * LANES + lane],
                                 [](float* to, float value) { *to += value; });
 }
 

@@ -28,8 +28,8 @@ void for_listed_tiles(const Placement& place, int tiles_x, Visit&& visit) {
 // and its entry goes to a place that nobody reads.
 class Dealer {
  public:
-  Dealer(const Frame& frame, const std::uint64_t* order, std::size_t drawn)
-      : placements_(frame.placements), pieces_(frame.pieces), order_(order), drawn_(drawn), tiles_x_(frame.tiles_x) {}
+  Dealer(const View& view, const std::uint64_t* order, std::size_t drawn)
+      : placements_(view.placements), pieces_(view.pieces), order_(order), drawn_(drawn), tiles_x_(view.tiles_x) {}
 
   void count(std::size_t begin, std::size_t end, std::uint32_t* counts) const {
     for (std::size_t i = begin; i < end; i++) {
@@ -88,12 +88,12 @@ class Dealer {
 
 }  // namespace
 
-void Binning::bin(Frame& frame, const std::uint64_t* order, std::size_t drawn) {
-  const Dealer dealer(frame, order, drawn);
-  const std::size_t segments = static_cast<std::size_t>(frame.workers);
-  const std::size_t tiles = static_cast<std::size_t>(frame.tiles_x) * static_cast<std::size_t>(frame.tiles_y);
+void Binning::bin(View& view, const std::uint64_t* order, std::size_t drawn) {
+  const Dealer dealer(view, order, drawn);
+  const std::size_t segments = static_cast<std::size_t>(view.workers);
+  const std::size_t tiles = static_cast<std::size_t>(view.tiles_x) * static_cast<std::size_t>(view.tiles_y);
   // A 2 x 2 placement at the right or lower edge reaches past it: those cells are read, and stay as they are.
-  const std::size_t stride = tiles + static_cast<std::size_t>(frame.tiles_x) + 1;
+  const std::size_t stride = tiles + static_cast<std::size_t>(view.tiles_x) + 1;
   std::uint32_t* const cursors = cursors_.reserve(segments * stride);
   const auto begin = [&](std::size_t segment) { return drawn * segment / segments; };
 
@@ -102,27 +102,27 @@ void Binning::bin(Frame& frame, const std::uint64_t* order, std::size_t drawn) {
     dealer.count(begin(s), begin(s + 1), cursors + s * stride);
   });
 
-  frame.tile_starts = starts_.reserve(tiles + 1);
+  view.tile_starts = starts_.reserve(tiles + 1);
   std::uint32_t sum = 0;
   for (std::size_t tile = 0; tile < tiles; tile++) {
-    frame.tile_starts[tile] = sum;
+    view.tile_starts[tile] = sum;
     for (std::size_t s = 0; s < segments; s++) sum += std::exchange(cursors[s * stride + tile], sum);
   }
-  frame.tile_starts[tiles] = sum;
+  view.tile_starts[tiles] = sum;
 
   constexpr std::size_t CACHE_LINE = 8;  // entries; each worker has its own nowhere
-  std::uint64_t* const entries = frame.entries = entries_.reserve(sum + (segments + 1) * CACHE_LINE);
+  std::uint64_t* const entries = view.entries = entries_.reserve(sum + (segments + 1) * CACHE_LINE);
   parallel_for(segments, [&](std::size_t s) {
     const auto nowhere = static_cast<std::uint32_t>(sum + (s + 1) * CACHE_LINE);
     dealer.deal(begin(s), begin(s + 1), cursors + s * stride, entries, nowhere);
   });
 
   // Longest first: the last tile to be blended should be a short one.
-  frame.tile_count = static_cast<int>(tiles);
-  frame.tile_order = tile_order_.reserve(tiles);
-  std::iota(frame.tile_order, frame.tile_order + tiles, 0u);
-  const std::uint32_t* const starts = frame.tile_starts;
-  std::stable_sort(frame.tile_order, frame.tile_order + tiles, [&](std::uint32_t a, std::uint32_t b) {
+  view.tile_count = static_cast<int>(tiles);
+  view.tile_order = tile_order_.reserve(tiles);
+  std::iota(view.tile_order, view.tile_order + tiles, 0u);
+  const std::uint32_t* const starts = view.tile_starts;
+  std::stable_sort(view.tile_order, view.tile_order + tiles, [&](std::uint32_t a, std::uint32_t b) {
     return starts[a + 1] - starts[a] > starts[b + 1] - starts[b];
   });
 }

@@ -9,9 +9,9 @@ namespace ringlight {
 
 class Binning {
  public:
-  // Fills in tile_starts, tile_order, tile_count and entries of the frame from `order`, the rows from near to far.
+  // Fills in tile_starts, tile_order, tile_count and entries of the view from `order`, the rows from near to far.
   // Needs placements, and pieces with their first_slot.
-  void bin(Frame& frame, const std::uint64_t* order, std::size_t drawn);
+  void bin(View& view, const std::uint64_t* order, std::size_t drawn);
 
  private:
   Buffer<std::uint32_t> cursors_;  // [segments][tiles and a margin]

@@ -11,8 +11,8 @@ namespace {
 constexpr std::uint32_t PREFETCH = 24;  // entries ahead: about the latency of memory
 
 template <int C>
-RINGLIGHT_INLINE int width_of(const Frame& frame) {
-  return C == WIDE ? padded_channels(frame.splats.channel_count) : C;
+RINGLIGHT_INLINE int width_of(const View& view) {
+  return C == WIDE ? padded_channels(view.splats.channel_count) : C;
 }
 template <int C>
 RINGLIGHT_INLINE int channel_offset() {
@@ -29,10 +29,10 @@ struct Chunk {
 
 // Fills in rows and masks of a chunk. The masks without finished blocks are also kept for the backward pass.
 template <int C>
-RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::uint64_t alive, const Chunk& chunk) {
-  const int channels = frame.splats.channel_count;
+RINGLIGHT_INLINE void gather_chunk(const View& view, const Tile& tile, std::uint64_t alive, const Chunk& chunk) {
+  const int channels = view.splats.channel_count;
   const int stride = row_stride(padded_channels(channels));
-  const std::uint64_t* const entries = frame.entries + chunk.at;
+  const std::uint64_t* const entries = view.entries + chunk.at;
   const std::uint32_t last = tile.end - chunk.at - 1;
   for (int first = 0; first < chunk.count; first += LANES) {
     Vec fields[LANES];
@@ -40,22 +40,22 @@ RINGLIGHT_INLINE void gather_chunk(const Frame& frame, const Tile& tile, std::ui
       const std::uint32_t k = static_cast<std::uint32_t>(first + i < chunk.count ? first + i : chunk.count - 1);
       const std::size_t row = static_cast<std::uint32_t>(entries[k]);
       const std::uint32_t ahead = k + PREFETCH < last ? k + PREFETCH : last;
-      __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * RECORD);
-      fields[i] = load(frame.records + row * RECORD);
+      __builtin_prefetch(view.records + std::size_t{static_cast<std::uint32_t>(entries[ahead])} * RECORD);
+      fields[i] = load(view.records + row * RECORD);
       float* const to = chunk.rows + (first + i) * stride;
       store(to, fields[i]);
       if (C != WIDE && C <= RECORD_CHANNELS) continue;
       const std::size_t width = static_cast<std::size_t>(channels);
-      const float* const from = frame.splats.channels + row * width;
+      const float* const from = view.splats.channels + row * width;
       const std::size_t next = static_cast<std::uint32_t>(entries[ahead]);
-      prefetch_floats(frame.splats.channels + next * width, channels);
+      prefetch_floats(view.splats.channels + next * width, channels);
       for (int c = 0; c < channels; c += LANES)
         store(to + RECORD + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
     }
     transpose(fields);
     find_blocks(fields, static_cast<float>(tile.left), static_cast<float>(tile.top), chunk.masks + first);
     for (int i = first; i < first + LANES && i < chunk.count; i++)
-      frame.block_masks[chunk.at + i] = chunk.masks[i] &= alive;
+      view.block_masks[chunk.at + i] = chunk.masks[i] &= alive;
   }
   for (int i = chunk.count; i < CHUNK; i++) chunk.masks[i] = 0;
 }
@@ -136,13 +136,13 @@ RINGLIGHT_INLINE int blend_block(const RowList& list, Vec x, Vec y, Vec stronges
 }
 
 template <int C>
-RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* scratch, const Images& images) {
-  if (tile.begin == tile.end) return write_background(frame, tile, images);
-  const int width = width_of<C>(frame), floats = (2 + width) * LANES;
-  const int written = images.shader ? SHADED_CHANNELS : frame.splats.channel_count;
-  prefetch_pixels(frame, tile, images.alpha, 1);
-  prefetch_pixels(frame, tile, images.image, written);
-  if (images.blended) prefetch_pixels(frame, tile, images.blended, frame.splats.channel_count);
+RINGLIGHT_INLINE void blend_tile(const View& view, const Tile& tile, float* scratch, const Images& images) {
+  if (tile.begin == tile.end) return write_background(view, tile, images);
+  const int width = width_of<C>(view), floats = (2 + width) * LANES;
+  const int written = images.shader ? SHADED_CHANNELS : view.splats.channel_count;
+  prefetch_pixels(view, tile, images.alpha, 1);
+  prefetch_pixels(view, tile, images.image, written);
+  if (images.blended) prefetch_pixels(view, tile, images.blended, view.splats.channel_count);
   float* const rows = scratch;
   float* const weights = scratch + CHUNK * row_stride(C == WIDE ? width : C);
   float* const states = weights + CHUNK * LANES;
@@ -159,10 +159,10 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
   std::uint32_t at = tile.begin;
   while (at < tile.end && alive) {
     const int count = tile.end - at < CHUNK ? static_cast<int>(tile.end - at) : CHUNK;
-    int closed_by = OPEN;  // the last row of the chunk that finished a block
-    gather_chunk<C>(frame, tile, alive, {at, count, rows, masks});
-    if (C == LATE_CHANNELS && frame.late)
-      add_late_colors(frame, {frame.entries + at, masks, count, tile.end - at, rows}, of_light);
+    int finished_by = OPEN;  // the last row of the chunk that finished a block
+    gather_chunk<C>(view, tile, alive, {at, count, rows, masks});
+    if (C == LAZY_CHANNELS && view.lazy)
+      add_lazy_colors(view, {view.entries + at, masks, count, tile.end - at, rows}, of_light);
     for (int i = 0; i < count; i += 64) transpose_bits(masks + i);  // now one word per block and 64 entries
     for (std::uint64_t left = alive; left; left &= left - 1) {
       const int block = __builtin_ctzll(left);
@@ -174,34 +174,34 @@ RINGLIGHT_INLINE void blend_tile(const Frame& frame, const Tile& tile, float* sc
       const Vec y = load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * (block / BLOCKS_PER_SIDE)));
       const RowList list{rows, numbers, length};
       float* const state = states + block * floats;
-      const int closed = blend_block<C>(list, x, y, Vec(frame.settings.max_alpha), width, weights, state);
-      if (closed == OPEN) continue;
+      const int last = blend_block<C>(list, x, y, Vec(view.settings.max_alpha), width, weights, state);
+      if (last == OPEN) continue;
       alive &= ~(std::uint64_t{1} << block);
-      closed_by = closed > closed_by ? closed : closed_by;
+      finished_by = last > finished_by ? last : finished_by;
     }
-    at += static_cast<std::uint32_t>(alive ? count : closed_by + 1);
-    if (images.early_stop && count == CHUNK) alive = close_dim_blocks(alive, states, floats);
+    at += static_cast<std::uint32_t>(alive ? count : finished_by + 1);
+    if (images.early_stop && count == CHUNK) alive = stop_early(alive, states, floats);
   }
-  frame.tile_used[tile.number] = at - tile.begin;
-  write_tile(frame, tile, states, floats, states + BLOCKS * floats, images);
+  view.tile_used[tile.number] = at - tile.begin;
+  write_tile(view, tile, states, floats, states + BLOCKS * floats, images);
 }
 
 template <int C>
-void blend_all(const Frame& frame, const Images& images) {
-  for_each_tile(frame, [&](const Tile& tile, float* scratch) { blend_tile<C>(frame, tile, scratch, images); });
+void blend_all(const View& view, const Images& images) {
+  for_each_tile(view, [&](const Tile& tile, float* scratch) { blend_tile<C>(view, tile, scratch, images); });
 }
 
 }  // namespace
 
-void blend(const Frame& frame, const Images& images) {
-  switch (kernel_channels(frame.splats.channel_count)) {
-    case 1: return blend_all<1>(frame, images);
-    case 3: return blend_all<3>(frame, images);
-    case 4: return blend_all<4>(frame, images);
-    case 8: return blend_all<8>(frame, images);
-    case 10: return blend_all<10>(frame, images);
-    case 11: return blend_all<11>(frame, images);
-    default: return blend_all<WIDE>(frame, images);
+void blend(const View& view, const Images& images) {
+  switch (kernel_channels(view.splats.channel_count)) {
+    case 1: return blend_all<1>(view, images);
+    case 3: return blend_all<3>(view, images);
+    case 4: return blend_all<4>(view, images);
+    case 8: return blend_all<8>(view, images);
+    case 10: return blend_all<10>(view, images);
+    case 11: return blend_all<11>(view, images);
+    default: return blend_all<WIDE>(view, images);
   }
 }
 

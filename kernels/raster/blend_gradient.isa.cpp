@@ -27,36 +27,36 @@ RINGLIGHT_INLINE float* state_of(const Workplace& place, int block, int width) {
   return place.states + block * (2 + width) * LANES;
 }
 
-RINGLIGHT_INLINE void open_tile(const Frame& frame, const Tile& tile, const ImageGradients& from, Workplace& place) {
-  const std::size_t stride = static_cast<std::size_t>(frame.camera.width);
-  const std::size_t plane = stride * static_cast<std::size_t>(frame.camera.height);
+RINGLIGHT_INLINE void open_tile(const View& view, const Tile& tile, const ImageGradients& from, Workplace& place) {
+  const std::size_t stride = static_cast<std::size_t>(view.camera.width);
+  const std::size_t plane = stride * static_cast<std::size_t>(view.camera.height);
   const float* const transmittance =
-      frame.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
+      view.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
   for (int side = 0; side < BLOCKS_PER_SIDE; side++) {
     store(place.x[side], load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * side)));
     store(place.y[side], load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * side)));
   }
   const int floats = (2 + place.width) * LANES;
-  for_each_strip(frame, tile, [&](const Strip& strip) {
-    float* const first = state_of(place, strip.first_block, place.width);
-    Vec rest[STRIP], pixels[STRIP], upstream[STRIP];
-    for (int k = 0; k < STRIP; k++) rest[k] = Vec(0.f);
+  for_each_quartet(view, tile, [&](const Quartet& quartet) {
+    float* const first = state_of(place, quartet.first_block, place.width);
+    Vec rest[QUARTET], pixels[QUARTET], upstream[QUARTET];
+    for (int k = 0; k < QUARTET; k++) rest[k] = Vec(0.f);
     if (from.alpha_gradient) {
-      load_strip(from.alpha_gradient, stride, strip, upstream);
-      for (int k = 0; k < STRIP; k++)
-        rest[k] = -(upstream[k] * load(transmittance + (strip.first_block + k) * LANES));
+      load_quartet(from.alpha_gradient, stride, quartet, upstream);
+      for (int k = 0; k < QUARTET; k++)
+        rest[k] = -(upstream[k] * load(transmittance + (quartet.first_block + k) * LANES));
     }
-    for (int c = 0; c < frame.sloped_channels; c++) {
-      load_strip(from.image_gradient + static_cast<std::size_t>(c) * plane, stride, strip, upstream);
-      load_strip(from.image + static_cast<std::size_t>(c) * plane, stride, strip, pixels);
-      for (int k = 0; k < STRIP; k++) {
+    for (int c = 0; c < view.gradient_channels; c++) {
+      load_quartet(from.image_gradient + static_cast<std::size_t>(c) * plane, stride, quartet, upstream);
+      load_quartet(from.image + static_cast<std::size_t>(c) * plane, stride, quartet, pixels);
+      for (int k = 0; k < QUARTET; k++) {
         rest[k] = fma(upstream[k], pixels[k], rest[k]);
         store(first + k * floats + UPSTREAM + c * LANES, upstream[k]);
       }
     }
-    for (int k = 0; k < STRIP; k++) {
+    for (int k = 0; k < QUARTET; k++) {
       float* const state = first + k * floats;
-      for (int c = frame.sloped_channels; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));
+      for (int c = view.gradient_channels; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));
       store(state + RUNNING, Vec(1.f));
       store(state + REST, rest[k]);
     }
@@ -204,11 +204,11 @@ RINGLIGHT_INLINE std::uint64_t walk_entry(const Ellipse& e, const float* channel
 
 // The channels of a row where the kernel can read all that it is compiled for.
 template <int C>
-RINGLIGHT_INLINE const float* channels_of(const Frame& frame, const float* record, std::size_t row,
+RINGLIGHT_INLINE const float* channels_of(const View& view, const float* record, std::size_t row,
                                           const Workplace& place) {
   if constexpr (C != WIDE && C <= RECORD_CHANNELS) return record + FIRST_CHANNELS;
-  const int channels = frame.splats.channel_count;
-  const float* const from = frame.splats.channels + row * static_cast<std::size_t>(channels);
+  const int channels = view.splats.channel_count;
+  const float* const from = view.splats.channels + row * static_cast<std::size_t>(channels);
   if (place.width <= channels) return from;
   for (int c = 0; c < channels; c += LANES)
     store(place.channels + c, load_first(from + c, channels - c < LANES ? channels - c : LANES));
@@ -216,65 +216,65 @@ RINGLIGHT_INLINE const float* channels_of(const Frame& frame, const float* recor
 }
 
 template <int C, bool Absolute>
-RINGLIGHT_INLINE void walk_tile(const Frame& frame, const Tile& tile, const Tile* next, const ImageGradients& from,
+RINGLIGHT_INLINE void walk_tile(const View& view, const Tile& tile, const Tile* next, const ImageGradients& from,
                                 Workplace& place) {
-  const std::uint32_t end = tile.begin + frame.tile_used[tile.number];
+  const std::uint32_t end = tile.begin + view.tile_used[tile.number];
   if (end == tile.begin) return;
-  open_tile(frame, tile, from, place);
+  open_tile(view, tile, from, place);
   if (next) {
-    prefetch_pixels(frame, *next, from.image_gradient, frame.sloped_channels);
-    prefetch_pixels(frame, *next, from.image, frame.sloped_channels);
+    prefetch_pixels(view, *next, from.image_gradient, view.gradient_channels);
+    prefetch_pixels(view, *next, from.image, view.gradient_channels);
   }
   const std::size_t stride =
-      static_cast<std::size_t>(slot_stride(C == WIDE ? frame.sloped_channels : C, Absolute));
+      static_cast<std::size_t>(slot_stride(C == WIDE ? view.gradient_channels : C, Absolute));
   std::uint64_t alive = tile.inside;
   for (std::uint32_t at = tile.begin; at < end; at++) {
-    const std::uint64_t mask = frame.block_masks[at] & alive;
+    const std::uint64_t mask = view.block_masks[at] & alive;
     if (!mask) continue;
-    const std::uint64_t entry = frame.entries[at], ahead = frame.entries[at + PREFETCH < end ? at + PREFETCH : end - 1];
-    __builtin_prefetch(frame.records + std::size_t{static_cast<std::uint32_t>(ahead)} * RECORD);
-    __builtin_prefetch(frame.slots + (ahead >> 32) * stride, 1);
-    __builtin_prefetch(frame.slot_used + (ahead >> 32), 1);
+    const std::uint64_t entry = view.entries[at], ahead = view.entries[at + PREFETCH < end ? at + PREFETCH : end - 1];
+    __builtin_prefetch(view.records + std::size_t{static_cast<std::uint32_t>(ahead)} * RECORD);
+    __builtin_prefetch(view.slots + (ahead >> 32) * stride, 1);
+    __builtin_prefetch(view.slot_used + (ahead >> 32), 1);
     if (C == WIDE || C > RECORD_CHANNELS)
-      prefetch_floats(frame.splats.channels + static_cast<std::uint32_t>(ahead) *
-                          static_cast<std::size_t>(frame.splats.channel_count), frame.splats.channel_count);
+      prefetch_floats(view.splats.channels + static_cast<std::uint32_t>(ahead) *
+                          static_cast<std::size_t>(view.splats.channel_count), view.splats.channel_count);
     const std::size_t row = static_cast<std::uint32_t>(entry), slot = entry >> 32;
-    const float* const record = frame.records + row * RECORD;
-    const float* const channels = channels_of<C>(frame, record, row, place);
-    frame.slot_used[slot] = 1;
-    const Ellipse ellipse = ellipse_of(record, frame.settings.max_alpha);
-    alive &= ~walk_entry<C, Absolute>(ellipse, channels, mask, place, frame.slots + slot * stride);
+    const float* const record = view.records + row * RECORD;
+    const float* const channels = channels_of<C>(view, record, row, place);
+    view.slot_used[slot] = 1;
+    const Ellipse ellipse = ellipse_of(record, view.settings.max_alpha);
+    alive &= ~walk_entry<C, Absolute>(ellipse, channels, mask, place, view.slots + slot * stride);
   }
 }
 
 template <int C, bool Absolute>
-void walk_all(const Frame& frame, const ImageGradients& from) {
-  for_each_tile_ahead(frame, [&](const Tile& tile, const Tile* next, float* scratch) {
+void walk_all(const View& view, const ImageGradients& from) {
+  for_each_tile_ahead(view, [&](const Tile& tile, const Tile* next, float* scratch) {
     Workplace place;
-    place.width = C == WIDE ? padded_channels(frame.sloped_channels) : C;
+    place.width = C == WIDE ? padded_channels(view.gradient_channels) : C;
     place.states = scratch;
     place.weights = scratch + BLOCKS * (2 + place.width) * LANES;
     place.channels = place.weights + BLOCKS * LANES;
-    walk_tile<C, Absolute>(frame, tile, next, from, place);
+    walk_tile<C, Absolute>(view, tile, next, from, place);
   });
 }
 
 template <int C>
-void walk_all(const Frame& frame, const ImageGradients& from) {
-  frame.settings.absgrad ? walk_all<C, true>(frame, from) : walk_all<C, false>(frame, from);
+void walk_all(const View& view, const ImageGradients& from) {
+  view.settings.absgrad ? walk_all<C, true>(view, from) : walk_all<C, false>(view, from);
 }
 
 }  // namespace
 
-void blend_gradient(const Frame& frame, const ImageGradients& from) {
-  switch (kernel_channels(frame.sloped_channels)) {
-    case 1: return walk_all<1>(frame, from);
-    case 3: return walk_all<3>(frame, from);
-    case 4: return walk_all<4>(frame, from);
-    case 8: return walk_all<8>(frame, from);
-    case 10: return walk_all<10>(frame, from);
-    case 11: return walk_all<11>(frame, from);
-    default: return walk_all<WIDE>(frame, from);
+void blend_gradient(const View& view, const ImageGradients& from) {
+  switch (kernel_channels(view.gradient_channels)) {
+    case 1: return walk_all<1>(view, from);
+    case 3: return walk_all<3>(view, from);
+    case 4: return walk_all<4>(view, from);
+    case 8: return walk_all<8>(view, from);
+    case 10: return walk_all<10>(view, from);
+    case 11: return walk_all<11>(view, from);
+    default: return walk_all<WIDE>(view, from);
   }
 }
 

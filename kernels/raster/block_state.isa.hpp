@@ -6,8 +6,8 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-// State of a block between chunks: 16 transmittances that go on falling past the threshold (which is how a pixel
-// knows that it is finished), 16 final ones, then 16 values of each channel.
+// State of a block between chunks: 16 running transmittances, 16 final ones, then 16 values of each channel. A running
+// one falls on past the threshold, which tells that its pixel is finished.
 enum State { RUNNING = BLOCK_RUNNING, FINAL = BLOCK_FINAL, COLOR = BLOCK_CHANNELS };
 
 // Rows of the chunk that touch one block, in order; one more number follows the last.
@@ -19,7 +19,7 @@ struct RowList {
 
 // Stops the blocks through whose pixels less than EARLY_STOP of what lies behind shows, as if that were what is in
 // front; returns the others. Blocks whose pixels are all finished are not asked: less is missing of them.
-RINGLIGHT_INLINE std::uint64_t close_dim_blocks(std::uint64_t blocks, float* states, int floats) {
+RINGLIGHT_INLINE std::uint64_t stop_early(std::uint64_t blocks, float* states, int floats) {
   std::uint64_t open = blocks;
   for (std::uint64_t left = blocks; left; left &= left - 1) {
     const int block = __builtin_ctzll(left);

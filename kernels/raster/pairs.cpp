@@ -14,16 +14,16 @@ struct Block {
   int left, top, columns, rows;
 };
 
-Block block_at(const Frame& frame, int number, int block) {
+Block block_at(const View& view, int number, int block) {
   constexpr int SIDE = convention::TILE / convention::BLOCK;
-  const int left = number % frame.tiles_x * convention::TILE + convention::BLOCK * (block % SIDE);
-  const int top = number / frame.tiles_x * convention::TILE + convention::BLOCK * (block / SIDE);
-  return {left, top, frame.camera.width - left, frame.camera.height - top};
+  const int left = number % view.tiles_x * convention::TILE + convention::BLOCK * (block % SIDE);
+  const int top = number / view.tiles_x * convention::TILE + convention::BLOCK * (block / SIDE);
+  return {left, top, view.camera.width - left, view.camera.height - top};
 }
 
 // One entry at the pixels of one block, whose transmittances it lowers. Returns the pixels of the image that it added
-// to, and closes the block when no lane is left for those behind: the kernels walk on for lanes beyond the border too.
-int blend_block(const float* record, const Block& block, float strongest, float* transmittance, bool& closed) {
+// to. `finished` when no lane is left for those behind: the kernels walk on for lanes beyond the border too.
+int blend_block(const float* record, const Block& block, float strongest, float* transmittance, bool& finished) {
   int added = 0;
   bool unfinished = false;
   for (int lane = 0; lane < LANES; lane++) {
@@ -38,25 +38,25 @@ int blend_block(const float* record, const Block& block, float strongest, float*
     unfinished = true;
     added += seen && column < block.columns && row < block.rows;
   }
-  closed = !unfinished;
+  finished = !unfinished;
   return added;
 }
 
-PairCounts count_tile(const Frame& frame, int number) {
+PairCounts count_tile(const View& view, int number) {
   float transmittance[BLOCKS][LANES];
   std::fill_n(transmittance[0], BLOCKS * LANES, 1.f);
   PairCounts counts{0, 0};
   std::uint64_t alive = ~std::uint64_t{0};
-  const std::uint32_t begin = frame.tile_starts[number], end = begin + frame.tile_used[number];
+  const std::uint32_t begin = view.tile_starts[number], end = begin + view.tile_used[number];
   for (std::uint32_t at = begin; at < end; at++) {
-    const float* const record = frame.records + std::size_t{static_cast<std::uint32_t>(frame.entries[at])} * RECORD;
-    for (std::uint64_t blocks = frame.block_masks[at] & alive; blocks; blocks &= blocks - 1) {
+    const float* const record = view.records + std::size_t{static_cast<std::uint32_t>(view.entries[at])} * RECORD;
+    for (std::uint64_t blocks = view.block_masks[at] & alive; blocks; blocks &= blocks - 1) {
       const int block = __builtin_ctzll(blocks);
-      bool closed;
-      counts.blended += blend_block(record, block_at(frame, number, block), frame.settings.max_alpha,
-                                    transmittance[block], closed);
+      bool finished;
+      counts.blended += blend_block(record, block_at(view, number, block), view.settings.max_alpha,
+                                    transmittance[block], finished);
       counts.evaluated += LANES;
-      if (closed) alive &= ~(std::uint64_t{1} << block);
+      if (finished) alive &= ~(std::uint64_t{1} << block);
     }
   }
   return counts;
@@ -64,10 +64,10 @@ PairCounts count_tile(const Frame& frame, int number) {
 
 }  // namespace
 
-PairCounts count_pairs(const Frame& frame) {
-  std::vector<PairCounts> tiles(static_cast<std::size_t>(frame.tile_count));
+PairCounts count_pairs(const View& view) {
+  std::vector<PairCounts> tiles(static_cast<std::size_t>(view.tile_count));
   parallel_for(tiles.size(),
-               [&](std::size_t i) { tiles[i] = count_tile(frame, static_cast<int>(frame.tile_order[i])); });
+               [&](std::size_t i) { tiles[i] = count_tile(view, static_cast<int>(view.tile_order[i])); });
   PairCounts total{0, 0};
   for (const PairCounts& tile : tiles) {
     total.evaluated += tile.evaluated;

@@ -14,6 +14,6 @@ struct PairCounts {
 
 // Blends the view of the last forward pass once more, pixel by pixel in plain C++. Slow; rounds its own way, so that a
 // pair on the edge of an ellipse may count here and not there.
-PairCounts count_pairs(const Frame& frame);
+PairCounts count_pairs(const View& view);
 
 }  // namespace ringlight

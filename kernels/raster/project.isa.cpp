@@ -23,8 +23,8 @@ struct Ellipses {
   Mask drawn;
 };
 
-RINGLIGHT_INLINE Ellipses find_ellipses(const Frame& frame, const Projection& p) {
-  const Camera& camera = frame.camera;
+RINGLIGHT_INLINE Ellipses find_ellipses(const View& view, const Projection& p) {
+  const Camera& camera = view.camera;
   Ellipses e;
   e.x = fma(Vec(camera.focal_x), p.slope[0], Vec(camera.center_x));
   e.y = fma(Vec(camera.focal_y), p.slope[1], Vec(camera.center_y));
@@ -50,7 +50,7 @@ RINGLIGHT_INLINE Ellipses find_ellipses(const Frame& frame, const Projection& p)
 
   const Vec width(static_cast<float>(camera.width)), height(static_cast<float>(camera.height)), zero(0.f);
   const Vec z = p.position[2];
-  Mask drawn = both(both(ge(z, Vec(frame.settings.near)), gt(z, zero)), both(gt(reach, zero), gt(p.det, zero)));
+  Mask drawn = both(both(ge(z, Vec(view.settings.near)), gt(z, zero)), both(gt(reach, zero), gt(p.det, zero)));
   // What is so far away that squares overflow would be a point at infinity, with gradients of infinity times zero.
   drawn = both(drawn, is_finite(fma(p.position[0], p.position[0], fma(p.position[1], p.position[1], z * z))));
   drawn = both(drawn, both(is_finite(e.along_x * e.turn), both(is_finite(p.det), is_finite(e.along_y * e.spread))));
@@ -100,13 +100,13 @@ RINGLIGHT_INLINE void channel_columns(const SplatRows& rows, Vec* to) {
   to[0] = load(columns[0]), to[1] = load(columns[1]);
 }
 
-RINGLIGHT_INLINE void write_records(const Frame& frame, std::size_t first, const SplatRows& rows, const Ellipses& e) {
+RINGLIGHT_INLINE void write_records(const View& view, std::size_t first, const SplatRows& rows, const Ellipses& e) {
   Vec c[RECORD_CHANNELS];
   channel_columns(rows, c);
   Vec fields[RECORD] = {e.x, e.y, e.along_x, e.along_y, e.across_y, e.log2_opacity, c[0], c[1],
                         c[2], c[3], e.shear, e.spread, e.reach2, e.turn, Vec(NOT_LIT), Vec(0.f)};
   transpose(fields);
-  for (int i = 0; i < LANES; i++) store(frame.records + (first + static_cast<std::size_t>(i)) * RECORD, fields[i]);
+  for (int i = 0; i < LANES; i++) store(view.records + (first + static_cast<std::size_t>(i)) * RECORD, fields[i]);
 }
 
 // Bits 0-3: which of the 2 x 2 tiles at (x0, y0) the ellipse touches; exact up to the margin.
@@ -169,9 +169,9 @@ struct Progress {
   std::uint32_t entries, drawn, broken;
 };
 
-RINGLIGHT_INLINE void place_rows(const Frame& frame, std::size_t first, const Ellipses& e, Vec z, Progress& progress) {
+RINGLIGHT_INLINE void place_rows(const View& view, std::size_t first, const Ellipses& e, Vec z, Progress& progress) {
   const Vec to_tiles(1.f / TILE), zero(0.f), half(0.5f);
-  const Vec last_x(static_cast<float>(frame.tiles_x - 1)), last_y(static_cast<float>(frame.tiles_y - 1));
+  const Vec last_x(static_cast<float>(view.tiles_x - 1)), last_y(static_cast<float>(view.tiles_y - 1));
   const Vec x0 = floor(min(max((e.x - e.extent_x - half) * to_tiles, zero), last_x));
   const Vec x1 = floor(min(max((e.x + e.extent_x - half) * to_tiles, zero), last_x));
   const Vec y0 = floor(min(max((e.y - e.extent_y - half) * to_tiles, zero), last_y));
@@ -182,13 +182,13 @@ RINGLIGHT_INLINE void place_rows(const Frame& frame, std::size_t first, const El
   const IVec tiles = touched_2x2(e, x0, y0, x1, y1), one = ivec(1);
   const IVec counts = (tiles & one) + (shift_right<1>(tiles) & one) + (shift_right<2>(tiles) & one) +
                       shift_right<3>(tiles);
-  Placement* const places = frame.placements + first;
+  Placement* const places = view.placements + first;
   store_columns(reinterpret_cast<float*>(places), as_floats(corners), as_floats(tiles), zero, z);
   std::uint32_t entries[LANES];
   store(entries, counts);
   for (unsigned left = large; left; left &= left - 1) {
     const int i = __builtin_ctz(left);
-    entries[i] = list_tiles(frame.records + (first + static_cast<std::size_t>(i)) * RECORD, places[i]);
+    entries[i] = list_tiles(view.records + (first + static_cast<std::size_t>(i)) * RECORD, places[i]);
   }
   for (int i = 0; i < LANES; i++) {
     places[i].first_slot = progress.entries;
@@ -234,31 +234,31 @@ RINGLIGHT_INLINE void write_footprints(const Footprints& to, std::size_t first, 
   }
 }
 
-void project_piece(const Frame& frame, const Footprints& footprints, std::size_t begin, std::size_t end) {
+void project_piece(const View& view, const Footprints& footprints, std::size_t begin, std::size_t end) {
   constexpr float FARTHEST = 3e38f;
   Progress progress{Vec(FARTHEST), Vec(0.f), 0, 0, 0};
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
     SplatRows rows;
-    take_rows(frame.splats, first, count, rows);
+    take_rows(view.splats, first, count, rows);
     Projection p;
-    project_rows(frame, rows, p);
-    Ellipses e = find_ellipses(frame, p);
-    const unsigned finite = finite_rows(frame.splats, rows, first, count);
+    project_rows(view, rows, p);
+    Ellipses e = find_ellipses(view, p);
+    const unsigned finite = finite_rows(view.splats, rows, first, count);
     progress.broken += static_cast<std::uint32_t>(count - __builtin_popcount(finite));
     e.drawn = both(e.drawn, mask_from_bits(finite));
-    write_records(frame, first, rows, e);
-    place_rows(frame, first, e, p.position[2], progress);
+    write_records(view, first, rows, e);
+    place_rows(view, first, e, p.position[2], progress);
     write_footprints(footprints, first, count, e);
   }
-  frame.pieces[begin / ROWS_PER_PIECE] = summary(progress);
+  view.pieces[begin / ROWS_PER_PIECE] = summary(progress);
 }
 
 }  // namespace
 
-void project(const Frame& frame, const Footprints& footprints) {
-  parallel_ranges(frame.splats.count, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
-    project_piece(frame, footprints, begin, end);
+void project(const View& view, const Footprints& footprints) {
+  parallel_ranges(view.splats.count, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
+    project_piece(view, footprints, begin, end);
   });
 }
 

@@ -14,8 +14,8 @@ struct SlotRange {
   std::size_t begin, end;
 };
 
-RINGLIGHT_INLINE SlotRange slots_of(const Frame& frame, const Piece& piece, std::size_t row) {
-  const Placement& place = frame.placements[row];
+RINGLIGHT_INLINE SlotRange slots_of(const View& view, const Piece& piece, std::size_t row) {
+  const Placement& place = view.placements[row];
   unsigned slots = static_cast<unsigned>(__builtin_popcount(place.tiles & ~LISTED));
   if (place.tiles == EVERY_TILE) slots = (place.x1 - place.x0 + 1u) * (place.y1 - place.y0 + 1u);
   const std::size_t begin = piece.first_slot + place.first_slot;
@@ -24,17 +24,17 @@ RINGLIGHT_INLINE SlotRange slots_of(const Frame& frame, const Piece& piece, std:
 
 // Adds up the first LANES floats of the slots of sixteen Gaussians, each in the order of its tiles: one Vec each.
 // Returns a bit per Gaussian that has any.
-RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int count, std::size_t stride, Vec* totals) {
-  const Piece& piece = frame.pieces[first / ROWS_PER_PIECE];
+RINGLIGHT_INLINE unsigned add_slots(const View& view, std::size_t first, int count, std::size_t stride, Vec* totals) {
+  const Piece& piece = view.pieces[first / ROWS_PER_PIECE];
   unsigned seen = 0;
   for (int i = 0; i < LANES; i++) {
     Vec total(0.f);
     if (i < count) {
-      const SlotRange range = slots_of(frame, piece, first + static_cast<std::size_t>(i));
+      const SlotRange range = slots_of(view, piece, first + static_cast<std::size_t>(i));
       for (std::size_t slot = range.begin; slot < range.end; slot++) {
-        if (!frame.slot_used[slot]) continue;
+        if (!view.slot_used[slot]) continue;
         seen |= 1u << i;
-        total += load(frame.slots + slot * stride);
+        total += load(view.slots + slot * stride);
       }
     }
     totals[i] = total;
@@ -43,29 +43,29 @@ RINGLIGHT_INLINE unsigned add_slots(const Frame& frame, std::size_t first, int c
 }
 
 // Channel gradients of one Gaussian, straight to its row, where not all lie in the first LANES floats of a slot.
-RINGLIGHT_INLINE void add_channels(const Frame& frame, std::size_t row, std::size_t stride, bool seen, float* to) {
-  const SlotRange range = slots_of(frame, frame.pieces[row / ROWS_PER_PIECE], row);
-  const float* const from = frame.slots + slot_moments(frame.settings.absgrad);
-  const int channels = frame.sloped_channels;
+RINGLIGHT_INLINE void add_channels(const View& view, std::size_t row, std::size_t stride, bool seen, float* to) {
+  const SlotRange range = slots_of(view, view.pieces[row / ROWS_PER_PIECE], row);
+  const float* const from = view.slots + slot_moments(view.settings.absgrad);
+  const int channels = view.gradient_channels;
   for (int c = 0; c < channels; c += LANES) {
     const int width = channels - c < LANES ? channels - c : LANES;
     Vec total(0.f);
     for (std::size_t slot = range.begin; seen && slot < range.end; slot++)
-      if (frame.slot_used[slot]) total += load_first(from + slot * stride + c, width);
+      if (view.slot_used[slot]) total += load_first(from + slot * stride + c, width);
     store_first(to + c, total, width);
   }
 }
 
 // Channel gradients of sixteen Gaussians row by row; `totals` as add_slots left them.
-RINGLIGHT_INLINE void write_channel_rows(const Frame& frame, float* to, std::size_t first, int count,
+RINGLIGHT_INLINE void write_channel_rows(const View& view, float* to, std::size_t first, int count,
                                          std::size_t stride, unsigned seen, const Vec* totals) {
-  const int channels = frame.sloped_channels, moments = slot_moments(frame.settings.absgrad);
+  const int channels = view.gradient_channels, moments = slot_moments(view.settings.absgrad);
   for (int i = 0; i < count; i++) {
     const std::size_t row = first + static_cast<std::size_t>(i);
-    float* const out = to + row * static_cast<std::size_t>(frame.splats.channel_count);
-    for (int c = channels; c < frame.splats.channel_count; c++) out[c] = 0;
+    float* const out = to + row * static_cast<std::size_t>(view.splats.channel_count);
+    for (int c = channels; c < view.splats.channel_count; c++) out[c] = 0;
     if (moments + channels > LANES) {
-      add_channels(frame, row, stride, seen >> i & 1, out);
+      add_channels(view, row, stride, seen >> i & 1, out);
       continue;
     }
     float sums[LANES];
@@ -132,7 +132,7 @@ RINGLIGHT_INLINE void quat_gradient(const Projection& p, const Vec* r, Vec* to) 
   to[3] = fnma(along, z, vz) * p.inverse_norm[1] * p.inverse_norm[0];
 }
 
-// From the matrix H to the principal axes and the position, both in the camera frame.
+// From the matrix H to the principal axes and the position, both in camera coordinates.
 RINGLIGHT_INLINE void axes_gradient(const Camera& camera, const Projection& p, const Vec* half_x, const Vec* half_y,
                                     const Vec* center, Vec* to_axes, Vec* to_position) {
   const Vec fx(camera.focal_x), fy(camera.focal_y);
@@ -159,7 +159,7 @@ RINGLIGHT_INLINE void axes_gradient(const Camera& camera, const Projection& p, c
   to_position[2] = -(p.inverse_z * p.inverse_z * to_inverse_z);
 }
 
-RINGLIGHT_INLINE void row_gradients(const Frame& frame, const Projection& p, const Moments& m, RowGradients& to) {
+RINGLIGHT_INLINE void row_gradients(const View& view, const Projection& p, const Moments& m, RowGradients& to) {
   const Factor l = inverse_factor(p);
   const Vec scale(SQRT_TWO_LN2), u = scale * m.u, v = scale * m.v;
   to.center[0] = l.xx * u;
@@ -170,9 +170,9 @@ RINGLIGHT_INLINE void row_gradients(const Frame& frame, const Projection& p, con
   to.factor = m.g / p.factor;
 
   Vec half_x[3], half_y[3], to_axes[9], to_position[3], to_rotation[9];
-  half_gradient(p, l, m, frame.settings.antialiased, half_x, half_y);
-  axes_gradient(frame.camera, p, half_x, half_y, to.center, to_axes, to_position);
-  const float* const w = frame.camera.world_to_camera;
+  half_gradient(p, l, m, view.settings.antialiased, half_x, half_y);
+  axes_gradient(view.camera, p, half_x, half_y, to.center, to_axes, to_position);
+  const float* const w = view.camera.world_to_camera;
   for (int k = 0; k < 3; k++)
     to.means[k] = fma(Vec(w[k]), to_position[0], fma(Vec(w[4 + k]), to_position[1], Vec(w[8 + k]) * to_position[2]));
   for (int j = 0; j < 3; j++) {
@@ -221,25 +221,25 @@ RINGLIGHT_INLINE void write_channel_columns(float* to, int channels, std::size_t
   if (channels == 4) write_columns<4>(to, first, count, all, columns);
 }
 
-void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t begin, std::size_t end) {
-  const bool absgrad = frame.settings.absgrad;
-  const int channels = frame.splats.channel_count;
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(frame.sloped_channels, absgrad));
+void piece_gradient(const View& view, const SplatGradients& to, std::size_t begin, std::size_t end) {
+  const bool absgrad = view.settings.absgrad;
+  const int channels = view.splats.channel_count;
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(view.gradient_channels, absgrad));
   for (std::size_t first = begin; first < end; first += LANES) {
     const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
     Vec t[LANES];
-    const unsigned seen = add_slots(frame, first, count, stride, t);
-    if (!columns_fit(channels)) write_channel_rows(frame, to.channels, first, count, stride, seen, t);
+    const unsigned seen = add_slots(view, first, count, stride, t);
+    if (!columns_fit(channels)) write_channel_rows(view, to.channels, first, count, stride, seen, t);
     RowGradients rows = {};
     if (seen) {
       transpose(t);
       SplatRows table;
-      take_rows(frame.splats, first, count, table);
+      take_rows(view.splats, first, count, table);
       Projection p;
-      project_rows(frame, table, p);
+      project_rows(view, table, p);
       const Moments m{t[SUM_G],   t[SUM_GU],  t[SUM_GV],     t[SUM_GUU],
                       t[SUM_GUV], t[SUM_GVV], t[ABSOLUTE_X], t[ABSOLUTE_Y]};
-      row_gradients(frame, p, m, rows);
+      row_gradients(view, p, m, rows);
     }
     write_rows(to, first, count, mask_from_bits(seen), rows);
     if (columns_fit(channels))
@@ -249,9 +249,9 @@ void piece_gradient(const Frame& frame, const SplatGradients& to, std::size_t be
 
 }  // namespace
 
-void project_gradient(const Frame& frame, const SplatGradients& to) {
-  parallel_ranges(frame.splats.count, ROWS_PER_PIECE,
-                  [&](std::size_t begin, std::size_t end) { piece_gradient(frame, to, begin, end); });
+void project_gradient(const View& view, const SplatGradients& to) {
+  parallel_ranges(view.splats.count, ROWS_PER_PIECE,
+                  [&](std::size_t begin, std::size_t end) { piece_gradient(view, to, begin, end); });
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -45,7 +45,7 @@ RINGLIGHT_INLINE void take_rows(const Splats& splats, std::size_t first, int cou
 }
 
 struct Projection {
-  Vec position[3];       // camera frame
+  Vec position[3];       // in camera coordinates
   Vec inverse_z;
   Vec slope[2];          // x / z, y / z
   Vec clamped[2];        // the same, kept near the image: the affine approximation explodes far outside
@@ -53,7 +53,7 @@ struct Projection {
   Vec inverse_norm[2];   // 1 / |quat| as two factors, either of which may be extreme
   Vec rotation[9];       // row-major
   Vec scale[3];
-  Vec axes[9];           // world_to_camera rotation scale; columns are the principal axes in the camera frame
+  Vec axes[9];           // world_to_camera rotation scale; columns are the principal axes in camera coordinates
   Vec half_x[3], half_y[3];  // rows of the 2 x 3 matrix H with covariance H H^T, pixels
   Vec cov_xx, cov_xy, cov_yy;  // with the low-pass filter
   Vec normal[3];         // half_x cross half_y
@@ -126,7 +126,7 @@ RINGLIGHT_INLINE void cross(const Vec* a, const Vec* b, Vec* to) {
   to[2] = fnma(a[1], b[0], a[0] * b[1]);
 }
 
-RINGLIGHT_INLINE void spread(const Camera& camera, float eps2d, const float* log_scales, Projection& p) {
+RINGLIGHT_INLINE void cover(const Camera& camera, float eps2d, const float* log_scales, Projection& p) {
   load_columns(log_scales, p.scale[0], p.scale[1], p.scale[2]);
   for (int j = 0; j < 3; j++) p.scale[j] = exp(p.scale[j]);
   for (int i = 0; i < 3; i++)
@@ -160,11 +160,11 @@ RINGLIGHT_INLINE void weigh(const RasterSettings& settings, const SplatRows& row
   p.opacity = p.sigmoid * p.factor * p.compensation;
 }
 
-RINGLIGHT_INLINE void project_rows(const Frame& frame, const SplatRows& rows, Projection& p) {
-  place(frame.camera, rows.means, p);
+RINGLIGHT_INLINE void project_rows(const View& view, const SplatRows& rows, Projection& p) {
+  place(view.camera, rows.means, p);
   rotate(rows.quats, p);
-  spread(frame.camera, frame.settings.eps2d, rows.log_scales, p);
-  weigh(frame.settings, rows, p);
+  cover(view.camera, view.settings.eps2d, rows.log_scales, p);
+  weigh(view.settings, rows, p);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -35,20 +35,20 @@ struct Splats {
   const float* background;      // [C]
 };
 
-// Colours in place of the channels, worked out row by row when the blend first needs them.
-struct LateColors {
-  // Writes the colours of at most LATE_ROWS rows, [count LATE_CHANNELS]. Threads call it at the same time, each with
-  // floats of its own to write to; a row gets the same bits whoever asks, and together with whichever others.
+// Colours that take the place of the channels. A row's colour is worked out when the blend first needs it.
+struct LazyColors {
+  // Writes the colours of at most LAZY_ROWS rows, [count LAZY_CHANNELS]. Threads call it at the same time, each with
+  // scratch floats of its own. A row's bits depend neither on the thread nor on the other rows of the call.
   using Light = void (*)(const void* source, const std::int32_t* rows, int count, float* colors, float* scratch);
   Light light;
   const void* source;
   std::size_t scratch;  // floats
   std::size_t count;    // rows of the table
-  float* kept;          // [count LATE_CHANNELS] where a pass that gets gradients leaves them; or null: a picture
+  float* kept;          // [count LAZY_CHANNELS]: the colours stay here for a backward pass; or null
 };
-inline constexpr int LATE_ROWS = 64, LATE_CHANNELS = 3;
-inline constexpr int LATE_GROUP = 32;  // so many rows take as long as one
-inline constexpr float NOT_LIT = -1;   // in place of such a colour
+inline constexpr int LAZY_ROWS = 64, LAZY_CHANNELS = 3;
+inline constexpr int LAZY_GROUP = 32;  // rows that take as long as a single one
+inline constexpr float NOT_LIT = -1;   // in a record: its colour is not worked out yet
 
 struct Footprints {
   float* means2d;  // [N 2] pixels; 0 where not drawn
@@ -59,8 +59,8 @@ struct Images {
   float* image;              // [C H W], or with a shader its colours, [3 H W]
   float* alpha;              // [H W]
   const TileShader* shader;  // or null
-  float* blended;            // with a shader: [C H W] where a pass that gets gradients keeps what was blended; or null
-  bool early_stop;           // blocks end at EARLY_STOP: faster, not exact, without a backward pass
+  float* blended;            // [C H W] with a shader: what was blended stays here for a backward pass; or null
+  bool early_stop;           // blocks stop at EARLY_STOP: faster, not exact, no backward pass
 };
 
 struct ImageGradients {
@@ -111,7 +111,7 @@ enum RecordField {
   CENTER_X, CENTER_Y, ALONG_X, ALONG_Y, ACROSS_Y, LOG2_OPACITY,
   FIRST_CHANNELS,  // up to RECORD_CHANNELS channels
   SHEAR = 10, SPREAD, REACH2, TURN,
-  LATE_FIRST, LATE_SECOND, LATE_THIRD = 9,  // of three channels, once they are known (LateColors)
+  LAZY_FIRST, LAZY_SECOND, LAZY_THIRD = 9,  // a lazy colour, once it is known
   RECORD = 16
 };
 inline constexpr int RECORD_CHANNELS = 4;
@@ -126,11 +126,11 @@ inline constexpr int BLOCKS = 64;  // blocks of a tile, bits of a mask
 inline constexpr int LANES = 16;   // pixels of a block
 inline constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255): what is fainter is not drawn
 
-struct Frame {
+struct View {
   Camera camera;
   RasterSettings settings;
   Splats splats;
-  int sloped_channels;  // backward: the last channels may have no gradient, and are left out
+  int gradient_channels;  // backward: the channels up to the last that has a gradient
   int tiles_x, tiles_y;
 
   // By row of the table, with room for a whole group of LANES at the end.
@@ -142,18 +142,18 @@ struct Frame {
   int tile_count;
   std::uint32_t* tile_starts;  // [T + 1]
   std::uint32_t* tile_order;   // [T] longest first
-  std::uint32_t* tile_used;    // [T] entries until every block had ended
+  std::uint32_t* tile_used;    // [T] entries until every block was finished
   std::uint64_t* entries;      // row of the table, and the slot in the upper half
-  std::uint64_t* block_masks;  // blocks of the tile that the entry touches and that had not ended yet
+  std::uint64_t* block_masks;  // blocks of the tile that the entry touches and that was not finished yet
   float* final_transmittance;  // [T BLOCKS LANES]
 
   // By slot.
   float* slots;             // [slots slot_stride]
   std::uint8_t* slot_used;  // 1 where the slot was written
 
-  // Late colours: null, or where they come from (lazy_colors.isa.hpp).
-  const LateColors* late;
-  bool* late_broken;  // set where one is not finite
+  // Null, or where lazy colours come from (lazy_colors.isa.hpp).
+  const LazyColors* lazy;
+  bool* lazy_broken;  // set where one is not finite
 
   // Memory of each worker.
   int workers;
@@ -190,10 +190,10 @@ constexpr int state_stride(int channels) { return (2 + padded_channels(channels)
 // Stages compiled once per instruction set.
 #define RINGLIGHT_RASTER_STAGES(isa)                                    \
   namespace isa {                                                        \
-  void project(const Frame& frame, const Footprints& footprints);        \
-  void blend(const Frame& frame, const Images& images);                  \
-  void blend_gradient(const Frame& frame, const ImageGradients& from);   \
-  void project_gradient(const Frame& frame, const SplatGradients& to);   \
+  void project(const View& view, const Footprints& footprints);        \
+  void blend(const View& view, const Images& images);                  \
+  void blend_gradient(const View& view, const ImageGradients& from);   \
+  void project_gradient(const View& view, const SplatGradients& to);   \
   }
 RINGLIGHT_EVERY_ISA(RINGLIGHT_RASTER_STAGES)
 #undef RINGLIGHT_RASTER_STAGES

@@ -13,7 +13,7 @@
 namespace ringlight {
 namespace {
 
-std::size_t piece_count(const Frame& frame) { return (frame.splats.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE; }
+std::size_t piece_count(const View& view) { return (view.splats.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE; }
 
 int tiles_along(int pixels) { return (pixels + convention::TILE - 1) / convention::TILE; }
 
@@ -38,11 +38,11 @@ bool all_zero(const float* values, std::size_t count) {
   return true;
 }
 
-// The last channels whose gradient is zero everywhere are left out: a depth that only a shader looks at, say. Those of
-// few channels stay, for the kernels that expect them in the records cannot be had with others behind them.
-int sloped_channels(const Frame& frame, const float* image_gradient) {
-  const std::size_t plane = std::size_t(frame.camera.width) * std::size_t(frame.camera.height);
-  int channels = frame.splats.channel_count;
+// The last channels whose gradient is zero everywhere are left out: a depth that only a shader looks at, say. The first
+// RECORD_CHANNELS + 1 stay: kernels of fewer expect them in the records, where wider tables have none.
+int gradient_channels(const View& view, const float* image_gradient) {
+  const std::size_t plane = std::size_t(view.camera.width) * std::size_t(view.camera.height);
+  int channels = view.splats.channel_count;
   const auto last = [&] { return image_gradient + (static_cast<std::size_t>(channels) - 1) * plane; };
   while (channels > RECORD_CHANNELS + 1 && all_zero(last(), plane)) channels--;
   return channels;
@@ -51,37 +51,37 @@ int sloped_channels(const Frame& frame, const float* image_gradient) {
 }  // namespace
 
 void Workspace::make_room() {
-  const std::size_t rows = (frame_.splats.count + LANES - 1) / LANES * LANES;
-  const std::size_t tiles = static_cast<std::size_t>(frame_.tiles_x) * static_cast<std::size_t>(frame_.tiles_y);
-  frame_.records = records_.reserve(rows * RECORD);
-  frame_.placements = placements_.reserve(rows);
-  frame_.pieces = pieces_.reserve(piece_count(frame_));
-  frame_.tile_used = tile_used_.reserve(tiles);
-  frame_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
+  const std::size_t rows = (view_.splats.count + LANES - 1) / LANES * LANES;
+  const std::size_t tiles = static_cast<std::size_t>(view_.tiles_x) * static_cast<std::size_t>(view_.tiles_y);
+  view_.records = records_.reserve(rows * RECORD);
+  view_.placements = placements_.reserve(rows);
+  view_.pieces = pieces_.reserve(piece_count(view_));
+  view_.tile_used = tile_used_.reserve(tiles);
+  view_.final_transmittance = final_transmittance_.reserve(tiles * BLOCKS * LANES);
 }
 
 // Each worker needs the states of a tile's blocks and, forward, a chunk's rows and weights; backward, one row of
 // channels and the weights of its blocks. A shader's floats come last.
 void Workspace::reserve_scratch(std::size_t of_shader) {
-  const int channels = frame_.splats.channel_count;
+  const int channels = view_.splats.channel_count;
   const auto floats = [](int n) { return static_cast<std::size_t>(n); };
   const std::size_t states = BLOCKS * floats(state_stride(channels));
   const std::size_t width = floats(round_up_lanes(channels)), row = floats(row_stride(padded_channels(channels)));
-  frame_.workers = threads();
-  frame_.scratch_stride = states + std::max(CHUNK * (row + LANES), width + BLOCKS * LANES) + of_shader;
-  if (frame_.late) frame_.scratch_stride += frame_.late->scratch;
-  frame_.scratch_stride = (frame_.scratch_stride + LANES - 1) / LANES * LANES;
-  frame_.scratch = scratch_.reserve(static_cast<std::size_t>(frame_.workers) * frame_.scratch_stride);
+  view_.workers = threads();
+  view_.scratch_stride = states + std::max(CHUNK * (row + LANES), width + BLOCKS * LANES) + of_shader;
+  if (view_.lazy) view_.scratch_stride += view_.lazy->scratch;
+  view_.scratch_stride = (view_.scratch_stride + LANES - 1) / LANES * LANES;
+  view_.scratch = scratch_.reserve(static_cast<std::size_t>(view_.workers) * view_.scratch_stride);
 }
 
 // Gives every piece its first slot; returns the number of drawn Gaussians. Refuses a table that is not all finite.
 std::uint64_t Workspace::number_slots() {
   std::uint64_t slots = 0, drawn = 0, broken = 0;
-  for (std::size_t i = 0; i < piece_count(frame_); i++) {
-    frame_.pieces[i].first_slot = slots;
-    slots += frame_.pieces[i].entries;
-    drawn += frame_.pieces[i].drawn;
-    broken += frame_.pieces[i].broken;
+  for (std::size_t i = 0; i < piece_count(view_); i++) {
+    view_.pieces[i].first_slot = slots;
+    slots += view_.pieces[i].entries;
+    drawn += view_.pieces[i].drawn;
+    broken += view_.pieces[i].broken;
   }
   if (broken)
     throw std::domain_error("rasterizer: " + std::to_string(broken) + " rows hold a value that is not finite");
@@ -94,47 +94,47 @@ std::uint64_t Workspace::number_slots() {
 }
 
 void Workspace::forward(const Camera& camera, const RasterSettings& settings, const Splats& splats,
-                        const Images& images, const Footprints& footprints, const LateColors* late) {
+                        const Images& images, const Footprints& footprints, const LazyColors* lazy) {
   passes_++;
   complete_ = false;
-  frame_.camera = camera;
-  frame_.settings = settings;
-  frame_.splats = splats;
-  frame_.tiles_x = tiles_along(camera.width);
-  frame_.tiles_y = tiles_along(camera.height);
+  view_.camera = camera;
+  view_.settings = settings;
+  view_.splats = splats;
+  view_.tiles_x = tiles_along(camera.width);
+  view_.tiles_y = tiles_along(camera.height);
   make_room();
-  late_broken_ = false;
-  frame_.late = late, frame_.late_broken = &late_broken_;
+  lazy_broken_ = false;
+  view_.lazy = lazy, view_.lazy_broken = &lazy_broken_;
   reserve_scratch(images.shader ? images.shader->scratch : 0);
   Stopwatch watch(seconds_);
-  RINGLIGHT_CHOSEN(project)(frame_, footprints);
+  RINGLIGHT_CHOSEN(project)(view_, footprints);
   const std::uint64_t drawn = number_slots();
   watch.end(PROJECT);
-  const std::uint64_t* const order = sort_.sort(frame_, drawn);
+  const std::uint64_t* const order = sort_.sort(view_, drawn);
   watch.end(SORT);
-  binning_.bin(frame_, order, drawn);
-  frame_.block_masks = block_masks_.reserve(slots_in_use_);
+  binning_.bin(view_, order, drawn);
+  view_.block_masks = block_masks_.reserve(slots_in_use_);
   watch.end(BIN);
-  RINGLIGHT_CHOSEN(blend)(frame_, images);
+  RINGLIGHT_CHOSEN(blend)(view_, images);
   watch.end(BLEND);
-  frame_.late = nullptr;
-  const bool is_kept = (!images.shader || images.blended) && (!late || late->kept);
-  complete_ = is_kept && !images.early_stop && !late_broken_;
-  if (late && late_broken_) throw std::domain_error("rasterizer: colours are not finite");
+  view_.lazy = nullptr;
+  const bool is_kept = (!images.shader || images.blended) && (!lazy || lazy->kept);
+  complete_ = is_kept && !images.early_stop && !lazy_broken_;
+  if (lazy && lazy_broken_) throw std::domain_error("rasterizer: colours are not finite");
 }
 
 void Workspace::backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to) {
-  frame_.splats = splats;
+  view_.splats = splats;
   reserve_scratch(0);  // the number of threads may have changed
-  frame_.sloped_channels = sloped_channels(frame_, from.image_gradient);
-  const std::size_t stride = static_cast<std::size_t>(slot_stride(frame_.sloped_channels, frame_.settings.absgrad));
-  frame_.slots = slots_.reserve(slots_in_use_ * stride);
-  frame_.slot_used = slot_used_.reserve(slots_in_use_);
-  if (slots_in_use_) std::memset(frame_.slot_used, 0, slots_in_use_);
+  view_.gradient_channels = gradient_channels(view_, from.image_gradient);
+  const std::size_t stride = static_cast<std::size_t>(slot_stride(view_.gradient_channels, view_.settings.absgrad));
+  view_.slots = slots_.reserve(slots_in_use_ * stride);
+  view_.slot_used = slot_used_.reserve(slots_in_use_);
+  if (slots_in_use_) std::memset(view_.slot_used, 0, slots_in_use_);
   Stopwatch watch(seconds_);
-  RINGLIGHT_CHOSEN(blend_gradient)(frame_, from);
+  RINGLIGHT_CHOSEN(blend_gradient)(view_, from);
   watch.end(BLEND_GRADIENT);
-  RINGLIGHT_CHOSEN(project_gradient)(frame_, to);
+  RINGLIGHT_CHOSEN(project_gradient)(view_, to);
   watch.end(PROJECT_GRADIENT);
 }
 

@@ -13,20 +13,20 @@ enum Stage { PROJECT, SORT, BIN, BLEND, BLEND_GRADIENT, PROJECT_GRADIENT, STAGES
 class Workspace {
  public:
   // Fills in `images` and `footprints` completely. Throws std::bad_alloc (nothing is drawn) when the entries of this
-  // view would not fit into the memory of the machine, std::domain_error when the table, or a late colour that was
-  // asked for, holds a value that is not finite. There is no backward pass with a
-  // shader unless what was blended is kept, with `late` unless it keeps its colours, nor after an early stop.
+  // view would not fit into the memory of the machine, std::domain_error when the table, or a lazy colour that was
+  // asked for, holds a value that is not finite. No backward pass can follow an early stop, a shader without
+  // `blended`, or lazy colours that are not kept.
   void forward(const Camera& camera, const RasterSettings& settings, const Splats& splats, const Images& images,
-               const Footprints& footprints, const LateColors* late = nullptr);
+               const Footprints& footprints, const LazyColors* lazy = nullptr);
 
   // Fills in `to` for the last forward pass; `splats` must hold the same values as then.
   void backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to);
 
   // Counts the forward passes: a caller that remembers the value knows whether its pass is still the last one.
   std::uint64_t passes() const { return passes_; }
-  // Whether the last forward pass came to its end, so that there is something for a backward pass.
+  // Whether a backward pass can follow the last forward pass.
   bool complete() const { return complete_; }
-  const Frame& frame() const { return frame_; }
+  const View& view() const { return view_; }
   // How long each stage took the last time.
   double seconds(Stage stage) const { return seconds_[stage]; }
 
@@ -35,9 +35,9 @@ class Workspace {
   std::uint64_t number_slots();
   void reserve_scratch(std::size_t of_shader);
 
-  Frame frame_{};
+  View view_{};
   double seconds_[STAGES] = {};
-  bool complete_ = false, late_broken_ = false;
+  bool complete_ = false, lazy_broken_ = false;
   std::uint64_t passes_ = 0, slots_in_use_ = 0;
   DepthSort sort_;
   Binning binning_;

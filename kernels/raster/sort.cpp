@@ -17,12 +17,12 @@ struct KeyRange {
   std::uint32_t nearest = NOT_DRAWN, farthest = 0;
 };
 
-KeyRange range_of(const Frame& frame) {
+KeyRange range_of(const View& view) {
   KeyRange range;
-  const std::size_t pieces = (frame.splats.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE;
+  const std::size_t pieces = (view.splats.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE;
   for (std::size_t i = 0; i < pieces; i++) {
-    range.nearest = std::min(range.nearest, frame.pieces[i].nearest);
-    range.farthest = std::max(range.farthest, frame.pieces[i].farthest);
+    range.nearest = std::min(range.nearest, view.pieces[i].nearest);
+    range.farthest = std::max(range.farthest, view.pieces[i].farthest);
   }
   return range;
 }
@@ -59,19 +59,19 @@ struct Pass {
 
 }  // namespace
 
-const std::uint64_t* DepthSort::sort(const Frame& frame, std::size_t drawn) {
+const std::uint64_t* DepthSort::sort(const View& view, std::size_t drawn) {
   if (drawn == 0) return nullptr;
-  const KeyRange range = range_of(frame);
+  const KeyRange range = range_of(view);
   const int key_bits = std::max(1, static_cast<int>(std::bit_width(range.farthest - range.nearest)));
   const int passes = (key_bits + MAX_DIGIT_BITS - 1) / MAX_DIGIT_BITS;
   const int bits = (key_bits + passes - 1) / passes;
-  const std::size_t segments = static_cast<std::size_t>(frame.workers);
+  const std::size_t segments = static_cast<std::size_t>(view.workers);
   std::uint32_t* const counts = counts_.reserve(segments << bits);
   std::uint64_t* from = pairs_.reserve(drawn);
   std::uint64_t* to = sorted_.reserve(drawn);
 
-  const Placement* const placements = frame.placements;
-  Pass{frame.splats.count, segments, 0, bits, counts}.run(to, [&](std::size_t row, auto&& f) {
+  const Placement* const placements = view.placements;
+  Pass{view.splats.count, segments, 0, bits, counts}.run(to, [&](std::size_t row, auto&& f) {
     const std::uint32_t key = placements[row].depth_key;
     if (key != NOT_DRAWN) f(key - range.nearest, std::uint64_t{key - range.nearest} << 32 | row);
   });

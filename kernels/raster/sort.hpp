@@ -11,8 +11,8 @@ namespace ringlight {
 class DepthSort {
  public:
   // Rows of the table from near to far, equal depths by row; valid until the next call. `drawn` is how many have a
-  // depth key. Needs placements and pieces of the frame.
-  const std::uint64_t* sort(const Frame& frame, std::size_t drawn);
+  // depth key. Needs placements and pieces of the view.
+  const std::uint64_t* sort(const View& view, std::size_t drawn);
 
  private:
   Buffer<std::uint64_t> pairs_, sorted_;  // key above, row below

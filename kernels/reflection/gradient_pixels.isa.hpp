@@ -7,7 +7,7 @@ namespace ringlight::RINGLIGHT_ISA {
 
 // Lists the pixels that are opaque enough and have a gradient, [3] planes, and its sizes as ColorGradient has them.
 // Returns how many these are; both lists have room for LANES more.
-static inline std::size_t list_sloped(const float* alpha, float faintest, const float* color_gradient,
+static inline std::size_t list_with_gradient(const float* alpha, float faintest, const float* color_gradient,
                                       std::size_t pixels, std::int32_t* list, float* sizes) {
   std::size_t count = 0;
   IVec numbers = load_ints(NUMBERS);

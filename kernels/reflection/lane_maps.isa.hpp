@@ -89,7 +89,7 @@ RINGLIGHT_INLINE void read_quarter(const float* map, const LevelPoints& at, int 
   const auto nodes = [&](int offset) {
     return load_quarters(corner[0] + offset, corner[1] + offset, corner[2] + offset, corner[3] + offset);
   };
-  const Vec x = spread_quarter<Quarter>(load(at.across)), y = spread_quarter<Quarter>(load(at.down));
+  const Vec x = repeat_quarter<Quarter>(load(at.across)), y = repeat_quarter<Quarter>(load(at.down));
   const Vec upper = nodes(0), lower = nodes(below);
   const Vec step = nodes(right) - upper, lower_step = nodes(below + right) - lower;
   const Vec top = fma(x, step, upper), drop = fma(x, lower_step, lower) - top;

@@ -1,5 +1,5 @@
 // What the features of sixteen pixels are multiplied by, one pixel per lane: products of what three axes hold for the
-// reflecting point (src/ringlight/fields/axis_factors.py is the twin). A node's factors are consecutive: sixteen of a
+// reflecting point (reference: src/ringlight/fields/axis_factors.py). A node's factors are consecutive: sixteen of a
 // lane are one load.
 #pragma once
 #include "reflection/pixels.isa.hpp"

@@ -1,5 +1,5 @@
 // What Gaussians emit for deferred shading, row by row as the rasterizer takes it: base colour, unit normal turned
-// towards the camera, latents, depth (src/ringlight/color/mirror.py is the twin).
+// towards the camera, latents, depth (src/ringlight/color/mirror.py is the reference).
 #pragma once
 #include <cstddef>
 

@@ -86,9 +86,9 @@ bool mirror_gradient(const MirrorScene& scene, const MirrorColumns<const float>&
   const float* const depth = scene.camera.world_to_camera + 8;  // depth = depth[0..2] . mean + depth[3]
   const std::size_t pieces = (scene.count + ROWS_PER_PIECE - 1) / ROWS_PER_PIECE;
   const Scratch flags(pieces + 1);
-  auto* const sloped_depths = static_cast<unsigned char*>(flags.data());
+  auto* const depth_gradients = static_cast<unsigned char*>(flags.data());
   parallel_ranges(scene.count, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
-    bool sloped = false;
+    bool has_gradient = false;
     for (std::size_t first = begin; first < end; first += LANES) {
       const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
       Vec means[LANES], base[LANES], normals[LANES], upstream[LANES], columns[LANES];
@@ -112,13 +112,13 @@ bool mirror_gradient(const MirrorScene& scene, const MirrorColumns<const float>&
       for (int i = 0; i < scene.latents; i++) columns[i] = upstream[LATENTS + i];
       if (scene.latents) put(to.latents, scene.latents);
       const Vec of_depth = upstream[width - 1];
-      sloped = sloped || any(gt(abs(of_depth), Vec(0.f))) || !(sum(of_depth) == 0);  // NaN counts too
+      has_gradient = has_gradient || any(gt(abs(of_depth), Vec(0.f))) || !(sum(of_depth) == 0);  // NaN counts too
       for (int c = 0; c < 3; c++) columns[c] = of_depth * Vec(depth[c]);
       put(to.means, 3);
     }
-    sloped_depths[begin / ROWS_PER_PIECE] = sloped;
+    depth_gradients[begin / ROWS_PER_PIECE] = has_gradient;
   });
-  return std::memchr(sloped_depths, 1, pieces) != nullptr;
+  return std::memchr(depth_gradients, 1, pieces) != nullptr;
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -85,7 +85,7 @@ static inline void pack(const float* plane, std::size_t size, const PackedPixels
 // The way back; what lies between the pixels is neither read nor written.
 static inline void unpack(const float* row, const PackedPixels& pixels, float* plane) {
   pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
-    store_lanes(plane + first, spread_lanes(load(row + place), on), on);
+    store_lanes(plane + first, expand_lanes(load(row + place), on), on);
   });
 }
 
@@ -97,7 +97,7 @@ static inline void unpack_over_zeros(const float* row, const PackedPixels& pixel
   };
   pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
     clear_until(first);
-    const Vec values = spread_lanes(load(row + place), on);
+    const Vec values = expand_lanes(load(row + place), on);
     if (end - first >= LANES) store(plane + first, values);
     else store_first(plane + first, values, static_cast<int>(end - first));
     begin = first + LANES;

@@ -1,7 +1,7 @@
 // Deferred shading: color = rgb + alpha mlp(cosine, latents, base, features, direction), once per pixel that is opaque
 // enough. The surface is what was blended over alpha; the features are octahedral maps' in the direction, seen from the
 // centre of a sphere, of the point where the reflected ray leaves it, times factors of the reflecting point, if there
-// are axes for these (src/ringlight/shade/reflection.py is the twin).
+// are axes for these (src/ringlight/shade/reflection.py is the reference).
 //
 // Nothing is kept between forward and backward: the backward pass recomputes, for a share of the pixels, above 0, that
 // is importance-sampled. All pixels hand on the gradient of rgb that does not go by the network.

@@ -289,8 +289,9 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
   const Scratch list((pixels + LANES) * sizeof(std::int32_t)), counts((pixels + LANES) * sizeof(float));
   auto* const drawn = static_cast<std::int32_t*>(list.data());
   float* const weights = counts.floats();
-  const std::size_t sloped = list_sloped(buffers.alpha, view.faintest, color_gradient, pixels, drawn, weights);
-  const std::size_t count = draw_sized(share, sloped, drawn, weights);
+  const std::size_t with_gradient =
+      list_with_gradient(buffers.alpha, view.faintest, color_gradient, pixels, drawn, weights);
+  const std::size_t count = sample_measured(share, with_gradient, drawn, weights);
   Arena counter{nullptr}, of_shard{nullptr};
   prepare(shape, parameters, counter);
   transpose_layers(shape, parameters, counter);

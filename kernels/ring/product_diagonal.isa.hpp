@@ -54,17 +54,17 @@ static inline void ring_gradient_diagonal(const RingHalf& ring, const RingShape&
     each_part(width, [&](int first, auto part) __attribute__((always_inline)) {
       const RingFactors of = read_factors(shape, tables, at, weights, lane, first, part);
       const Vec slope = load(row + first), near = slope * of.x * of.y, far = slope * of.z * of.view;
-      const auto spread = [&](float* below, Vec value, Vec weight) {
+      const auto scatter = [&](float* below, Vec value, Vec weight) {
         const Vec above = value * weight;
         part.put(below, part.from(below) + value - above);
         part.put(below + width, part.from(below + width) + above);
       };
       const Vec by_view = near * of.z, lower = by_view * at.down;
-      spread(sums.view + at.view + first, by_view - lower, at.right);
-      spread(sums.view + at.view + line + first, lower, at.right);
-      spread(sums.axes + at.axis[2] + first, near * of.view, at.fraction[2]);
-      spread(sums.axes + at.axis[1] + first, far * of.x, at.fraction[1]);
-      spread(sums.axes + at.axis[0] + first, far * of.y, at.fraction[0]);
+      scatter(sums.view + at.view + first, by_view - lower, at.right);
+      scatter(sums.view + at.view + line + first, lower, at.right);
+      scatter(sums.axes + at.axis[2] + first, near * of.view, at.fraction[2]);
+      scatter(sums.axes + at.axis[1] + first, far * of.x, at.fraction[1]);
+      scatter(sums.axes + at.axis[0] + first, far * of.y, at.fraction[0]);
     });
   }
 }

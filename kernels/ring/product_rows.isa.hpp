@@ -38,7 +38,7 @@ static inline void read_matrix(const Table& at, const float* table, int lane, fl
 template <class Table>
 static inline void add_matrix(const Table& at, float* table, int lane, const float* gradient) {
   for (int i = 0; i < MATRIX; i += LANES)
-    at.template spread<Vec>(table + i, lane, load(gradient + i),
+    at.template scatter<Vec>(table + i, lane, load(gradient + i),
                             [](float* to, Vec value) { store(to, load(to) + value); });
 }
 

@@ -273,7 +273,7 @@ static void ring_gradient_tiles(const Batch& batch, const RingShape& shape, cons
     for (int matrix = 0; matrix < Unit::MATRICES; matrix++) {
       const int half = lane_of<Rank>(unit, matrix) / LANES;
       const RingPlace at(shape, cells_of(batch.halves[half]), unit % LANES);
-      const auto spread = [](float* below, Vec value, Vec weight) {
+      const auto scatter = [](float* below, Vec value, Vec weight) {
         const Vec above = value * weight;
         store(below, load(below) + value - above);
         store(below + WIDTH, load(below + WIDTH) + above);
@@ -281,11 +281,11 @@ static void ring_gradient_tiles(const Batch& batch, const RingShape& shape, cons
       for (int i = 0; i < Unit::TILES; i++) {
         const int tile = matrix * Unit::TILES + i, first = i * LANES;
         const Vec lower = by_view[tile] * at.down;
-        spread(sums.view + at.view + first, by_view[tile] - lower, at.right);
-        spread(sums.view + at.view + line + first, lower, at.right);
-        spread(sums.axes + at.axis[2] + first, by_z[tile], at.fraction[2]);
-        spread(sums.axes + at.axis[1] + first, by_y[tile], at.fraction[1]);
-        spread(sums.axes + at.axis[0] + first, by_x[tile], at.fraction[0]);
+        scatter(sums.view + at.view + first, by_view[tile] - lower, at.right);
+        scatter(sums.view + at.view + line + first, lower, at.right);
+        scatter(sums.axes + at.axis[2] + first, by_z[tile], at.fraction[2]);
+        scatter(sums.axes + at.axis[1] + first, by_y[tile], at.fraction[1]);
+        scatter(sums.axes + at.axis[0] + first, by_x[tile], at.fraction[0]);
       }
     }
   }

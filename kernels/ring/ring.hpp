@@ -87,7 +87,7 @@ static inline int ring_shards(std::size_t active_count) {
   return active_count <= 1024 ? 1 : active_count <= 8192 ? 2 : active_count <= 65536 ? 4 : 8;
 }
 
-// The light field for a blend that asks for rows one after the other (LateColors): the scene, whose list of visible
+// The light field for a blend that asks for rows one after the other (LazyColors): the scene, whose list of visible
 // rows is not read, and what ring_pack made of the parameters.
 struct PackedRing {
   RingShape shape;

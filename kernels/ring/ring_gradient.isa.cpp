@@ -139,7 +139,7 @@ void ring_gradient(const Backward& pass, const Batch& batch, BatchGradient& grad
   const auto result = [rank](float* values) { return LaneMatrix<float>{values, rank * LANES, LANES}; };
   for (int half = 0; half < 2; half++) {
     const RingHalf& ring = batch.halves[half];
-    const auto spread = [&](int axis, const float* lanes) {
+    const auto scatter = [&](int axis, const float* lanes) {
       add_to_table(AxisTable{width, ring.axes[axis]}, sums.axes + axis * axis_size(pass.shape), lanes);
     };
     const LaneMatrix<const float> of_product{gradient.product + half * LANES, rank * GROUP, GROUP};
@@ -147,12 +147,12 @@ void ring_gradient(const Backward& pass, const Batch& batch, BatchGradient& grad
     add_to_table(MapTable{width, pass.shape.view_nodes, ring.across, ring.down}, sums.view, gradient.result);
     product(rank, of_product, matrix(ring.view).transposed(), result(gradient.left));
     product(rank, matrix(ring.xy).transposed(), matrix(gradient.left), result(gradient.result));
-    spread(2, gradient.result);
+    scatter(2, gradient.result);
     product(rank, matrix(gradient.left), matrix(ring.z).transposed(), result(gradient.right));
     product(rank, matrix(ring.x).transposed(), matrix(gradient.right), result(gradient.result));
-    spread(1, gradient.result);
+    scatter(1, gradient.result);
     product(rank, matrix(gradient.right), matrix(ring.y).transposed(), result(gradient.result));
-    spread(0, gradient.result);
+    scatter(0, gradient.result);
   }
 }
 
@@ -246,14 +246,14 @@ void run_shard(const Backward& pass, std::size_t begin, std::size_t end, float* 
   }
 }
 
-// What the backward pass needs beside the shards: the rows that were drawn, what each counts, and the packed weights.
-struct Plan {
+// Parts of the workspace beside the shards: the rows that were drawn, what each counts, and the packed weights.
+struct Parts {
   std::int32_t* rows;
   float* weights;
   Arena panels;
 };
 
-Plan plan(const RingShape& shape, std::size_t visible_count, Arena& memory) {
+Parts parts_of(const RingShape& shape, std::size_t visible_count, Arena& memory) {
   auto* rows = reinterpret_cast<std::int32_t*>(memory.take(visible_count));
   float* weights = memory.take(visible_count);
   Arena counter{nullptr};
@@ -266,7 +266,7 @@ Plan plan(const RingShape& shape, std::size_t visible_count, Arena& memory) {
 
 std::size_t ring_workspace(const RingShape& shape, std::size_t visible_count) {
   Arena memory{nullptr}, of_shard{nullptr};
-  plan(shape, visible_count, memory);
+  parts_of(shape, visible_count, memory);
   lay_out_sums(shape, of_shard);
   return memory.used + of_shard.used * ring_shards(visible_count);
 }
@@ -276,15 +276,16 @@ void ring_backward(const RingShape& shape, const RingParameters<const float>& pa
                    const RingRowGradients& row_gradients, float* workspace) {
   write_unlit_gradients(shape, scene, upstream, row_gradients);
   Arena memory{workspace};
-  Plan planned = plan(shape, scene.visible_count, memory);
+  Parts parts = parts_of(shape, scene.visible_count, memory);
   // Nothing may be copied from no address, not even no bytes.
-  if (scene.visible_count) std::memcpy(planned.rows, scene.visible, scene.visible_count * sizeof *planned.rows);
+  if (scene.visible_count) std::memcpy(parts.rows, scene.visible, scene.visible_count * sizeof *parts.rows);
   const ColorGradient of_colors{upstream.color_gradient, 3, 1, upstream.color};
-  const std::size_t count = draw_lots(of_colors, upstream.share, scene.visible_count, planned.rows, planned.weights);
-  const RingPanels panels = pack_layers(shape, parameters, planned.panels);
-  const GradientPanels transposed = pack_transposed(shape, parameters, panels.core_weights, planned.panels);
+  const std::size_t count =
+      sample_by_gradient(of_colors, upstream.share, scene.visible_count, parts.rows, parts.weights);
+  const RingPanels panels = pack_layers(shape, parameters, parts.panels);
+  const GradientPanels transposed = pack_transposed(shape, parameters, panels.core_weights, parts.panels);
   const Backward pass{shape,     parameters,   scene,           panels,       transposed,
-                      of_colors, planned.rows, planned.weights, row_gradients};
+                      of_colors, parts.rows, parts.weights, row_gradients};
   Arena of_shard{nullptr};
   lay_out_sums(shape, of_shard);
   const int shards = ring_shards(count);

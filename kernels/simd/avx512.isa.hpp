@@ -90,7 +90,7 @@ RINGLIGHT_INLINE Vec pack_lanes(Vec a, unsigned on) { return _mm512_maskz_compre
 RINGLIGHT_INLINE IVec pack_lanes(IVec a, unsigned on) {
   return {_mm512_maskz_compress_epi32(static_cast<Mask>(on), a.v)};
 }
-RINGLIGHT_INLINE Vec spread_lanes(Vec a, unsigned on) { return _mm512_maskz_expand_ps(static_cast<Mask>(on), a.v); }
+RINGLIGHT_INLINE Vec expand_lanes(Vec a, unsigned on) { return _mm512_maskz_expand_ps(static_cast<Mask>(on), a.v); }
 // The lanes whose bits are on; the memory of others is not touched.
 RINGLIGHT_INLINE void store_lanes(float* to, Vec a, unsigned on) {
   _mm512_mask_storeu_ps(to, static_cast<Mask>(on), a.v);
@@ -124,7 +124,7 @@ RINGLIGHT_INLINE Vec load_quarters(const float* a, const float* b, const float* 
 }
 // Quarter i holds lane 4 Quarter + i four times.
 template <int Quarter>
-RINGLIGHT_INLINE Vec spread_quarter(Vec a) {
+RINGLIGHT_INLINE Vec repeat_quarter(Vec a) {
   const __m512i lanes = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   return _mm512_permutexvar_ps(_mm512_add_epi32(lanes, _mm512_set1_epi32(4 * Quarter)), a.v);
 }
@@ -206,8 +206,8 @@ RINGLIGHT_INLINE void load_columns(const float* from, Vec& a, Vec& b, Vec& c) {
   for (int k = 0; k < 3; k++) {
     // Element 3 i + k: from x and y while it is below 32, then from z (whose element 0 is number 32).
     const __m512i index = detail::every(k, 3);
-    const Mask late = _mm512_cmpge_epi32_mask(index, _mm512_set1_epi32(32));
-    columns[k]->v = _mm512_mask_permutexvar_ps(_mm512_permutex2var_ps(x, index, y), late, index, z);
+    const Mask lazy = _mm512_cmpge_epi32_mask(index, _mm512_set1_epi32(32));
+    columns[k]->v = _mm512_mask_permutexvar_ps(_mm512_permutex2var_ps(x, index, y), lazy, index, z);
   }
 }
 RINGLIGHT_INLINE void load_columns(const float* from, Vec& a, Vec& b, Vec& c, Vec& d) {

@@ -36,7 +36,7 @@ RINGLIGHT_INLINE Vec load_quarters(const float* a, const float* b, const float* 
 }
 // Quarter i holds lane 4 Quarter + i four times.
 template <int Quarter>
-RINGLIGHT_INLINE Vec spread_quarter(Vec a) {
+RINGLIGHT_INLINE Vec repeat_quarter(Vec a) {
   alignas(32) float lanes[16], spread[16];
   store(lanes, a);
   for (int i = 0; i < 16; i++) spread[i] = lanes[4 * Quarter + i / 4];
@@ -58,7 +58,7 @@ RINGLIGHT_INLINE IVec pack_lanes(IVec a, unsigned on) {
   for (int count = 0; on; on &= on - 1) packed[count++] = lanes[__builtin_ctz(on)];
   return load_ints(packed);
 }
-RINGLIGHT_INLINE Vec spread_lanes(Vec a, unsigned on) {
+RINGLIGHT_INLINE Vec expand_lanes(Vec a, unsigned on) {
   if (on == ALL_LANES) return a;
   alignas(32) float lanes[16] = {}, packed[16];
   store(packed, a);

@@ -1,9 +1,9 @@
-// Which items of a backward pass are computed. An item is drawn with a chance in proportion to its upstream gradient,
-// up to certainty, and what is drawn counts 1 / chance: the expectation is the whole gradient, most of which a few
-// items hold. Chances are laid end to end and one is drawn at every unit from a random start, so that among neighbours
-// in any place the right number is drawn (systematic sampling). The start is made of the bits of the gradients' sum,
-// which are new every step: nothing to hand in or to keep, and the same bits for any number of threads. The reference
-// is src/ringlight/core/lot.py.
+// Importance sampling: a backward pass computes a share of its items. An item's chance is in proportion to its upstream
+// gradient, up to certainty; a drawn item counts 1 / chance, so that the expectation is the whole gradient. Chances are
+// laid end to end and one item is drawn at every unit from a random start (systematic sampling): neighbours give the
+// right number of items wherever they lie. The start is made of the bits of the gradients' sum, which are new every
+// step: nothing is handed in or kept, and any number of threads gives the same bits. Reference:
+// src/ringlight/core/lot.py.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -52,7 +52,7 @@ static inline std::uint64_t random_start(float seed) {
 // Keeps the drawn ones of `items`, in order, and in `weights`, which holds the sizes of their gradients, what each
 // counts; returns how many. None of the sizes is 0. At most `share` of the items are expected; all are kept if share is
 // 1, or a gradient is no number.
-static inline std::size_t draw_sized(double share, std::size_t count, std::int32_t* items, float* weights) {
+static inline std::size_t sample_measured(double share, std::size_t count, std::int32_t* items, float* weights) {
   double total = 0;
   for (std::size_t i = 0; i < count; i++) total += static_cast<double>(weights[i]);
   const float certain = static_cast<float>(total / (share * static_cast<double>(count)));
@@ -74,16 +74,16 @@ static inline std::size_t draw_sized(double share, std::size_t count, std::int32
 }
 
 // The same for items whose gradients are not measured yet; those that have none are never kept.
-static inline std::size_t draw_lots(const ColorGradient& gradient, double share, std::size_t count, std::int32_t* items,
-                                    float* weights) {
-  std::size_t sloped = 0;
+static inline std::size_t sample_by_gradient(const ColorGradient& gradient, double share, std::size_t count,
+                                             std::int32_t* items, float* weights) {
+  std::size_t with_gradient = 0;
   for (std::size_t i = 0; i < count; i++) {
     const float size = gradient.size(items[i]);
-    items[sloped] = items[i];
-    weights[sloped] = size;
-    sloped += size != 0.f;
+    items[with_gradient] = items[i];
+    weights[with_gradient] = size;
+    with_gradient += size != 0.f;
   }
-  return draw_sized(share, sloped, items, weights);
+  return sample_measured(share, with_gradient, items, weights);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

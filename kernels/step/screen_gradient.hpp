@@ -1,4 +1,4 @@
-// Densification statistics: how hard the image pulls at each Gaussian's centre.
+// Densification statistics: the screen-space gradient of each Gaussian's centre, summed over views.
 #pragma once
 #include <cstddef>
 
@@ -6,18 +6,18 @@
 
 namespace ringlight {
 
-// pull[i] += |gradient[i] * scale|, views[i] += 1 for each row that was drawn (radius > 0). Arrays of `count` rows;
+// total[i] += |gradient[i] * scale|, views[i] += 1 for each row that was drawn (radius > 0). Arrays of `count` rows;
 // `gradient` and `radii` hold (x, y) pairs.
-struct PullScale {
+struct ScreenScale {
   float x, y;
 };
 
-#define RINGLIGHT_PULL(isa) \
+#define RINGLIGHT_SCREEN_GRADIENT(isa) \
   namespace isa { \
-  void accumulate_pull(const float* gradient, const float* radii, PullScale scale, float* pull, float* views, \
-                       std::size_t count); \
+  void accumulate_screen_gradient(const float* gradient, const float* radii, ScreenScale scale, float* total, \
+                                  float* views, std::size_t count); \
   }
-RINGLIGHT_EVERY_ISA(RINGLIGHT_PULL)
-#undef RINGLIGHT_PULL
+RINGLIGHT_EVERY_ISA(RINGLIGHT_SCREEN_GRADIENT)
+#undef RINGLIGHT_SCREEN_GRADIENT
 
 }  // namespace ringlight

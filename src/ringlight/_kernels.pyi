@@ -19,8 +19,8 @@ def adam(
     steps: Sequence[tuple[float, float, float, float, int]],
     radii: Tensor | None = None,
 ) -> int: ...
-def accumulate_pull(
-    gradient: Tensor, radii: Tensor, scale_x: float, scale_y: float, pull: Tensor, views: Tensor
+def accumulate_screen_gradient(
+    gradient: Tensor, radii: Tensor, scale_x: float, scale_y: float, total: Tensor, views: Tensor
 ) -> None: ...
 def photometric_workspace(height: int, width: int, slots: int) -> int: ...
 def blur_target(image: Tensor, blur: Tensor, square_blur: Tensor, workspace: Tensor) -> None: ...
@@ -106,9 +106,9 @@ def ring_backward(
     workspace: Tensor,
 ) -> None: ...
 
-class LateColors: ...
+class LazyColors: ...
 
-class LateRing(LateColors):
+class LazyRing(LazyColors):
     def __init__(
         self,
         shape: RingShape,
@@ -215,7 +215,7 @@ class Workspace:
         alpha: Tensor,
         means2d: Tensor,
         radii: Tensor,
-        late: LateColors | None = None,
+        lazy: LazyColors | None = None,
         shader: PictureShader | None = None,
         blended: Tensor | None = None,
         early_stop: bool = False,

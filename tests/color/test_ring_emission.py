@@ -136,7 +136,7 @@ def test_a_row_that_fills_up_a_group_may_be_anything_unless_it_is_asked_for():
 
 
 def drawn_lazily(
-    model: SplatModel, gaussians: Gaussians, checked: Tensor, kernel: "_kernels.LateColors", camera: Camera
+    model: SplatModel, gaussians: Gaussians, checked: Tensor, kernel: "_kernels.LazyColors", camera: Camera
 ) -> Raster:
     """A view whose colours exist only where it asks for them: nobody can fall back on all rows."""
 

@@ -143,11 +143,11 @@ def lazy_light(
     latents: Float[Tensor, "N L"],
     parameters: RingParameters,
     colors: Float[Tensor, "N 3"] | None = None,
-) -> "_kernels.LateRing":
+) -> "_kernels.LazyRing":
     """The colours for a rasterizer that asks for them row by row; ``box`` as in :class:`LitRows`.
 
     With ``colors``, where those that were asked for are left, a backward pass may follow.
     """
     tensors = [tensor.detach().contiguous() for tensor in parameters.tensors]
     means, base, latents = (column.detach().contiguous() for column in (means, base, latents))
-    return _kernels.LateRing(parameters.shape, tensors, means, base, latents, camera, box, colors)
+    return _kernels.LazyRing(parameters.shape, tensors, means, base, latents, camera, box, colors)

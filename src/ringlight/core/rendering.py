@@ -41,7 +41,7 @@ class LazyColors:
     """
 
     checked: Float[Tensor, "N 3"]
-    kernel: "_kernels.LateColors"
+    kernel: "_kernels.LazyColors"
     all_rows: Callable[[], Float[Tensor, "N 3"]]
 
 

@@ -69,7 +69,7 @@ def chosen_shading(
     """How to light a scene, and why.
 
     Where nothing cuts the subject out there is no surface to try on: from enough points on one, light per pixel had
-    more PSNR than light per Gaussian, and than 3DGS, on every scene that was measured (docs/method.md).
+    more PSNR than light per Gaussian, and than 3DGS, on every scene that was measured (docs/experiments/without-masks.md).
     """
     if len(scene.train) < FEWEST_VIEWS:
         return "forward", f"fewer than {FEWEST_VIEWS} photographs"

@@ -46,7 +46,7 @@ OURS = RingLightSettings(
 """Narrower than the paper's field: rank 16 with 48 features doubles the cost of a step for 0.1 dB on NeRF-Synthetic's
 chair. Four latents give each Gaussian a say in how it reflects, for 0.5 dB there. Four view bands do not alias in a
 small table: 0.3 dB over ten. Networks of width 32 and 16 take a tenth less time a step, and collapsed on lego_400
-(docs/method.md)."""
+(docs/experiments/light-fields.md)."""
 
 
 @dataclass(frozen=True)

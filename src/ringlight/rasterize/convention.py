@@ -21,7 +21,7 @@ MIN_TRANSMITTANCE = 1e-4
 EARLY_STOP = 1 / 64
 """A block that may stop early does so once less than this of what lies behind shows through each of its pixels; what is
 in front stands for the rest. Pictures of trained scenes then differ by a step of 8 bits or less, root mean square over
-test views: docs/method.md, "Pictures that end early", has what other values cost and save."""
+test views: docs/experiments/pictures-early-stop.md has what other values cost and save."""
 
 EPS2D = 0.3
 """Square pixels added to the diagonal of the 2-D covariance: a splat never falls between the pixel centres."""

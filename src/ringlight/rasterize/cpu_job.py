@@ -64,7 +64,7 @@ class Job:
         self,
         workspace: "_kernels.Workspace",
         table: Table,
-        lazy: "_kernels.LateColors | None" = None,
+        lazy: "_kernels.LazyColors | None" = None,
         shader: "_kernels.PictureShader | None" = None,
         blended: Float[Tensor, "C H W"] | None = None,
         early_stop: bool = False,

@@ -134,7 +134,7 @@ def accumulate_screen_gradients_(
     if not (gradient.is_cpu and gradient.dtype == torch.float32):
         accumulate_screen_gradients_reference_(gradient, radii, pixels_to_ndc, sums, views)
         return
-    _kernels.accumulate_pull(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, sums, views)
+    _kernels.accumulate_screen_gradient(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, sums, views)
 
 
 def accumulate_screen_gradients_reference_(
