@@ -1,6 +1,6 @@
 """A model without Gaussians, as small as one can be: what runs, files and reports ask of any model."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -8,6 +8,8 @@ from torch import Tensor, nn
 
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels, Rendering
+from ringlight.core.want import Want
+from ringlight.data.batches import ImageBatch
 from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
 
@@ -24,14 +26,20 @@ class VoxelGrid(nn.Module):
         self.colors = nn.Parameter(torch.zeros(side, side, side, 3))
         self.register_buffer("lit", torch.tensor(True))
 
-    def render(self, camera: Camera, background: Tensor) -> Rendering:
+    def predict(self, batch: ImageBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
+        return self.render(batch.camera, batch.background, want, buffers)
+
+    def render(
+        self, camera: Camera, background: Tensor, want: Want = Want.EXACT, buffers: Sequence[str] = ()
+    ) -> Rendering:
         color = self.colors.mean((0, 1, 2)).expand(camera.height, camera.width, 3)
         return Rendering(color, torch.ones(camera.height, camera.width, 1))
 
-    picture = render
-
     def layers(self, camera: Camera) -> Channels:
         return {"alpha": torch.ones(camera.height, camera.width, 1)}
+
+    def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
+        """It blends nothing."""
 
     def counted(self) -> Count:
         return Count(self.colors[..., 0].numel(), "voxels")

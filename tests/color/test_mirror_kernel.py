@@ -8,6 +8,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.kernel_limits import MIRROR_MAX_LATENTS
+from torch_graph import channels
 
 COLUMNS = ("base", "normals", "latents")
 
@@ -35,19 +36,20 @@ def table(count: int, latents: int) -> Gaussians:
 
 def outcome(gaussians: Gaussians, with_depth: bool) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor | None]]:
     leaves = {name: column.detach().clone().requires_grad_() for name, column in gaussians.columns().items()}
-    channels = Mirror(gaussians.appearance["latents"].shape[1]).channels(Gaussians.from_columns(leaves), camera())
+    mirror = Mirror(gaussians.appearance["latents"].shape[1])
+    emitted = channels(mirror, Gaussians.from_columns(leaves), camera())
     drawn = torch.Generator().manual_seed(0)
-    upstream = {name: torch.randn(c.shape, generator=drawn, dtype=torch.float64) for name, c in channels.items()}
+    upstream = {name: torch.randn(c.shape, generator=drawn, dtype=torch.float64) for name, c in emitted.items()}
     if not with_depth:
         upstream["depth"].zero_()
-    torch.autograd.backward(list(channels.values()), [upstream[name].to(c) for name, c in channels.items()])
-    return channels, {name: leaves[name].grad for name in ("means", *COLUMNS)}
+    torch.autograd.backward(list(emitted.values()), [upstream[name].to(c) for name, c in emitted.items()])
+    return emitted, {name: leaves[name].grad for name in ("means", *COLUMNS)}
 
 
 @pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 5000])
 @pytest.mark.parametrize("latents", [0, 4, MIRROR_MAX_LATENTS, MIRROR_MAX_LATENTS + 1])
 @pytest.mark.parametrize("with_depth", [False, True])
-def test_equals_the_twin(count: int, latents: int, with_depth: bool):
+def test_equals_the_reference(count: int, latents: int, with_depth: bool):
     gaussians = table(count, latents)
     double = Gaussians.from_columns({name: column.double() for name, column in gaussians.columns().items()})
     (found, by_found), (expected, by_expected) = outcome(gaussians, with_depth), outcome(double, with_depth)
@@ -66,15 +68,15 @@ def test_equals_the_twin(count: int, latents: int, with_depth: bool):
 def test_a_normal_without_length_stays_and_gets_a_finite_gradient():
     gaussians = table(5, 4)
     gaussians.appearance["normals"][2] = 0
-    channels, gradients = outcome(gaussians, False)
-    assert not channels["normal"][2].any()
+    emitted, gradients = outcome(gaussians, False)
+    assert not emitted["normal"][2].any()
     assert gradients["normals"].isfinite().all()
 
 
 def test_what_is_not_finite_stays_in_its_row():
     gaussians = table(20, 4)
     gaussians.appearance["normals"][7, 1] = float("nan")
-    channels, _ = outcome(gaussians, False)
+    emitted, _ = outcome(gaussians, False)
     others = torch.arange(20) != 7
-    assert channels["normal"][7].isnan().any()
-    assert all(channel[others].isfinite().all() for channel in channels.values())
+    assert emitted["normal"][7].isnan().any()
+    assert all(channel[others].isfinite().all() for channel in emitted.values())

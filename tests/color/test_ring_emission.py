@@ -129,7 +129,7 @@ def test_a_row_that_fills_up_a_group_may_be_anything_unless_it_is_asked_for():
     base, latents = gaussians.appearance["base"], gaussians.appearance["latents"]
     parameters = ring_parameters(color.tables(Want.EXACT), color.shading, color.layers_of_shading)
     for colors in (None, torch.zeros_like(base)):
-        kernel = lazy_light(gaussians.means, color.frame(camera), base, latents, parameters, colors)
+        kernel = lazy_light(gaussians.means, camera.native, color.box, base, latents, parameters, colors)
         raster = drawn_lazily(model, gaussians, base, kernel, camera)
         assert raster.image.isfinite().all()
     assert colors[260].isnan().all()  # lit, and not shown
@@ -158,4 +158,4 @@ def test_no_way_back_follows_a_lazy_color_that_is_not_finite():
     assert emission.lazy is not None
     with pytest.raises(BackendError, match="column channels holds nan"):
         model.rasterize.draw(model.gaussians, emission, CAMERA, WHITE, model.options, Want.GRADIENTS)
-    assert len(model.rasterize._spare) == 1, "no record keeps the workspace"
+    assert len(model.rasterize.spare) == 1, "no record keeps the workspace"

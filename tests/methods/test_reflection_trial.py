@@ -76,7 +76,7 @@ def test_where_masks_are_guessed_the_scenes_own_points_are_tried_as_well(
     scene = tiny_scene(views=FEWEST_VIEWS)
     flat = dataclasses.replace(scene, train=tuple(over_white(view) for view in scene.train), background="photograph")
     reached = iter([on_hull, on_points, 15.0])
-    monkeypatch.setattr(module, "_psnr_after", lambda training, held: next(reached))
+    monkeypatch.setattr(module, "_psnr_after", lambda training, held, behind: next(reached))
     assert reflection_trial(flat, rasterizer_for("auto"), 0, 5) == ReflectionTrial(5, best, 15.0)
 
 

@@ -131,7 +131,7 @@ def test_a_way_back_that_nobody_goes_keeps_no_workspace():
     for _ in range(3):
         model.render(view(), WHITE, Want.GRADIENTS)
     gc.collect()
-    assert len(model.rasterize._spare) == 1
+    assert len(model.rasterize.spare) == 1
 
 
 def test_no_block_is_closed_before_it_is_full_where_gradients_are_wanted():

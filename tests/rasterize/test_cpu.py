@@ -178,10 +178,10 @@ def test_workspaces_are_used_again(rasterizer):
     for _ in range(4):
         ways_back(rasterizer, [case])
         raster_of(rasterizer, case, Want.EXACT)
-        assert len(rasterizer._spare) == 1
+        assert len(rasterizer.spare) == 1
     raster_of(rasterizer, case)  # whose way back nobody goes
     gc.collect()
-    assert len(rasterizer._spare) == 1
+    assert len(rasterizer.spare) == 1
 
 
 def test_the_memory_order_of_the_upstream_gradient_does_not_matter(rasterizer):

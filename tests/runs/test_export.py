@@ -1,11 +1,13 @@
 """What leaves as a PLY shows what the model shows: opacity factors are folded into the opacity."""
 
 import math
+from collections.abc import Mapping
 
 import pytest
 import torch
 from torch import nn
 
+from ringlight.core.rendering import Emission
 from ringlight.core.scene import PointCloud
 from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import OutputError
@@ -29,15 +31,15 @@ FACTORS = (0.0, 0.25, 0.5, 1.0)
 class Dimmed(nn.Module):
     """Grey whose opacity is multiplied by a column, twice as strongly for cameras below the horizon."""
 
-    training_columns = ()
+    emits: Mapping[str, int] = {"rgb": 3}
+    training_columns: tuple[str, ...] = ()
 
     def new_columns(self, points):
         return {"dim": torch.tensor(FACTORS).repeat(len(points.positions) // len(FACTORS))}
 
-    def channels(self, gaussians, camera):
+    def emit(self, gaussians, camera, names, want):
         share = 1.0 if camera.position[2] > 0 else 0.5
-        rgb = torch.full((len(gaussians), 3), 0.5)
-        return {"rgb": rgb, "opacity_factor": share * gaussians.appearance["dim"][:, None]}
+        return Emission(self.emits, torch.full((len(gaussians), 3), 0.5), share * gaussians.appearance["dim"])
 
     def layers(self, gaussians, camera):
         return {}
@@ -46,7 +48,7 @@ class Dimmed(nn.Module):
         return torch.ones(len(gaussians), dtype=torch.bool)
 
     def harmonics(self, gaussians):
-        return None
+        """None: greys are not kept as such."""
 
 
 def test_opacity_factors_become_part_of_the_opacity(tmp_path):
