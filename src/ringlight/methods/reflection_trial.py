@@ -68,8 +68,8 @@ def chosen_shading(
 ) -> tuple[Literal["forward", "deferred"], str]:
     """How to light a scene, and why.
 
-    Where nothing cuts the subject out there is no surface to try on: from enough points on one, light per pixel had
-    more PSNR than light per Gaussian, and than 3DGS, on every scene that was measured (docs/experiments/without-masks.md).
+    Where nothing cuts the subject out there is no surface to try on. From enough points on one, light per pixel had
+    more PSNR than light per Gaussian, and than 3DGS, on every scene measured (docs/experiments/without-masks.md).
     """
     if len(scene.train) < FEWEST_VIEWS:
         return "forward", f"fewer than {FEWEST_VIEWS} photographs"
