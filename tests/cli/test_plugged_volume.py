@@ -1,6 +1,7 @@
 """A model without Gaussians, plugged in by a line in the table of methods, is a method for every command."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,8 +17,10 @@ STEPS = ("--steps", "60", "--side", "12", "--rays", "256", "--quiet", "--lpips")
 
 @pytest.fixture(autouse=True)
 def plugged(monkeypatch: pytest.MonkeyPatch):
-    """The line."""
+    """The line; the command line reads the table when it is imported."""
     monkeypatch.setitem(METHODS, "voxels", VoxelRecipe())
+    for module in ("methods", "train"):
+        monkeypatch.delitem(sys.modules, f"ringlight.cli.{module}", raising=False)
 
 
 @pytest.fixture

@@ -11,13 +11,12 @@ from torch import Tensor, nn
 from ringlight.color.by_torch import emitted_by_torch
 from ringlight.color.contract import Harmonics
 from ringlight.color.harmonics import SH_COLUMNS, SphericalHarmonics, sh_colors_reference
-from ringlight.core.by_autograd import ByAutograd, add_to
 from ringlight.core.camera import Camera
 from ringlight.core.directions import reflect, shortest_axes, view_directions
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.gradients import SHADER, Gradients
+from ringlight.core.gradients import SHADER
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import Channels, Emission, ImageGradients, Shaded
+from ringlight.core.rendering import Channels, Emission, Shaded
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.core.sh_basis import MAX_DEGREE
 from ringlight.core.want import Want
@@ -28,6 +27,7 @@ from ringlight.methods.assembly import Course, Parts, assembled
 from ringlight.methods.grown import GrownByDensityControl
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer
+from ringlight.shade.by_torch import shaded_by_torch
 from ringlight.shade.covered import covered_pixels
 
 if TYPE_CHECKING:
@@ -91,24 +91,15 @@ class Environment(nn.Module):
         want: Want,
         shaded: None = None,
     ) -> Shaded:
-        def lit(inputs: Channels) -> Channels:
-            normal, rgb = inputs["image"].split(3, -1)
-            buffers = {"rgb": rgb, "normal": normal, "alpha": inputs["alpha"]}
+        def color(image: Tensor, alpha: Tensor) -> Tensor:
+            normal, rgb = image.split(3, -1)
+            buffers = {"rgb": rgb, "normal": normal, "alpha": alpha}
             pixels = covered_pixels(buffers, camera, background, depth_gradient=False)
             added = pixels.alpha * self.seen(reflect(pixels.directions, pixels.normals))
             whole = rgb.new_zeros(rgb[..., 0].numel(), 3).index_copy(0, pixels.index, added)
-            return {"color": rgb + whole.view_as(rgb)}
+            return rgb + whole.view_as(rgb)
 
-        recorded = ByAutograd(lit, {"image": image, "alpha": alpha}, {SHADER + "faces": self.faces})
-
-        def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
-            found = recorded.backward({"color": grad_color})
-            grad_image, grad_alpha = found.pop("image"), found.pop("alpha", None)
-            add_to(into, found)
-            return grad_image, grad_alpha
-
-        color = recorded.outputs["color"]
-        return Shaded(color, backward) if want is Want.GRADIENTS else Shaded(color)
+        return shaded_by_torch(color, image, alpha, {SHADER + "faces": self.faces}, want)
 
     def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
         directions = view_directions(points, camera.position.to(points))

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight import _kernels
-from ringlight.core.by_autograd import ByAutograd, Named, add_to
+from ringlight.core.by_autograd import add_to
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.gradients import SHADER, Gradients
@@ -26,6 +26,7 @@ from ringlight.fields.networks import perceptron
 from ringlight.fields.octahedral import OctahedralMaps
 from ringlight.fields.parallax import sphere_exits
 from ringlight.fields.tensor_ring import TensorRing
+from ringlight.shade.by_torch import shaded_by_torch
 from ringlight.shade.covered import CoveredPixels, covered_pixels
 from ringlight.shade.passthrough import unchanged
 from ringlight.shade.reflection_kernel import (
@@ -161,25 +162,12 @@ class ReflectionShader(nn.Module):
         """As :meth:`shade`, by :meth:`reference` and torch's autograd."""
         names, widths = zip(*self.needs.items(), strict=True)
 
-        def shade(inputs: Named) -> Named:
-            parts = inputs["image"].split(widths, -1)
-            buffers = dict(zip(names, parts, strict=True)) | {"alpha": inputs["alpha"]}
-            return {"color": self.reference(buffers, camera, background)}
+        def color(image: Tensor, alpha: Tensor) -> Tensor:
+            buffers = dict(zip(names, image.split(widths, -1), strict=True)) | {"alpha": alpha}
+            return self.reference(buffers, camera, background)
 
-        inputs = {"image": image, "alpha": alpha}
-        if want is not Want.GRADIENTS:
-            with torch.no_grad():
-                return Shaded(shade(inputs)["color"])
-        recorded = ByAutograd(shade, inputs, {SHADER + name: p for name, p in self.named_parameters()})
-
-        def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
-            found = recorded.backward({"color": grad_color})
-            grad_image = found.pop("image")
-            grad_alpha = found.pop("alpha", None)
-            add_to(into, found)
-            return grad_image, grad_alpha
-
-        return Shaded(recorded.outputs["color"], backward)
+        parameters = {SHADER + name: parameter for name, parameter in self.named_parameters()}
+        return shaded_by_torch(color, image, alpha, parameters, want)
 
     def reference(
         self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"], gradient_share: float = 1.0
