@@ -1,26 +1,26 @@
 """What stops early is said by the caller: by default every picture is exact, whatever is kept of it."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.bench.workload import Size, workload, workload_camera
-from ringlight.core.gaussians import GEOMETRY
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.convention import EARLY_STOP
-from ringlight.rasterize.cpu_job import Job
+from ringlight.rasterize.cpu_job import Job, table_of
 
 
 def drawn(channels: int, early_stop: bool) -> tuple[Tensor, Tensor, _kernels.Workspace, _kernels.SplatTable]:
     """Image, alpha and what the pass left, of twenty nearly opaque Gaussians for every pixel."""
     work = workload(Size(20_000, 96, channels))
-    columns = [getattr(work.gaussians, name) for name in GEOMETRY]
-    columns[3] = torch.full_like(columns[3], 1.0)
-    job = Job(workload_camera(96), torch.zeros(channels), RasterOptions(), len(columns[0]))
-    workspace, table = _kernels.Workspace(), job.table([*columns, None, work.channels])
+    opaque = replace(work.gaussians, opacity_logits=torch.full_like(work.gaussians.opacity_logits, 1.0))
+    job = Job(workload_camera(96), torch.zeros(channels), RasterOptions(), len(opaque))
+    workspace, table = _kernels.Workspace(), table_of(opaque, work.channels, None)
     image, alpha = job.draw(workspace, table, early_stop=early_stop)
-    return image, alpha, workspace, table
+    return image, alpha, workspace, job.native(table)
 
 
 @pytest.mark.parametrize("channels", [1, 3, 4, 11, 21])
