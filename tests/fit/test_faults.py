@@ -138,7 +138,9 @@ def test_a_pose_that_is_not_finite_is_named_and_changes_nothing(
         next(steps)
     view = training.batches.at(6).view
     before = {name: tensor.clone() for name, tensor in training.state().items()}
-    view.camera.world_to_camera[place] = bad
+    pose = view.camera.world_to_camera.clone()
+    pose[place] = bad
+    object.__setattr__(view, "camera", dataclasses.replace(view.camera, world_to_camera=pose))
     with pytest.raises(BackendError) as caught:
         next(steps)
     for word in ("step 6", f"view {view.name}", "pose"):

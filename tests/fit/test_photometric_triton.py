@@ -4,7 +4,7 @@ import pytest
 import torch
 
 import interpreted
-from ringlight.fit import losses
+from ringlight.fit.losses import photometric_gradient as losses
 from ringlight.fit.losses.photometric_triton import photometric_by_triton
 from ringlight.fit.photometric import PhotometricLoss
 

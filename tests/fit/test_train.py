@@ -100,7 +100,7 @@ def test_a_step_has_the_same_bits_whether_tiles_are_shaded_or_planes(change: dic
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[1])
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_what_reduces_sees_every_gradient_and_adam_gets_what_it_returns(method: str):
     """As two processes would: theirs is ours, and so the sum is twice each."""
     asked: list[tuple[Gradients, Gradients]] = []
