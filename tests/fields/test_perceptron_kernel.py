@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.fields.networks import PerceptronStack
-from ringlight.fields.perceptron_kernel import stack_at
+from ringlight.fields.perceptron_kernel import stack_at, stack_gradients
 
 # Hidden units nearer to zero than this may be on the other side of the ReLU in single precision.
 KINK = 2e-6
@@ -33,10 +33,8 @@ def stack_and_rows(heads: int, widths: tuple[int, ...], nodes: int, seed: int) -
 
 
 def gradients(stack: PerceptronStack, rows: Tensor, upstream: Tensor) -> tuple[Tensor, list[Tensor]]:
-    stack.zero_grad()
-    results = stack_at(stack, rows)
-    results.backward(upstream)
-    return results.detach(), [parameter.grad.clone() for parameter in stack.parameters()]
+    found = stack_gradients(stack, rows, upstream)
+    return stack_at(stack, rows), [found[name] for name, _ in stack.named_parameters()]
 
 
 def nearest_kink(stack: PerceptronStack, rows: Tensor) -> float:
@@ -49,7 +47,8 @@ def compare(heads: int, widths: tuple[int, ...], nodes: int, seed: int) -> None:
     stack, rows = stack_and_rows(heads, widths, nodes, seed)
     upstream = torch.randn(heads, nodes, widths[-1], generator=torch.Generator().manual_seed(seed))
     fast, fast_gradients = gradients(stack, rows, upstream)
-    slow, slow_gradients = gradients(stack.double(), rows.double(), upstream.double())
+    slow = stack.double()(rows.double())
+    slow_gradients = torch.autograd.grad(slow, list(stack.parameters()), upstream.double())
     torch.testing.assert_close(fast.double(), slow, rtol=0, atol=TOLERANCE * max(slow.abs().max().item(), 1))
     for own, expected in zip(fast_gradients, slow_gradients, strict=True):
         assert (own - expected).abs().max() <= TOLERANCE * expected.abs().max() + SMALLEST
@@ -101,4 +100,11 @@ def test_the_same_bits_for_any_number_of_threads():
 
 def test_other_depths_and_types_go_through_torch():
     stack, rows = stack_and_rows(2, (4, 5, 3), 7, 0)
-    assert torch.equal(stack_at(stack, rows), stack(rows))
+    upstream = torch.randn(2, 7, 3, generator=torch.Generator().manual_seed(1))
+    for other, at in ((stack, rows), (stack_and_rows(2, (4, 5, 5, 3), 7, 0)[0].double(), rows.double())):
+        expected = other(at)
+        assert torch.equal(stack_at(other, at), expected)
+        found = stack_gradients(other, at, upstream.to(at))
+        by_graph = torch.autograd.grad(expected, list(other.parameters()), upstream.to(at))
+        for (name, _), gradient in zip(other.named_parameters(), by_graph, strict=True):
+            assert torch.equal(found[name], gradient), name
