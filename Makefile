@@ -28,7 +28,7 @@ lint: setup
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
 
 bench: setup
-	@$(BIN)/ringlight bench raster && $(BIN)/ringlight bench color && $(BIN)/ringlight bench step
+	@$(BIN)/ringlight bench raster && $(BIN)/ringlight bench parts && $(BIN)/ringlight bench step
 
 # The long tests of docs/reliability.md. Minutes to an hour each.
 KILLS ?= 200

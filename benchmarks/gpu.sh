@@ -18,7 +18,7 @@ ringlight doctor
 # --seconds bounds each: together about four minutes.
 ringlight bench raster --device cuda --sizes 100k@400 300k@800 --seconds 10 --save "gpu-$name-raster"
 ringlight bench raster --device cuda --sizes 300k@800 --channels 11 --seconds 10 --save "gpu-$name-raster-11"
-ringlight bench color --device cuda --gaussians 100000 300000 --seconds 10 --save "gpu-$name-color"
+ringlight bench parts --device cuda --sizes 100k@400 300k@800 --seconds 5 --save "gpu-$name-parts"
 for method in 3dgs ringlight; do
   ringlight bench step "$method" --device cuda --size 300k@800 --seconds 20 --save "gpu-$name-step-$method"
 done

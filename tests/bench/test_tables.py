@@ -6,8 +6,9 @@ from rich.console import Console
 from rich.table import Table
 
 from ringlight.bench.fps import FpsBench, FpsRow
+from ringlight.bench.parts import Beside, PartRow, PartsBench
 from ringlight.bench.step import StepBench, StepRow
-from ringlight.bench.tables import Block, fps_tables, step_tables
+from ringlight.bench.tables import Block, fps_tables, parts_tables, step_tables
 from ringlight.bench.timing import Timing
 from ringlight.bench.workload import Size
 
@@ -27,11 +28,26 @@ def columns(blocks: Iterable[Block]) -> list[list[str]]:
 
 def test_steps_have_both_ratios(circumstances):
     rows = (
-        StepRow("3dgs", 20, FIRST, {}),
+        StepRow("3dgs", 20, FIRST, {"adam": FIRST}),
         StepRow("ringlight-mirror", 100_000, SECOND, {}),
     )
     found = columns(step_tables(StepBench(circumstances, "a scene", "cpu", "8x8", rows)))
     assert found[-2:] == [["1.00", "0.75"], ["1.00", "2.50"]]
+
+
+def test_what_stands_beside_a_part_has_a_line_below_it(circumstances):
+    others = tuple(Beside(name, SECOND, 0.75, 2.5) for name in ("reference", "torch foreach"))
+    parts = (("reflection-wide", others), ("harmonics", ()))
+    rows = tuple(
+        PartRow(name, Size(300_000, 800), 50_000, FIRST, FIRST, SECOND, FIRST, beside, None) for name, beside in parts
+    )
+    found = columns(parts_tables(PartsBench(circumstances, rows)))
+    assert found[0] == ["reflection-wide", "· show", "· reference", "· torch foreach", "harmonics", "· show"]
+    assert found[-3:] == [
+        ["2200", "", "", "", "2200", ""],
+        ["", "", "0.750", "0.750", "", ""],
+        ["", "", "2.50", "2.50", "", ""],
+    ]
 
 
 def test_frames_have_both_ratios_to_the_first_of_their_size(circumstances):

@@ -9,10 +9,7 @@ from ringlight.cli.main import run
 QUICK = ["--rounds", "1", "--seconds", "0"]
 SMALL = {
     "raster": ["--sizes", "200@16", "300@24"],
-    "loss": ["--sizes", "24"],
-    "adam": ["--gaussians", "50"],
-    "color": ["--gaussians", "50"],
-    "shade": ["--hidden", "8", "--covered", "300"],
+    "parts": ["--sizes", "50@24"],
     "step": ["3dgs", "ringlight-mirror", "--size", "300@24"],
     "fps": ["--sizes", "300@24"],
 }
@@ -57,10 +54,8 @@ def test_save_writes_what_json_prints(tmp_path, monkeypatch, capsys):
     [
         (["raster", "--sizes", "10x"], "'10x' is no size"),
         (["raster", "--save", "../x"], "no name for a result"),
-        (["raster", "--device", "reference", "--sizes", "10@8", "--against", "nowhere"], "has no kernel.cpp"),
-        (["loss", "--sizes", "0"], "an image of 0 pixels"),
-        (["adam", "--gaussians", "0"], "0 Gaussians"),
-        (["color", "--models", "shiny"], "no colour model is called"),
+        (["parts", "--sizes", "0@400"], "out of range"),
+        (["parts", "shiny"], "no part is called"),
         (["step", "nerf"], "no method is called"),
         (["step", "--scene", "nowhere"], "nowhere"),
         (["step", "3dgs", "3dgs"], "a method twice"),
@@ -77,7 +72,7 @@ def test_mistakes_are_one_sentence(words, sentence, capsys):
     assert sentence in complaint
 
 
-@pytest.mark.parametrize("words", [[], ["speed"], ["raster", "--chanels", "3"], ["color", "--gaussians", "many"]])
+@pytest.mark.parametrize("words", [[], ["speed"], ["raster", "--chanels", "3"], ["parts", "--gaussians", "many"]])
 def test_wrong_usage_ends_with_2(words, capsys):
     assert run(["bench", *words]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1

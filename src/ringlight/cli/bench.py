@@ -1,4 +1,4 @@
-"""``ringlight bench raster|loss|adam|color|shade|step|fps``: how fast this machine is, and where the time goes."""
+"""``ringlight bench raster|parts|step|fps``: how fast this machine is, and where the time goes."""
 
 import datetime
 import sys
@@ -53,44 +53,25 @@ class RasterArguments:
 
 
 @dataclass(frozen=True)
-class LossArguments:
-    """The photometric loss, value and gradient, beside its reference in torch."""
+class PartsArguments:
+    """Parts of a training step, each alone: colour models, the reflection shader, the loss, Adam."""
 
-    sizes: tuple[int, ...] = (200, 400, 800)
-    """Pixels on a side."""
-    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
-
-
-@dataclass(frozen=True)
-class AdamArguments:
-    """One Adam update of a 3dgs table, beside torch's fused and foreach Adam."""
-
-    gaussians: tuple[int, ...] = (10_000, 100_000, 300_000)
-    """Numbers of Gaussians."""
-    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
-
-
-@dataclass(frozen=True)
-class ColorArguments:
-    """Colour of every Gaussian towards one camera: spherical harmonics and the tensor ring."""
-
-    gaussians: tuple[int, ...] = (10_000, 100_000)
-    """Numbers of Gaussians."""
-    models: tuple[str, ...] = ("harmonics", "ring", "ring-paper")
-    """harmonics; ring (our sizes); ring-paper (the paper's sizes); ring-exact (the paper's without tables)."""
+    names: tyro.conf.Positional[tuple[str, ...]] = (
+        "harmonics",
+        "ring",
+        "ring-paper",
+        "mirror",
+        "reflection",
+        "photometric",
+        "adam",
+    )
+    """Colours of all Gaussians: harmonics, ring (ringlight-ring's), ring-paper, ring-exact (the paper's without
+    tables), mirror. Per pixel: reflection (ringlight-mirror's shader), reflection-wide (hidden layers of 64),
+    photometric (the loss). adam updates a 3dgs table."""
+    sizes: tuple[str, ...] = ("10k@200", "100k@400")
+    """Gaussians@pixels on a side."""
     device: Device = "auto"
-    """Where the colours are computed."""
-    common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
-
-
-@dataclass(frozen=True)
-class ShadeArguments:
-    """The reflection shader of ringlight-mirror on a ball, beside its reference in torch."""
-
-    hidden: tuple[int, ...] = (64, 32)
-    """Widths of the network's hidden layers."""
-    covered: int = 50_000
-    """Pixels that the ball covers, of 400 x 400."""
+    """Where the parts run."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
 
 
@@ -148,10 +129,7 @@ class BenchArguments:
 
     what: Annotated[
         Annotated[RasterArguments, tyro.conf.subcommand("raster", prefix_name=False)]
-        | Annotated[LossArguments, tyro.conf.subcommand("loss", prefix_name=False)]
-        | Annotated[AdamArguments, tyro.conf.subcommand("adam", prefix_name=False)]
-        | Annotated[ColorArguments, tyro.conf.subcommand("color", prefix_name=False)]
-        | Annotated[ShadeArguments, tyro.conf.subcommand("shade", prefix_name=False)]
+        | Annotated[PartsArguments, tyro.conf.subcommand("parts", prefix_name=False)]
         | Annotated[StepArguments, tyro.conf.subcommand("step", prefix_name=False)]
         | Annotated[FpsArguments, tyro.conf.subcommand("fps", prefix_name=False)],
         tyro.conf.arg(name=""),
@@ -205,38 +183,14 @@ def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterato
     return record, raster_tables(record)
 
 
-def _loss(asked: LossArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.loss import LossBench, bench_loss
-    from ringlight.bench.tables import loss_tables
+def _parts(asked: PartsArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
+    from ringlight.bench.parts import PartsBench, bench_parts
+    from ringlight.bench.tables import parts_tables
+    from ringlight.bench.workload import Size
 
-    record = LossBench(now, bench_loss(asked.sizes, _budget(asked.common), asked.common.seed))
-    return record, loss_tables(record)
-
-
-def _adam(asked: AdamArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.adam import AdamBench, bench_adam
-    from ringlight.bench.tables import adam_tables
-
-    record = AdamBench(now, bench_adam(asked.gaussians, _budget(asked.common), asked.common.seed))
-    return record, adam_tables(record)
-
-
-def _color(asked: ColorArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.color import ColorBench, bench_color
-    from ringlight.bench.tables import color_tables
-
-    device = _rasterizer(asked.device).device
-    rows = bench_color(asked.models, asked.gaussians, _budget(asked.common), asked.common.seed, device)
-    record = ColorBench(now, rows)
-    return record, color_tables(record)
-
-
-def _shade(asked: ShadeArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.shade import ShadeBench, bench_shade
-    from ringlight.bench.tables import shade_tables
-
-    record = ShadeBench(now, bench_shade(asked.hidden, asked.covered, _budget(asked.common), asked.common.seed))
-    return record, shade_tables(record)
+    sizes, device = [Size.parse(text) for text in asked.sizes], _rasterizer(asked.device).device
+    record = PartsBench(now, bench_parts(asked.names, sizes, _budget(asked.common), asked.common.seed, device))
+    return record, parts_tables(record)
 
 
 def _step(asked: StepArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
@@ -270,10 +224,7 @@ def _fps(asked: FpsArguments, now: "Circumstances") -> "tuple[Any, Iterator[Bloc
 
 _RUNNERS: dict[type, Any] = {
     RasterArguments: _raster,
-    LossArguments: _loss,
-    AdamArguments: _adam,
-    ColorArguments: _color,
-    ShadeArguments: _shade,
+    PartsArguments: _parts,
     StepArguments: _step,
     FpsArguments: _fps,
 }

@@ -35,7 +35,7 @@ from ringlight.core.scene import PointCloud
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 from ringlight.fields.contract import LightField
-from ringlight.fields.ring_tables import RingTables
+from ringlight.fields.ring_tables import RingTables, tabulated_features
 
 # The logit of pure black or white would be infinite; a quarter of an 8-bit step away still rounds to either.
 DARKEST = 0.25 / 255
@@ -205,7 +205,7 @@ class RingLight(nn.Module):
             if self.settings.evaluation == "exact":
                 features = self.field.exact(points, directions)
             else:
-                features = self.field.tabulated(points, directions, tables)
+                features = tabulated_features(self.field, points, directions, tables)
             return self.shading(features, directions, base[visible], latents)
 
         # On a GPU nothing of a row is kept for the backward pass: kernels make it again sooner than memory is read.

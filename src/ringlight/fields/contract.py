@@ -21,9 +21,6 @@ class LightField(Protocol):
         """The field as a tensor ring's tables, which a kernel reads; None for what is no such ring."""
         ...
 
-    def tabulated(
-        self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"], tables: RingTables | None = None
-    ) -> Float[Tensor, "N C"]:
-        """The features by way of tables, made earlier by :meth:`tables` or anew and then differentiable by autograd;
-        :meth:`exact` where there are none."""
+    def differentiable_tables(self) -> RingTables | None:
+        """The same with torch's graph, in any precision."""
         ...

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from ringlight.core.want import Want
 from ringlight.fields.heads import AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, ring_features, way_back
+from ringlight.fields.ring_tables import RingTables, way_back
 
 
 class DiagonalRing(nn.Module):
@@ -39,14 +39,7 @@ class DiagonalRing(nn.Module):
         axes, view = self.axes.gradients(grad_tables.axes), self.view.gradients(grad_tables.view)
         return head_names(axes=axes, view=view) | {"core": grad_tables.core}
 
-    def tabulated(
-        self,
-        points: Float[Tensor, "N 3"],
-        directions: Float[Tensor, "N 3"],
-        tables: RingTables | None = None,
-    ) -> Float[Tensor, "N C"]:
-        """The heads interpolated between their nodes; ``tables`` made earlier by :meth:`tables` are reused."""
-        if tables is None:
-            axes, view = self.axes.differentiable_table(), self.view.differentiable_table()
-            tables = RingTables(axes, view, self.core, diagonal=True)
-        return ring_features(tables, points, directions)
+    def differentiable_tables(self) -> RingTables:
+        """The same by torch."""
+        axes, view = self.axes.differentiable_table(), self.view.differentiable_table()
+        return RingTables(axes, view, self.core, diagonal=True)

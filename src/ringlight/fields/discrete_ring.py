@@ -38,12 +38,12 @@ class DiscreteRing(nn.Module):
         self.core = noise(settings.features, rank, rank)
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        return ring_features(self._cores(), points, directions)
+        return ring_features(self.differentiable_tables(), points, directions)
 
     def tables(self, want: Want) -> RingTables:
         """The cores themselves; directions that the octahedral square shows twice get one matrix."""
         with torch.no_grad():
-            tables = self._cores()
+            tables = self.differentiable_tables()
         return replace(tables, backward=way_back(want, self._gradients))
 
     def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:
@@ -52,13 +52,6 @@ class DiscreteRing(nn.Module):
         (grad_view,) = torch.autograd.grad(view, self.view, grad_tables.view)
         return {"axes": grad_tables.axes, "view": grad_view, "core": core_gradient(grad_tables.core)}
 
-    def _cores(self) -> RingTables:
+    def differentiable_tables(self) -> RingTables:
+        """The cores with torch's graph."""
         return RingTables(self.axes, sewn(self.view).flatten(0, 1), linear_core(self.core))
-
-    def tabulated(
-        self,
-        points: Float[Tensor, "N 3"],
-        directions: Float[Tensor, "N 3"],
-        tables: RingTables | None = None,
-    ) -> Float[Tensor, "N C"]:
-        return ring_features(tables or self._cores(), points, directions)

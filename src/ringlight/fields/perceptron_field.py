@@ -14,7 +14,6 @@ from ringlight.fields.encoding import encoded_width, fourier_features
 from ringlight.fields.heads import AXES
 from ringlight.fields.networks import perceptron
 from ringlight.fields.ring_settings import PerceptronSettings, RingSettings
-from ringlight.fields.ring_tables import RingTables
 
 
 class PerceptronField(nn.Module):
@@ -37,14 +36,8 @@ class PerceptronField(nn.Module):
     def tables(self, want: Want) -> None:
         """None: it is no function of one coordinate at a time."""
 
-    def tabulated(
-        self,
-        points: Float[Tensor, "N 3"],
-        directions: Float[Tensor, "N 3"],
-        tables: RingTables | None = None,
-    ) -> Float[Tensor, "N C"]:
-        """The same as :meth:`exact`."""
-        return self.exact(points, directions)
+    def differentiable_tables(self) -> None:
+        """None likewise."""
 
 
 def ring_size(ring: RingSettings) -> int:

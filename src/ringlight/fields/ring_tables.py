@@ -6,6 +6,7 @@ a_c(x, y, z, v) = Trace(H_x(x) H_y(y) H_z(z) H_v(v) G_c)
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from jaxtyping import Float
 from torch import Tensor
@@ -15,6 +16,9 @@ from ringlight.core.rendering import no_way_back
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 from ringlight.fields.tables import between_map_nodes, between_nodes
+
+if TYPE_CHECKING:
+    from ringlight.fields.contract import LightField
 
 
 @dataclass(frozen=True)
@@ -94,3 +98,15 @@ def ring_features(
         return ring_features_by_triton(points, uv, tables.axes, tables.view, tables.core)
     x, y, z, view = heads_between(tables, points, directions)
     return (x * y * z * view) @ tables.core.T if tables.diagonal else contracted(x, y, z, view, tables.core)
+
+
+def tabulated_features(
+    field: "LightField",
+    points: Float[Tensor, "N 3"],
+    directions: Float[Tensor, "N 3"],
+    tables: RingTables | None = None,
+) -> Float[Tensor, "N C"]:
+    """A field's features by way of tables, made earlier or anew and then differentiable by autograd; without tables its
+    exact ones."""
+    tables = tables or field.differentiable_tables()
+    return field.exact(points, directions) if tables is None else ring_features(tables, points, directions)

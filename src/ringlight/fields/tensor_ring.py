@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from ringlight.core.want import Want
 from ringlight.fields.heads import AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, contracted, core_gradient, linear_core, ring_features, way_back
+from ringlight.fields.ring_tables import RingTables, contracted, core_gradient, linear_core, way_back
 
 
 class TensorRing(nn.Module):
@@ -27,7 +27,7 @@ class TensorRing(nn.Module):
         self.core = nn.Parameter(core)
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        """Every head run at every point: slow, and the limit of :meth:`tabulated` for many nodes."""
+        """Every head run at every point: slow, and the limit of its tables for many nodes."""
         x, y, z = self.axes(points).unbind()
         return contracted(x, y, z, self.view(directions), linear_core(self.core))
 
@@ -40,15 +40,7 @@ class TensorRing(nn.Module):
         axes, view = self.axes.gradients(grad_tables.axes), self.view.gradients(grad_tables.view)
         return head_names(axes=axes, view=view) | {"core": core_gradient(grad_tables.core)}
 
-    def tabulated(
-        self,
-        points: Float[Tensor, "N 3"],
-        directions: Float[Tensor, "N 3"],
-        tables: RingTables | None = None,
-    ) -> Float[Tensor, "N C"]:
-        """The heads interpolated between their nodes; ``tables`` made earlier by :meth:`tables` are reused."""
-        if tables is None:
-            tables = RingTables(
-                self.axes.differentiable_table(), self.view.differentiable_table(), linear_core(self.core)
-            )
-        return ring_features(tables, points, directions)
+    def differentiable_tables(self) -> RingTables:
+        """The same by torch."""
+        axes, view = self.axes.differentiable_table(), self.view.differentiable_table()
+        return RingTables(axes, view, linear_core(self.core))

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from ringlight.core.want import Want
 from ringlight.fields.heads import AXES, AxisHeads, DirectionHead, head_names
 from ringlight.fields.ring_settings import RingSettings
-from ringlight.fields.ring_tables import RingTables, contracted, ring_features, way_back
+from ringlight.fields.ring_tables import RingTables, contracted, way_back
 
 
 class TensorTrain(nn.Module):
@@ -47,17 +47,10 @@ class TensorTrain(nn.Module):
         named = head_names(first=first, middle=middle, view=view)
         return named | {"core": grad_tables.core[:, :rank].contiguous()}
 
-    def tabulated(
-        self,
-        points: Float[Tensor, "N 3"],
-        directions: Float[Tensor, "N 3"],
-        tables: RingTables | None = None,
-    ) -> Float[Tensor, "N C"]:
-        if tables is None:
-            first, middle = self.first.differentiable_table(), self.middle.differentiable_table()
-            axes = torch.cat([self._first_row(first), middle])
-            tables = RingTables(axes, self.view.differentiable_table(), self._first_row(self.core))
-        return ring_features(tables, points, directions)
+    def differentiable_tables(self) -> RingTables:
+        """The same by torch."""
+        axes = torch.cat([self._first_row(self.first.differentiable_table()), self.middle.differentiable_table()])
+        return RingTables(axes, self.view.differentiable_table(), self._first_row(self.core))
 
     def _first_row(self, vectors: Float[Tensor, "*rows R"]) -> Float[Tensor, "*rows D"]:
         """R x R matrices, rows first, with the vectors as their first row; the transpose of the first column of G_c."""

@@ -15,7 +15,6 @@ from ringlight.core.want import Want
 from ringlight.fields.networks import fan_in_uniform
 from ringlight.fields.octahedral import sewn
 from ringlight.fields.ring_settings import VectorMatrixSettings
-from ringlight.fields.ring_tables import RingTables
 from ringlight.fields.tables import between_map_nodes, between_nodes
 
 PAIRS = (((0, 1), 2), ((0, 2), 1), ((1, 2), 0))
@@ -55,13 +54,7 @@ class VectorMatrix(nn.Module):
         return (torch.cat(products, -1) * view) @ self.basis.T
 
     def tables(self, want: Want) -> None:
-        """None: planes are no ring's."""
+        """None: planes are no ring's, and :meth:`exact` reads tables already."""
 
-    def tabulated(
-        self,
-        points: Float[Tensor, "N 3"],
-        directions: Float[Tensor, "N 3"],
-        tables: RingTables | None = None,
-    ) -> Float[Tensor, "N C"]:
-        """The same as :meth:`exact`: everything is a table already."""
-        return self.exact(points, directions)
+    def differentiable_tables(self) -> None:
+        """None likewise."""

@@ -25,6 +25,7 @@ from ringlight.fields.diagonal_ring import DiagonalRing
 from ringlight.fields.networks import perceptron
 from ringlight.fields.octahedral import OctahedralMaps
 from ringlight.fields.parallax import sphere_exits
+from ringlight.fields.ring_tables import tabulated_features
 from ringlight.fields.tensor_ring import TensorRing
 from ringlight.shade.by_torch import shaded_by_torch
 from ringlight.shade.covered import CoveredPixels, covered_pixels
@@ -41,7 +42,7 @@ from ringlight.shade.reflection_kernel import (
 )
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
 
-RINGS = {"full": TensorRing, "diagonal": DiagonalRing}
+RINGS: dict[str, type[TensorRing] | type[DiagonalRing]] = {"full": TensorRing, "diagonal": DiagonalRing}
 """By the setting ``ring``."""
 
 # The last layer starts smaller than PyTorch's: the first shaded picture shall be near that of the base colours.
@@ -215,9 +216,7 @@ class ReflectionShader(nn.Module):
         if self.settings.raw_direction:
             inputs.append(directions)
         if self.settings.ring != "none":
-            ring = self.get_submodule("ring")
-            assert isinstance(ring, TensorRing | DiagonalRing)
-            inputs.append(torch.tanh(ring.tabulated(points.clamp(-1, 1), reflected)))
+            inputs.append(torch.tanh(tabulated_features(self.ring, points.clamp(-1, 1), reflected)))
         return torch.cat(inputs, -1)
 
     def _unit_points(self, points: Float[Tensor, "P 3"]) -> Float[Tensor, "P 3"]:
