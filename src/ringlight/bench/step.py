@@ -22,7 +22,7 @@ from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
 SCHEDULED_STEP = 7_501
-"""The workload's step: densification counts pulls, as in half of a run, but edits no rows at this one."""
+"""The workload's step: densification sums gradients, as in half of a run, but edits no rows at this one."""
 
 WHOLE = "whole"
 

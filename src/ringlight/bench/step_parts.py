@@ -22,7 +22,7 @@ from ringlight.core.rendering import Emission, Shaded
 from ringlight.core.scene import PointCloud
 from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
-from ringlight.fit.losses import Target, photometric_gradient, photometric_reference
+from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient, photometric_reference
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, Rate
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe

@@ -142,10 +142,10 @@ def _over(image: Float[Tensor, "H W C"], alpha: Float[Tensor, "H W 1"], backgrou
 
 def _footprint(seen: Ellipses, count: int) -> Footprint:
     means2d, radii = seen.means2d.detach(), seen.radii.to(seen.means2d.dtype)
-    return Footprint(_spread(seen.rows, means2d, count), _spread(seen.rows, radii, count))
+    return Footprint(_on_table_rows(seen.rows, means2d, count), _on_table_rows(seen.rows, radii, count))
 
 
-def _spread(rows: Int[Tensor, "V"], values: Float[Tensor, "V 2"], count: int) -> Float[Tensor, "N 2"]:
+def _on_table_rows(rows: Int[Tensor, "V"], values: Float[Tensor, "V 2"], count: int) -> Float[Tensor, "N 2"]:
     return values.new_zeros(count, 2).index_copy_(0, rows, values)
 
 
@@ -178,11 +178,11 @@ class _Notes:
 
     def __call__(self, gradient: Float[Tensor, "V 2"]) -> None:
         footprint, count = self._footprint, len(self._footprint.radii)
-        new = _spread(self._rows, gradient, count)
+        new = _on_table_rows(self._rows, gradient, count)
         known = footprint.means2d_gradient
         footprint.means2d_gradient = new if known is None else known + new
         if self._centers is not None:
-            new = _spread(self._rows, self._centers.absgrad.detach(), count)  # type: ignore[attr-defined]
+            new = _on_table_rows(self._rows, self._centers.absgrad.detach(), count)  # type: ignore[attr-defined]
             known = footprint.absolute_gradient
             footprint.absolute_gradient = new if known is None else known + new
 

@@ -131,7 +131,7 @@ class _CenterGradients:
     def __init__(self, splats: Projection, rows: Int[Tensor, "K"], count: int, absolute: bool):
         self._centers, self._rows, self._count = splats.means2d, rows, count
         self._absolute = splats.means2d.new_zeros(len(rows), 2) if absolute else None
-        self.footprint = Footprint(self._spread(splats.means2d.detach()), self._spread(splats.radii))
+        self.footprint = Footprint(self._on_table_rows(splats.means2d.detach()), self._on_table_rows(splats.radii))
         if self._centers.requires_grad:
             self._centers.register_hook(self._finish)
 
@@ -148,10 +148,10 @@ class _CenterGradients:
         return copies
 
     def _finish(self, gradient: Float[Tensor, "K 2"]) -> None:
-        self.footprint.means2d_gradient = self._spread(gradient)
+        self.footprint.means2d_gradient = self._on_table_rows(gradient)
         if self._absolute is not None:
-            self.footprint.absolute_gradient = self._spread(self._absolute)
+            self.footprint.absolute_gradient = self._on_table_rows(self._absolute)
             self._absolute.zero_()
 
-    def _spread(self, values: Float[Tensor, "K 2"]) -> Float[Tensor, "N 2"]:
+    def _on_table_rows(self, values: Float[Tensor, "K 2"]) -> Float[Tensor, "N 2"]:
         return values.new_zeros(self._count, 2).index_copy_(0, self._rows, values)
