@@ -134,7 +134,10 @@ def test_every_number_of_a_camera_is_looked_at_alone():
     image, alpha, footprint = torch.empty(1, 8, 8), torch.empty(8, 8), torch.empty(0, 2)
 
     def draw(focal_x: float, focal_y: float, center_x: float, center_y: float) -> None:
-        camera = Camera(torch.eye(4), (focal_x, focal_y), (center_x, center_y), 8, 8).native
+        camera = _kernels.Camera(
+            world_to_camera=torch.eye(4), position=torch.zeros(3), focal=(focal_x, focal_y),
+            center=(center_x, center_y), width=8, height=8,
+        )  # fmt: skip
         _kernels.Workspace().forward(table, camera, settings, image, alpha, footprint, footprint.clone())
 
     draw(3e38, 3e38, 4.0, 4.0)

@@ -19,6 +19,7 @@ from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import TRAINED
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -33,7 +34,7 @@ def state_after(method: str, steps: int, threads: int) -> dict[str, torch.Tensor
     return training.state()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", TRAINED)
 def test_a_run_has_the_same_bits_for_any_number_of_threads(method: str):
     alone = state_after(method, 12, threads=1)
     for threads in (2, 4):
