@@ -117,10 +117,12 @@ SETTINGS = ("isa", "threads", "set_threads", "keep_freed_memory", "set_memory", 
 def _train_all() -> None:
     import dataclasses
 
-    from ringlight.data.synthetic import tiny_scene
     from ringlight.fit.train import train
     from ringlight.methods.table import METHODS
     from ringlight.rasterize.choose import rasterizer_for
+
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    from tiny_scene import tiny_scene
 
     for preset in METHODS.values():
         for direct in (True, False):

@@ -8,7 +8,6 @@ import torch
 
 from contracts.methods import TRAINED, small
 from plugs.splat_format import BYTES_EACH, SplatFile
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import OutputError
 from ringlight.files.formats import table
 from ringlight.files.formats.contract import Content, Form, Writer
@@ -17,6 +16,7 @@ from ringlight.fit.train import train
 from ringlight.methods.store import StoredModel, model_header, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.export import export
+from tiny_scene import tiny_scene
 
 SUFFIXES: dict[str, Writer] = dict(table.WRITERS) | {".splat": SplatFile()}
 
