@@ -77,13 +77,20 @@ def measure(
         raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
     background = scene.background_color
 
-    def render(camera: Camera) -> Rendering:
-        return model.render(camera, background, Want.PICTURE)
-
-    keep = None if pictures is None else _keeper(*pictures)
+    render, keep = _shows(model, background), None if pictures is None else _keeper(*pictures)
     scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)
     speed = frames_per_second(render, [view.camera for view in scene.test])
     return _report(scene, facts, scores, model, speed)
+
+
+def psnr_of_views(model: Model, scene: Scene, tell: Tell | None = None) -> float:
+    """Mean PSNR over the test views, dB, of the model as it is now."""
+    background = scene.background_color
+    return evaluate(_shows(model, background), scene.test, background, lpips_nets=(), progress=tell).psnr
+
+
+def _shows(model: Model, background: Float[Tensor, "3"]) -> Callable[[Camera], Rendering]:
+    return lambda camera: model.render(camera, background, Want.PICTURE)
 
 
 def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: Tell | None = None) -> Report:
