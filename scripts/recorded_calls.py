@@ -117,19 +117,23 @@ SETTINGS = ("isa", "threads", "set_threads", "keep_freed_memory", "set_memory", 
 def _train_all() -> None:
     import dataclasses
 
-    from ringlight.data.synthetic import tiny_scene
+    from ringlight.core.want import Want
     from ringlight.fit.train import train
     from ringlight.methods.table import METHODS
     from ringlight.rasterize.choose import rasterizer_for
 
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    from tiny_scene import tiny_scene
+
     for preset in METHODS.values():
-        for direct in (True, False):
-            recipe = dataclasses.replace(preset, steps=STEPS)
-            training = recipe.build(tiny_scene(views=3, size=24), rasterizer_for("cpu"), 0)
-            for _ in train(training, direct):
-                pass
-            scene = training.batches.scene
-            training.model.picture(scene.train[0].camera, scene.background_color)
+        scene, rasterize = tiny_scene(views=3, size=24), rasterizer_for("cpu")
+        recipe, _ = preset.settled(scene, rasterize, 0)
+        recipe = dataclasses.replace(recipe, steps=STEPS)
+        training = recipe.build(scene, rasterize, 0)
+        for _ in train(training):
+            pass
+        for want in Want:
+            training.model.render(scene.train[0].camera, scene.background_color, want)
 
 
 def replay(path: Path, module: Path) -> int:

@@ -7,12 +7,12 @@ import torch
 
 from ringlight.core.scene import Scene
 from ringlight.data import hull
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import TRAINED
+from tiny_scene import tiny_scene
 
 pytestmark = pytest.mark.cuda
 

@@ -30,7 +30,6 @@ from ringlight.color.contract import ColorModel
 from ringlight.color.ringlight import RingLight
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fields.contract import LightField
 from ringlight.files.formats.contract import Writer
 from ringlight.files.formats.table import WRITERS
@@ -43,6 +42,7 @@ from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.export import export
 from ringlight.shade.contract import Shader
 from small_recipes import small
+from tiny_scene import tiny_scene
 
 STEPS = 20
 SCENE = tiny_scene(views=6, size=24)

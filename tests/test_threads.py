@@ -14,12 +14,12 @@ import torch
 from ringlight import _kernels
 from ringlight.bench.workload import Size, workload
 from ringlight.core.rendering import Emission
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import TRAINED
+from tiny_scene import tiny_scene
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 

@@ -49,55 +49,34 @@ _HOMES = {
 }
 
 if TYPE_CHECKING:
-    from ringlight.color.contract import ColorModel
-    from ringlight.core.camera import Camera
-    from ringlight.core.gaussians import Gaussians
-    from ringlight.core.rendering import Rendering
-    from ringlight.core.scene import PointCloud, Scene, View
-    from ringlight.data.load import load_scene
-    from ringlight.data.options import SceneOptions
-    from ringlight.errors import RinglightError
-    from ringlight.files.bake import bake_to_sh
-    from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
-    from ringlight.fit.strategies.contract import Strategy
-    from ringlight.fit.train import Training, train
-    from ringlight.measure.compare import compare
-    from ringlight.measure.evaluate import evaluate
-    from ringlight.methods.store import load_model, save_model
-    from ringlight.methods.table import METHODS
-    from ringlight.models.splats import SplatModel
-    from ringlight.rasterize.choose import rasterizer_for
-    from ringlight.rasterize.contract import Rasterizer, RasterOptions
-    from ringlight.shade.contract import Shader
+    from ringlight.color.contract import ColorModel as ColorModel
+    from ringlight.core.camera import Camera as Camera
+    from ringlight.core.gaussians import Gaussians as Gaussians
+    from ringlight.core.rendering import Rendering as Rendering
+    from ringlight.core.scene import PointCloud as PointCloud
+    from ringlight.core.scene import Scene as Scene
+    from ringlight.core.scene import View as View
+    from ringlight.data.load import load_scene as load_scene
+    from ringlight.data.options import SceneOptions as SceneOptions
+    from ringlight.errors import RinglightError as RinglightError
+    from ringlight.files.bake import bake_to_sh as bake_to_sh
+    from ringlight.files.ply import read_gaussian_ply as read_gaussian_ply
+    from ringlight.files.ply import write_gaussian_ply as write_gaussian_ply
+    from ringlight.fit.strategies.contract import Strategy as Strategy
+    from ringlight.fit.train import Training as Training
+    from ringlight.fit.train import train as train
+    from ringlight.measure.compare import compare as compare
+    from ringlight.measure.evaluate import evaluate as evaluate
+    from ringlight.methods.store import load_model as load_model
+    from ringlight.methods.store import save_model as save_model
+    from ringlight.methods.table import METHODS as METHODS
+    from ringlight.models.splats import SplatModel as SplatModel
+    from ringlight.rasterize.choose import rasterizer_for as rasterizer_for
+    from ringlight.rasterize.contract import Rasterizer as Rasterizer
+    from ringlight.rasterize.contract import RasterOptions as RasterOptions
+    from ringlight.shade.contract import Shader as Shader
 
-__all__ = [
-    "METHODS",
-    "Camera",
-    "ColorModel",
-    "Gaussians",
-    "PointCloud",
-    "RasterOptions",
-    "Rasterizer",
-    "Rendering",
-    "RinglightError",
-    "Scene",
-    "SceneOptions",
-    "Shader",
-    "SplatModel",
-    "Strategy",
-    "Training",
-    "View",
-    "bake_to_sh",
-    "compare",
-    "evaluate",
-    "load_model",
-    "load_scene",
-    "rasterizer_for",
-    "read_gaussian_ply",
-    "save_model",
-    "train",
-    "write_gaussian_ply",
-]
+__all__ = [*_HOMES]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,12 +1,20 @@
-from ringlight.bench.stages import fastest_stages, line
+"""The rasterizer's stages are told by its own clock."""
+
+import pytest
+
+from ringlight.bench.raster import bench_raster
+from ringlight.bench.timing import Budget
 from ringlight.bench.workload import Size
+from ringlight.rasterize.choose import rasterizer_for
 
 
-def test_every_stage_is_timed_in_order():
-    stages = fastest_stages(Size(500, 48), rounds=2)
-    assert list(stages) == ["project", "sort", "bin", "blend", "blend_gradient", "project_gradient"]
-    assert all(milliseconds > 0 for milliseconds in stages.values())
+@pytest.mark.parametrize("rounds", [1, 3])
+def test_every_stage_is_timed_in_order(rounds):
+    (row,) = bench_raster([Size(500, 48)], rasterizer_for("cpu"), Budget(rounds, 60.0))
+    assert list(row.stages) == ["project", "sort", "bin", "blend", "blend_gradient", "project_gradient"]
+    assert all(milliseconds > 0 for milliseconds in row.stages.values())
 
 
-def test_a_row_ends_with_the_sum():
-    assert line("1@2", {"sort": 0.5, "bin": 0.25}) == "| 1@2 | 0.50 | 0.25 | 0.75 |\n"
+def test_another_rasterizer_has_no_stages():
+    (row,) = bench_raster([Size(20, 8)], rasterizer_for("reference"), Budget(1, 0.0))
+    assert row.stages == {}

@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 
 from ringlight.core.camera import Camera
-from ringlight.data.synthetic import FIELD_OF_VIEW, tiny_scene
+from tiny_scene import FIELD_OF_VIEW, tiny_scene
 
 
 def write_tiny_scene(folder: Path, views: int = 6, size: int = 20) -> Path:

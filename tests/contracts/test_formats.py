@@ -10,7 +10,6 @@ from torch import Tensor
 
 from contracts.methods import TRAINED, small
 from plugs.splat_format import BYTES_EACH, SplatFile
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import OutputError
 from ringlight.files.formats import table
 from ringlight.files.formats.contract import Content, Form, Writer
@@ -19,6 +18,7 @@ from ringlight.fit.train import train
 from ringlight.methods.store import StoredModel, model_header, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.export import export
+from tiny_scene import tiny_scene
 
 SUFFIXES: dict[str, Writer] = dict(table.WRITERS) | {".splat": SplatFile()}
 

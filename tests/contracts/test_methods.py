@@ -10,13 +10,13 @@ from torch import Tensor
 from contracts.methods import TRAINED, small
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import Training, train
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.methods.table import METHODS
 from ringlight.models.contract import Model
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 STEPS, HALF = 24, 11
 SAME = 2e-5

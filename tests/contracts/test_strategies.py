@@ -9,7 +9,6 @@ from torch import Tensor
 from contracts.methods import GROWING, small
 from plugs.relocate import Relocate
 from ringlight.core.scene import Scene
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
@@ -18,6 +17,7 @@ from ringlight.fit.strategies.prune import Prune
 from ringlight.fit.strategies.unlock import Unlock
 from ringlight.fit.train import Training, train
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 STEPS, HALF = 30, 13
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import torch
 
 from ringlight.data.batches import ImageBatches
-from ringlight.data.synthetic import tiny_scene
+from tiny_scene import tiny_scene
 
 
 def test_every_view_once_an_epoch_in_an_order_that_changes():

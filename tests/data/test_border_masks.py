@@ -13,7 +13,7 @@ from ringlight.data import hull
 from ringlight.data.border_masks import border_masks, cover
 from ringlight.data.hull import Mask, masks_of
 from ringlight.data.surface import hull_points
-from ringlight.data.synthetic import tiny_scene
+from tiny_scene import tiny_scene
 
 WHITE = torch.ones(3)
 

@@ -9,7 +9,7 @@ import torch
 from ringlight.core.scene import Scene, View
 from ringlight.data import hull
 from ringlight.data.hull import Mask, depths_inside, masks_of, visual_hull
-from ringlight.data.synthetic import tiny_scene
+from tiny_scene import tiny_scene
 
 RADIUS = 0.8
 

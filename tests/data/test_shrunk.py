@@ -7,7 +7,7 @@ import torch
 from ringlight.core.scene import View
 from ringlight.data.batches import COARSE, SMALLEST_COARSE, ImageBatches
 from ringlight.data.shrunk import shrunk
-from ringlight.data.synthetic import tiny_scene
+from tiny_scene import tiny_scene
 
 
 @pytest.mark.parametrize("factor", [2, 4])

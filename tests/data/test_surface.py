@@ -10,7 +10,7 @@ from ringlight.core.scene import PointCloud, Scene
 from ringlight.data import hull
 from ringlight.data.photographed_colors import photographed_colors
 from ringlight.data.surface import hull_points, own_points, plane_normals
-from ringlight.data.synthetic import BALLS, tiny_scene
+from tiny_scene import BALLS, tiny_scene
 
 
 @pytest.fixture(autouse=True)

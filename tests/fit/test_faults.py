@@ -7,7 +7,6 @@ import torch
 
 from ringlight.core.gradients import Gradients, dense
 from ringlight.core.scene import View
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import BackendError, DivergedError, ModelFileError
 from ringlight.files.model_file import write_model_file
 from ringlight.fit.faults import MOST_IN_A_ROW
@@ -15,6 +14,7 @@ from ringlight.fit.train import Training, alone, train
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts, tensors_from_cameras
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 BAD = (float("nan"), float("inf"), -float("inf"))
 

@@ -9,7 +9,6 @@ from torch import Tensor
 from ringlight.core.gradients import dense
 from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.regularizers.contract import Regularizer, Term
@@ -19,6 +18,7 @@ from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.reference import ReferenceRasterizer
+from tiny_scene import tiny_scene
 
 STEP = 1e-6
 """Of a central difference in float64."""

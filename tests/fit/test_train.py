@@ -7,7 +7,6 @@ import torch
 
 from ringlight.core.gradients import Gradients, dense
 from ringlight.core.rendering import Footprint
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import train
@@ -15,6 +14,7 @@ from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.shade.reflection import ReflectionShader
 from small_recipes import TRAINED, small
+from tiny_scene import tiny_scene
 
 QUICK = DensifySettings(threshold=1e-5, begin=4, every=5, stop=0.8, reset_every=12, max_gaussians=900)
 

@@ -25,7 +25,6 @@ from ringlight.data.images import BROKEN_IMAGE, PIXELS_A_BYTE, Photograph, read_
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.data.ply_points import read_ply_points
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RinglightError
 from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
 from ringlight.files.tensor_file import read_tensors, write_tensors
@@ -40,6 +39,7 @@ from ringlight.runs.folder import RunFolder
 from ringlight.runs.opened import Opened, recorded_scene
 from ringlight.runs.record import RECORD_NAME, RunRecord
 from small_recipes import with_settings
+from tiny_scene import tiny_scene
 
 REFUSALS = RinglightError
 

@@ -7,12 +7,12 @@ import torch
 
 from ringlight.core.scene import Scene
 from ringlight.data import hull
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import TRAINED, with_settings
+from tiny_scene import tiny_scene
 
 STEPS = 300
 

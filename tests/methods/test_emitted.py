@@ -4,10 +4,10 @@ import dataclasses
 
 import torch
 
-from ringlight.data.synthetic import tiny_scene
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 
 def test_a_gaussian_alone_emits_what_a_pixel_full_of_it_shows():

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import ModelFileError, RecipeError
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.fit.train import Training, train
@@ -19,6 +18,7 @@ from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import refuse_misfits
 from small_recipes import TRAINED
+from tiny_scene import tiny_scene
 
 SETTINGS = [
     ("ringlight-ring", ("light", "render_hidden"), 1024),

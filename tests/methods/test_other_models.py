@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from ringlight.cli.main import run
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import read_model_file, write_model_file
 from ringlight.methods.recipe import Recipe
@@ -17,6 +16,7 @@ from ringlight.models.contract import Model
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.facts import facts_of
 from ringlight.runs.finish import TrainingFacts, measure
+from tiny_scene import tiny_scene
 from voxel_grid import VoxelGrid, VoxelRecipe
 
 SCENE = tiny_scene(views=6, size=16)

@@ -14,11 +14,11 @@ from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.data.points import random_points
 from ringlight.data.shrunk import shrunk
-from ringlight.data.synthetic import tiny_scene
 from ringlight.methods import reflection_trial as module
 from ringlight.methods.reflection_trial import FEWEST_VIEWS, SIDE, ReflectionTrial, reflection_trial
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 
 def opaque_scene(views: int = FEWEST_VIEWS) -> Scene:

@@ -4,12 +4,12 @@ import dataclasses
 
 import pytest
 
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.methods import reflection_trial
 from ringlight.methods.ringlight import GrowthBound, RingLightRecipe
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 RINGLIGHT = RingLightRecipe()
 METHOD_OF_SHADING = {"forward": "ringlight-ring", "deferred": "ringlight-mirror"}

@@ -9,12 +9,12 @@ import torch
 
 from ringlight.core.scene import Scene, View
 from ringlight.data import hull
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.fit.train import train
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 RECIPE = RingLightMirrorRecipe(steps=20, warmup=0.5)
 

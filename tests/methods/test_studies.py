@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.studies import BASES, FULL, STUDIES, study_named
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 
 def differences(one: Any, other: Any, where: str = "") -> set[str]:

@@ -6,13 +6,13 @@ import json
 import pytest
 import torch
 
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import recipe_to_dict
 from ringlight.methods.store import model_header, scene_facts
 from ringlight.methods.table import METHODS, method_named, method_of, recipe_of_method
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import TRAINED, small
+from tiny_scene import tiny_scene
 
 
 def test_presets_of_one_paper_share_their_method():

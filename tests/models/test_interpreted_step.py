@@ -9,12 +9,12 @@ import interpreted
 from gsplat_torch import torch_gsplat_rasterizer
 from ringlight.core import triton_kernels
 from ringlight.data import hull
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.train import Training, train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.contract import Rasterizer
 from small_recipes import with_settings
+from tiny_scene import tiny_scene
 
 POINTS = 40
 """Gaussians: the interpreter takes a hundred microseconds an operation of a kernel."""

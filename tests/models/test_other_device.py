@@ -14,7 +14,6 @@ from gsplat_torch import TorchGsplat
 from other_device import ELSEWHERE, other_device
 from ringlight.core.scene import Scene
 from ringlight.data import hull
-from ringlight.data.synthetic import tiny_scene
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
@@ -25,6 +24,7 @@ from ringlight.rasterize.contract import Rasterizer
 from ringlight.rasterize.cuda import CudaRasterizer
 from ringlight.rasterize.gsplat_seam import TILE, Ellipses, Gsplat, tile_counts
 from small_recipes import TRAINED, with_settings
+from tiny_scene import tiny_scene
 
 STEPS = 12
 

@@ -9,7 +9,6 @@ from torch import nn
 
 from ringlight.core.rendering import Emission
 from ringlight.core.scene import PointCloud
-from ringlight.data.synthetic import tiny_scene
 from ringlight.errors import OutputError
 from ringlight.files.formats.contract import Form
 from ringlight.files.formats.table import WRITERS
@@ -24,6 +23,7 @@ from ringlight.rasterize.reference import ReferenceRasterizer
 from ringlight.runs.export import check_target, export
 from ringlight.shade.passthrough import PassThrough
 from small_recipes import small
+from tiny_scene import tiny_scene
 
 FACTORS = (0.0, 0.25, 0.5, 1.0)
 

@@ -11,11 +11,11 @@ from scenes_on_disk import write_tiny_scene
 
 from ringlight.cli.main import run
 from ringlight.core.scene import PointCloud
-from ringlight.data.synthetic import tiny_scene
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs import limits
 from ringlight.runs.limits import COPIES, SHARE, WORK_BYTES, bounded, most_gaussians
+from tiny_scene import tiny_scene
 
 
 def built(max_gaussians: int = 0):

@@ -1,7 +1,9 @@
 """Speed of a rasterizer on the standard workload: the contract's call with gradients wanted, and its way back."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import cast
 
 import torch
 from jaxtyping import Float
@@ -18,6 +20,7 @@ from ringlight.core.randomness import generator
 from ringlight.core.rendering import Emission
 from ringlight.core.want import Want
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
+from ringlight.rasterize.cpu import CpuRasterizer
 from ringlight.rasterize.cpu_job import Job, table_of
 
 FORWARD, BACKWARD = "forward", "backward"
@@ -45,6 +48,8 @@ class RasterRow:
     pairs: Pairs | None = None
     gflops: float | None = None
     """Operations of blending (``bench/flops.py``) over the time of both passes, fastest round."""
+    stages: dict[str, float] = field(default_factory=dict)
+    """Milliseconds of each in its fastest round, by the kernels' own clock: medians would show who else was busy."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +104,20 @@ def image_gradient(size: Size, seed: int = 0) -> Float[Tensor, "C H W"]:
 
 
 def _row(size: Size, rasterize: Rasterizer, budget: Budget, seed: int) -> RasterRow:
-    view = OneView(workload(size, seed), rasterize, seed)
-    timings = interleaved({"": Contestant({FORWARD: view.forward, BACKWARD: view.backward})}, budget)[""]
+    view, stages = OneView(workload(size, seed), rasterize, seed), dict[str, float]()
+    is_native = rasterize.name == NATIVE
+
+    def read_clock() -> None:
+        """Of the round before."""
+        for workspace in cast(CpuRasterizer, rasterize).spare[-1:] if is_native else ():
+            for name, seconds in workspace.stage_seconds.items():
+                stages[name] = min(stages.get(name, math.inf), 1e3 * seconds)
+
+    contestant = Contestant({FORWARD: view.forward, BACKWARD: view.backward}, prepare=read_clock)
+    timings = interleaved({"": contestant}, budget)[""]
     passes = Passes(timings[FORWARD], timings[BACKWARD], timings[TOTAL])
     visible = int(view.raster.footprint.visible.sum())
-    if rasterize.name != NATIVE:
+    if not is_native:
         return RasterRow(size, visible, passes)
     pairs, seconds = view.pairs(), max(passes.both.best_ms, SHORTEST_MS) / 1e3
-    return RasterRow(size, visible, passes, pairs, pairs.flops(size.channels) / seconds / 1e9)
+    return RasterRow(size, visible, passes, pairs, pairs.flops(size.channels) / seconds / 1e9, stages)

@@ -1,6 +1,7 @@
 """Benchmark records as tables for a terminal of 80 characters or more."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -13,6 +14,7 @@ from ringlight.bench.record import Circumstances
 from ringlight.bench.step import StepBench, StepRow
 from ringlight.bench.timing import SHORTEST_MS, Timing
 
+Record = RasterBench | PartsBench | StepBench | FpsBench
 Block = Table | Text
 Cell = str | int | float | None
 """Words, a count, milliseconds, or nothing."""
@@ -21,6 +23,11 @@ COMMIT_DIGITS = 10
 
 NAMES = ("size", "part", "stage", "method")
 """Titles of columns that hold words."""
+
+
+def tables(record: Record) -> Iterator[Block]:
+    """What ``ringlight bench`` prints."""
+    return TABLES[type(record)](record)
 
 
 def raster_tables(record: RasterBench) -> Iterator[Block]:
@@ -40,6 +47,10 @@ def raster_tables(record: RasterBench) -> Iterator[Block]:
     if work:
         yield Text("pairs of Gaussian and pixel; GFLOP/s of blending in the fastest round", style="bold")
         yield _table(("size", "tried", "blended", "GFLOP/s", "of FMA", "of mm"), work)
+    stages = [(row.size.name, *row.stages.values(), sum(row.stages.values())) for row in record.rows if row.stages]
+    if stages:
+        yield Text("stages by the kernels' own clock, each in its fastest round", style="bold")
+        yield _table(("size", *record.rows[0].stages, "sum"), stages)
 
 
 def _passes(passes: Passes) -> tuple[Cell, ...]:
@@ -108,6 +119,14 @@ def fps_tables(record: FpsBench) -> Iterator[Block]:
     yield _table(("size", "method", "FPS", "ms", "CPU ms", "best", "times", "CPU"), rows)
     yield Text("times: the first method's at that size", style="dim")
     yield Text(record.rows[0].note if record.rows else "", style="dim")
+
+
+TABLES: dict[type, Callable[[Any], Iterator[Block]]] = {
+    RasterBench: raster_tables,
+    PartsBench: parts_tables,
+    StepBench: step_tables,
+    FpsBench: fps_tables,
+}
 
 
 def _spent(timing: Timing) -> tuple[float, float, float]:

@@ -2,10 +2,9 @@
 
 import datetime
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -16,7 +15,7 @@ from ringlight.methods.table import method_named
 
 if TYPE_CHECKING:
     from ringlight.bench.record import Circumstances
-    from ringlight.bench.tables import Block
+    from ringlight.bench.tables import Record
     from ringlight.bench.timing import Budget
     from ringlight.rasterize.contract import Rasterizer
 
@@ -38,6 +37,13 @@ class Common:
     save: str | None = None
     """Write the record to benchmarks/results/SAVE.json; an earlier one is replaced."""
 
+    @property
+    def budget(self) -> "Budget":
+        """Of each size, or of each of those that take turns."""
+        from ringlight.bench.timing import Budget
+
+        return Budget(self.rounds, self.seconds)
+
 
 @dataclass(frozen=True)
 class RasterArguments:
@@ -50,6 +56,16 @@ class RasterArguments:
     device: Device = "auto"
     """Rasterizer. reference is plain torch and wants small sizes."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+    def measured(self, now: "Circumstances") -> "Record":
+        """The record of what was asked for."""
+        from ringlight.bench.raster import RasterBench, bench_raster
+        from ringlight.bench.workload import Size
+
+        sizes = [Size.parse(text, self.channels) for text in self.sizes]
+        rasterize = _rasterizer(self.device)
+        rows = bench_raster(sizes, rasterize, self.common.budget, self.common.seed)
+        return RasterBench(now, rasterize.name, rows)
 
 
 @dataclass(frozen=True)
@@ -73,6 +89,14 @@ class PartsArguments:
     device: Device = "auto"
     """Where the parts run."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+    def measured(self, now: "Circumstances") -> "Record":
+        """The record of what was asked for."""
+        from ringlight.bench.parts import PartsBench, bench_parts
+        from ringlight.bench.workload import Size
+
+        sizes, device = [Size.parse(text) for text in self.sizes], _rasterizer(self.device).device
+        return PartsBench(now, bench_parts(self.names, sizes, self.common.budget, self.common.seed, device))
 
 
 @dataclass(frozen=True)
@@ -109,6 +133,21 @@ class StepArguments:
             if getattr(self, name) and self.scene is None:
                 raise RecipeError(f"--{name} is for photographs; name them by --scene")
 
+    def measured(self, now: "Circumstances") -> "Record":
+        """The record of what was asked for."""
+        from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
+        from ringlight.bench.workload import Size
+
+        recipes = {name: method_named(name) for name in self.methods}
+        rasterize, seed = _rasterizer(self.device), self.common.seed
+        if self.scene is None:
+            size = Size.parse(self.size)
+            subjects = [subject_of_workload(name, recipes[name], size, rasterize, seed) for name in recipes]
+        else:
+            photographs = Photographs(self.scene, self.after, self.steps, self.gaussians)
+            subjects = [subject_of_scene(name, recipes[name], photographs, rasterize, seed) for name in recipes]
+        return bench_step(subjects, self.common.budget, now)
+
 
 @dataclass(frozen=True)
 class FpsArguments:
@@ -121,6 +160,16 @@ class FpsArguments:
     device: Device = "auto"
     """Rasterizer."""
     common: Annotated[Common, tyro.conf.arg(name="")] = field(default_factory=Common)
+
+    def measured(self, now: "Circumstances") -> "Record":
+        """The record of what was asked for."""
+        from ringlight.bench.fps import FpsBench, bench_fps
+        from ringlight.bench.workload import Size
+
+        recipes = [(name, method_named(name)) for name in self.methods]
+        rasterize, sizes = _rasterizer(self.device), [Size.parse(text) for text in self.sizes]
+        rows = bench_fps(recipes, sizes, rasterize, self.common.budget, self.common.seed)
+        return FpsBench(now, rasterize.name, rows)
 
 
 @dataclass(frozen=True)
@@ -142,6 +191,7 @@ def main(arguments: list[str]) -> int:
     from rich.console import Console
 
     from ringlight.bench.record import circumstances, result_path, save_result
+    from ringlight.bench.tables import tables
     from ringlight.cli.threads import use_threads
     from ringlight.measure.json_record import to_json
 
@@ -152,11 +202,11 @@ def main(arguments: list[str]) -> int:
     if not isinstance(asked, StepArguments | FpsArguments):
         _let_torch_compete()
     now = circumstances(datetime.datetime.now(datetime.timezone.utc).date().isoformat())
-    record, tables = _RUNNERS[type(asked)](asked, now)
+    record = asked.measured(now)
     if common.json:
         sys.stdout.write(to_json(record))
     else:
-        Console().print(*tables, sep="\n")
+        Console().print(*tables(record), sep="\n")
     if common.save is not None:
         sys.stderr.write(f"written to {save_result(record, common.save)}\n")
     return 0
@@ -171,73 +221,8 @@ def _let_torch_compete() -> None:
     torch.set_num_threads(_kernels.threads())
 
 
-def _raster(asked: RasterArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.raster import RasterBench, bench_raster
-    from ringlight.bench.tables import raster_tables
-    from ringlight.bench.workload import Size
-
-    sizes = [Size.parse(text, asked.channels) for text in asked.sizes]
-    rasterize = _rasterizer(asked.device)
-    rows = bench_raster(sizes, rasterize, _budget(asked.common), asked.common.seed)
-    record = RasterBench(now, rasterize.name, rows)
-    return record, raster_tables(record)
-
-
-def _parts(asked: PartsArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.parts import PartsBench, bench_parts
-    from ringlight.bench.tables import parts_tables
-    from ringlight.bench.workload import Size
-
-    sizes, device = [Size.parse(text) for text in asked.sizes], _rasterizer(asked.device).device
-    record = PartsBench(now, bench_parts(asked.names, sizes, _budget(asked.common), asked.common.seed, device))
-    return record, parts_tables(record)
-
-
-def _step(asked: StepArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
-    from ringlight.bench.tables import step_tables
-    from ringlight.bench.workload import Size
-
-    recipes = {name: method_named(name) for name in asked.methods}
-    rasterize, seed = _rasterizer(asked.device), asked.common.seed
-    if asked.scene is None:
-        size = Size.parse(asked.size)
-        subjects = [subject_of_workload(name, recipes[name], size, rasterize, seed) for name in recipes]
-    else:
-        photographs = Photographs(asked.scene, asked.after, asked.steps, asked.gaussians)
-        subjects = [subject_of_scene(name, recipes[name], photographs, rasterize, seed) for name in recipes]
-    record = bench_step(subjects, _budget(asked.common), now)
-    return record, step_tables(record)
-
-
-def _fps(asked: FpsArguments, now: "Circumstances") -> "tuple[Any, Iterator[Block]]":
-    from ringlight.bench.fps import FpsBench, bench_fps
-    from ringlight.bench.tables import fps_tables
-    from ringlight.bench.workload import Size
-
-    recipes = [(name, method_named(name)) for name in asked.methods]
-    rasterize, sizes = _rasterizer(asked.device), [Size.parse(text) for text in asked.sizes]
-    rows = bench_fps(recipes, sizes, rasterize, _budget(asked.common), asked.common.seed)
-    record = FpsBench(now, rasterize.name, rows)
-    return record, fps_tables(record)
-
-
-_RUNNERS: dict[type, Any] = {
-    RasterArguments: _raster,
-    PartsArguments: _parts,
-    StepArguments: _step,
-    FpsArguments: _fps,
-}
-
-
 def _rasterizer(device: Device) -> "Rasterizer":
     from ringlight.rasterize.choose import rasterizer_for
 
     tell_of_build(device)
     return rasterizer_for(device)
-
-
-def _budget(common: Common) -> "Budget":
-    from ringlight.bench.timing import Budget
-
-    return Budget(common.rounds, common.seconds)

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from ringlight.core.want import Want
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
+from ringlight.runs.finish import psnr_of_views
 from ringlight.runs.session import Saver, Session
 
 if TYPE_CHECKING:
@@ -66,24 +66,14 @@ def show_steps(session: Session, options: "ReaderOptions", interrupted: list[boo
                 _show(bar, task, meter.line(progress), live, options.quiet)
                 shown = time.monotonic()
             if progress.step in options.eval_at and not options.quiet:
-                console.print(f"step {progress.step}: {test_psnr(session):.2f} dB on the test views")
+                decibels = psnr_of_views(session.training.model, session.scene)
+                console.print(f"step {progress.step}: {decibels:.2f} dB on the test views")
             if progress.fault is not None:
                 console.print(f"warning: {progress.fault}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
             if interrupted:
                 return
         bar.update(task, clock="took")
-
-
-def test_psnr(session: Session) -> float:
-    """Mean PSNR over the test views, dB, of the model as it is now."""
-    from ringlight.measure.evaluate import evaluate
-
-    background = session.scene.background_color
-    model = session.training.model
-    return evaluate(
-        lambda camera: model.render(camera, background, Want.PICTURE), session.scene.test, background, lpips_nets=()
-    ).psnr
 
 
 class _Meter:

@@ -59,6 +59,12 @@ def write_text(path: Path, text: str) -> None:
         file.write(text.encode())
 
 
+def refuse_existing(path: Path, overwrite: bool) -> None:
+    """Raises OutputError for a file that exists and may not be replaced."""
+    if path.exists() and not overwrite:
+        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+
+
 def _refuse_what_is_no_file(path: Path, target: Path) -> None:
     """A rename would replace a device by a file, and fails over a folder after all the work is done."""
     if target.is_dir():

@@ -9,14 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ringlight.data.ply_points import TYPES
 from ringlight.errors import ModelFileError
-
-TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
-    "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
-    "float32": "f4", "float64": "f8",
-}  # fmt: skip
-"""numpy's name of each PLY type, without the byte order."""
 
 LARGEST_HEADER = 1 << 16
 """Bytes searched for the end of the header; a 3DGS header has about 1,500."""

@@ -1,8 +1,9 @@
 """The measures of a model on held-out views: every image, their means, and the pooled PSNR."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from statistics import fmean
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -83,20 +84,11 @@ def _score(
     name: str, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"], nets: Mapping[Net, Distance]
 ) -> ImageScore:
     same, valid = metrics.ssim_same_and_valid(image, truth)
-    score = ImageScore(
-        name,
-        psnr=metrics.psnr(image, truth),
-        psnr_u8=metrics.psnr_u8(image, truth),
-        ssim_same=same,
-        ssim_valid=valid,
-    )
-    if "alex" in nets:
-        score = replace(score, lpips_alex=nets["alex"](image, truth))
+    distances = {f"lpips_{net}": distance(image, truth) for net, distance in nets.items()}
     if "vgg" in nets:
-        score = replace(
-            score, lpips_vgg=nets["vgg"](image, truth), lpips_vgg_01=nets["vgg"](image, truth, rescale=False)
-        )
-    return score
+        distances["lpips_vgg_01"] = nets["vgg"](image, truth, rescale=False)
+    psnr, rounded = metrics.psnr(image, truth), metrics.psnr_u8(image, truth)
+    return ImageScore(name, psnr, rounded, same, valid, **distances)
 
 
 def _available_nets(wanted: Sequence[Net], views: Sequence[View]) -> tuple[dict[Net, Distance], str]:
@@ -113,22 +105,8 @@ def _too_small(net: Net, side: int) -> str:
 
 
 def _means(images: tuple[ImageScore, ...], pooled: float, size: str, note: str) -> Scores:
-    def mean(field: str) -> float:
-        return fmean(getattr(image, field) for image in images)
-
-    def mean_if_measured(field: str) -> float | None:
-        return None if getattr(images[0], field) is None else mean(field)
-
-    return Scores(
-        resolution=size,
-        psnr=mean("psnr"),
-        psnr_u8=mean("psnr_u8"),
-        psnr_pooled=pooled,
-        ssim_same=mean("ssim_same"),
-        ssim_valid=mean("ssim_valid"),
-        lpips_alex=mean_if_measured("lpips_alex"),
-        lpips_vgg=mean_if_measured("lpips_vgg"),
-        lpips_vgg_01=mean_if_measured("lpips_vgg_01"),
-        lpips_note=note,
-        images=images,
-    )
+    means: dict[str, Any] = {}
+    for field in fields(ImageScore)[1:]:  # all but the name
+        values = [getattr(image, field.name) for image in images]
+        means[field.name] = None if None in values else fmean(values)
+    return Scores(resolution=size, psnr_pooled=pooled, lpips_note=note, images=images, **means)

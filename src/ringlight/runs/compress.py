@@ -10,21 +10,16 @@ import torch
 
 import ringlight
 from ringlight.core.camera import Camera
-from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
 from ringlight.errors import OutputError, RecipeError, RunError, SceneError
+from ringlight.files.atomic import refuse_existing
 from ringlight.files.model_file import SceneFacts, write_model_file
 from ringlight.files.packed import pack_tensors, unpack_tensors
 from ringlight.measure import metrics
-from ringlight.measure.evaluate import evaluate
-from ringlight.methods.store import (
-    CAMERAS_PREFIX,
-    StoredModel,
-    model_of_tensors,
-    tensors_from_cameras,
-)
+from ringlight.methods.store import CAMERAS_PREFIX, StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.models.contract import Model
+from ringlight.runs.finish import psnr_of_views
 from ringlight.runs.opened import Opened, recorded_scene
 
 SUFFIX = ".safetensors"
@@ -70,8 +65,7 @@ def check_target(path: Path, overwrite: bool) -> None:
     """Raises OutputError for another suffix than a model file's, or a file that exists and may not be replaced."""
     if path.suffix.lower() != SUFFIX:
         raise OutputError(f"{path}: cannot be written: a model file is a safetensors file; end its name in {SUFFIX}")
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+    refuse_existing(path, overwrite)
 
 
 @torch.no_grad()
@@ -131,16 +125,12 @@ def _picture(model: Model, camera: Camera) -> torch.Tensor:
 
 def _test_loss(before: Model, after: Model, scene: Scene, tell: Tell | None) -> tuple[float, float]:
     """PSNR of both models on the test views, which are rendered twice."""
-    background, views = scene.background_color, len(scene.test)
 
     def measured(model: Model, done_before: int) -> float:
-        def render(camera: Camera) -> Rendering:
-            return model.render(camera, background, Want.PICTURE)
-
-        def progress(done: int, _: int) -> None:
+        def progress(done: int, views: int) -> None:
             if tell is not None:
                 tell(done_before + done, 2 * views)
 
-        return evaluate(render, scene.test, background, lpips_nets=(), progress=progress).psnr
+        return psnr_of_views(model, scene, progress)
 
-    return measured(before, 0), measured(after, views)
+    return measured(before, 0), measured(after, len(scene.test))

@@ -8,6 +8,7 @@ from torch import Tensor
 
 import ringlight
 from ringlight.errors import ModelFileError, OutputError
+from ringlight.files.atomic import refuse_existing
 from ringlight.files.formats.contract import Content, Form
 from ringlight.files.formats.table import WRITERS
 from ringlight.methods.store import StoredModel
@@ -34,8 +35,7 @@ def check_target(path: Path, overwrite: bool) -> None:
     """Raises OutputError for a suffix that cannot be written, or a file that exists and may not be replaced."""
     if path.suffix.lower() not in WRITERS:
         raise OutputError(f"{path}: cannot be written: unknown kind of model; end its name in {' or '.join(WRITERS)}")
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+    refuse_existing(path, overwrite)
 
 
 def export(stored: StoredModel, path: Path, fit_steps: int = FIT_STEPS) -> Exported:

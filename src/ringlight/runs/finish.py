@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from jaxtyping import Float
 from torch import Tensor
@@ -33,24 +34,30 @@ from ringlight.runs.session import Session
 
 Tell = Callable[[int, int], None]
 
+SECONDS = {
+    "train_seconds": "wall_seconds",
+    "train_cpu_seconds": "cpu_seconds",
+    "saving_seconds": "saving_seconds",
+}
+"""What reports call a checkpoint's clocks."""
+
 
 @dataclass(frozen=True)
 class TrainingFacts:
-    """What the pictures do not tell; None where it is not known, as for a model that was trained elsewhere."""
+    """What the pictures do not tell, field by field as in a ``Report``; None where it is not known, as for a model that
+    was trained elsewhere."""
 
     preset: str
     method: str
     seed: int | None = None
-    steps: int | None = None
+    iterations: int | None = None
     planned: int | None = None
-    """Steps of the whole run, of which ``steps`` are done."""
-    wall_seconds: float | None = None
-    cpu_seconds: float | None = None
+    train_seconds: float | None = None
+    train_cpu_seconds: float | None = None
     saving_seconds: float | None = None
     peak_bytes: int | None = None
     training_bytes: dict[str, int] = field(default_factory=dict)
     bytes_file: int | None = None
-    """Of the model file."""
 
 
 def measure(
@@ -70,13 +77,20 @@ def measure(
         raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
     background = scene.background_color
 
-    def render(camera: Camera) -> Rendering:
-        return model.render(camera, background, Want.PICTURE)
-
-    keep = None if pictures is None else _keeper(*pictures)
+    render, keep = _shows(model, background), None if pictures is None else _keeper(*pictures)
     scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)
     speed = frames_per_second(render, [view.camera for view in scene.test])
     return _report(scene, facts, scores, model, speed)
+
+
+def psnr_of_views(model: Model, scene: Scene, tell: Tell | None = None) -> float:
+    """Mean PSNR over the test views, dB, of the model as it is now."""
+    background = scene.background_color
+    return evaluate(_shows(model, background), scene.test, background, lpips_nets=(), progress=tell).psnr
+
+
+def _shows(model: Model, background: Float[Tensor, "3"]) -> Callable[[Camera], Rendering]:
+    return lambda camera: model.render(camera, background, Want.PICTURE)
 
 
 def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: Tell | None = None) -> Report:
@@ -85,10 +99,10 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         preset=session.record.preset,
         method=method_of(session.record.recipe),
         seed=session.record.seed,
-        steps=session.training.step,
+        iterations=session.training.step,
         planned=session.training.steps,
-        wall_seconds=session.clock.wall,
-        cpu_seconds=session.clock.cpu,
+        train_seconds=session.clock.wall,
+        train_cpu_seconds=session.clock.cpu,
         saving_seconds=session.clock.saving,
         peak_bytes=session.memory.growth(),
         training_bytes=session.training.bytes_by_part(),
@@ -120,32 +134,23 @@ def known_facts(opened: Opened) -> TrainingFacts:
     """What a model's file and its run folder still know of its training; a damaged report or checkpoint is skipped."""
     header, run = opened.stored.header, opened.run
     planned, size = header.recipe.get("steps"), opened.file.stat().st_size
-    facts = TrainingFacts(header.preset, header.method, steps=header.step, bytes_file=size)
+    facts = TrainingFacts(header.preset, header.method, iterations=header.step, bytes_file=size)
     if isinstance(planned, int):
         facts = replace(facts, planned=planned)
     if run is None:
         return facts
-    wall, cpu, saving = _training_seconds(run)
-    facts = replace(facts, seed=RunRecord.read(run.path).seed)
-    facts = replace(facts, wall_seconds=wall, cpu_seconds=cpu, saving_seconds=saving)
+    return replace(facts, seed=RunRecord.read(run.path).seed, **_costs(run))
+
+
+def _costs(run: RunFolder) -> dict[str, Any]:
+    """What training took, from the report, else its seconds from the checkpoint."""
     with suppress(RunError):
         report = read_report(run.path)
-        facts = replace(facts, peak_bytes=report.peak_bytes, training_bytes=report.training_bytes)
-    return facts
-
-
-def _training_seconds(run: RunFolder) -> tuple[float | None, float | None, float | None]:
-    """Wall and CPU seconds, and those of saving, from the report, else from the checkpoint."""
-    try:
-        report = read_report(run.path)
-        return report.train_seconds, report.train_cpu_seconds, report.saving_seconds
-    except RunError:
-        pass
-    try:
+        return {name: getattr(report, name) for name in (*SECONDS, "peak_bytes", "training_bytes")}
+    with suppress(ModelFileError, KeyError, ValueError):
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
-        return float(stored["wall_seconds"]), float(stored["cpu_seconds"]), float(stored["saving_seconds"])
-    except (ModelFileError, KeyError, ValueError):
-        return None, None, None
+        return {name: float(stored[kept]) for name, kept in SECONDS.items()}
+    return {}
 
 
 def _keeper(renders: Path, truths: Path) -> Keep:
@@ -159,42 +164,26 @@ def _keeper(renders: Path, truths: Path) -> Keep:
     return keep
 
 
-def _report(
-    scene: Scene,
-    facts: TrainingFacts,
-    scores: Scores,
-    model: Model,
-    speed: FrameRate,
-) -> Report:
+def _report(scene: Scene, facts: TrainingFacts, scores: Scores, model: Model, speed: FrameRate) -> Report:
     (number, noun), _ = model.rendering_size()
     parts = bytes_by_part(model.rendering_tensors())
-    rate = facts.steps / facts.wall_seconds if facts.steps and facts.wall_seconds else None
+    done, seconds = facts.iterations, facts.train_seconds
     return Report(
-        method=facts.method,
-        preset=facts.preset,
         version=ringlight.__version__,
         commit=source_commit(),
-        seed=facts.seed,
         dataset=scene.format,
         scene=scene.name,
         split=f"{len(scene.train)} training, {len(scene.test)} test views",
         background=scene.background,
         notes=scene.notes,
-        iterations=facts.steps,
-        planned=facts.planned,
         counted=number,
         noun=noun,
         bytes_raw=sum(parts.values()),
         bytes_by_part=parts,
-        bytes_file=facts.bytes_file,
-        train_seconds=facts.wall_seconds,
-        train_cpu_seconds=facts.cpu_seconds,
-        saving_seconds=facts.saving_seconds,
-        steps_per_second=rate,
-        peak_bytes=facts.peak_bytes,
-        training_bytes=facts.training_bytes,
+        steps_per_second=done / seconds if done and seconds else None,
         fps=speed.fps,
         fps_note=speed.note,
         machine=machine(),
+        **vars(facts),
         **vars(scores),
     )

@@ -2,7 +2,7 @@
 
 import torch
 
-from ringlight.data.synthetic import BALLS, tiny_scene
+from tiny_scene import BALLS, tiny_scene
 
 
 def test_the_same_seed_gives_the_same_bits():

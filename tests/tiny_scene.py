@@ -77,7 +77,7 @@ def tiny_scene(views: int = 8, size: int = 24, seed: int = 0) -> Scene:
         box=torch.tensor([[-1.2, -1.2, -1.2], [1.2, 1.2, 1.2]]),
         background="white",
         format="synthetic",
-        source="made by ringlight.data.synthetic",
+        source="made by tests/tiny_scene.py",
         notes=(f"images: {size}x{size} pixels, ray traced",),
     )
 
