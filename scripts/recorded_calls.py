@@ -117,6 +117,9 @@ SETTINGS = ("isa", "threads", "set_threads", "keep_freed_memory", "set_memory", 
 def _train_all() -> None:
     import dataclasses
 
+    import torch
+
+    from ringlight.core.gradients import dense
     from ringlight.core.want import Want
     from ringlight.fit.train import train
     from ringlight.methods.table import METHODS
@@ -132,8 +135,12 @@ def _train_all() -> None:
         training = recipe.build(scene, rasterize, 0)
         for _ in train(training):
             pass
+        camera, background = scene.train[0].camera, scene.background_color
         for want in Want:
-            training.model.render(scene.train[0].camera, scene.background_color, want)
+            training.model.render(camera, background, want)
+        planes = training.model.render(camera, background, Want.GRADIENTS, ("alpha",))  # not shaded tile by tile
+        for gradient in planes.backward(torch.ones_like(planes.color), {}).values():
+            dense(gradient)
 
 
 def replay(path: Path, module: Path) -> int:
