@@ -74,7 +74,7 @@ struct ReflectionView {
   float smallest_chord;                    // the least square of half the chord that a ray cuts out of a sphere
 };
 
-// Shades tiles while a picture is blended. The channels are rgb, normal, latents and depth.
+// Shades tiles while a picture is blended. The channels are rgb, normal, latents and, if it is read, depth.
 struct ReflectionShading : TileShader {
   ReflectionShape shape;
   ReflectionParameters<const float> parameters;
@@ -82,7 +82,9 @@ struct ReflectionShading : TileShader {
   bool exact;  // the bits of reflection_forward: no layer in bytes
   const void* tables;
 };
-static inline int shaded_channels(const ReflectionShape& shape) { return 3 + 3 + shape.latents + 1; }
+static inline int shaded_channels(const ReflectionShape& shape) {
+  return 3 + 3 + shape.latents + (reads_depth(shape) ? 1 : 0);
+}
 
 #define RINGLIGHT_REFLECTION(isa) \
   namespace isa { \

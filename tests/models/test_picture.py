@@ -19,7 +19,7 @@ IN_BYTES = _kernels.isa() in ("avx512", "avx512_bf16")
 ROUNDING_OF_BYTES = 0.02
 """Of the largest residual; a trained one is a third of the range of colours at most."""
 DIM = 1 / 64
-"""What may still show through the pixels of a block that ends; DIM in kernels/raster.hpp."""
+"""What may still show through the pixels of a block that ends; DIM in kernels/raster/raster.hpp."""
 
 
 def opaque(model: SplatModel, opacity: float) -> None:
@@ -54,6 +54,7 @@ OTHERS: tuple[dict[str, object], ...] = (
     {"latents": 9},
     {"hidden": 21},
     {"raw_direction": True},
+    {"parallax": False, "axis_nodes": 0},  # which reads no depth
 )
 
 
@@ -104,16 +105,6 @@ def test_what_fills_up_a_block_has_all_channels_in_front():
     assert filled.any()
     assert torch.equal(tiles.color[filled], black.color[filled])  # nothing of what lies behind
     assert (tiles.color - planes.color)[filled].abs().max() < 2 * DIM  # bytes round besides
-
-
-def test_a_shader_that_reads_no_depth_shades_planes():
-    """The tiles' kernel wants depth among the channels; without it a fast picture is the exact one."""
-    model = mirror("20k@96", parallax=False, axis_nodes=0)
-    opaque(model, 0.6)
-    fast = picture(model, view())
-    assert model.shader.tiles(view(), WHITE, Want.PICTURE) is None
-    assert fast.buffers.keys() == {"rgb", "normal", "latents", "alpha"}
-    assert torch.equal(fast.color, in_planes(model, view()).color)
 
 
 def test_faint_pixels_keep_their_base_color():

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import MaybeFolder
-from ringlight.cli.fitting import ReaderOptions, fit
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.parse import parse
+from ringlight.cli.run_training import RunOptions, train_and_measure
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -51,12 +51,12 @@ def main(arguments: list[str]) -> int:
 
     use_threads(asked.threads)
     demo = _demo(asked)
-    options = ReaderOptions(quiet=asked.quiet)
+    options = RunOptions(quiet=asked.quiet)
     for method in METHODS_SHOWN:
         session = demo.session(method)
         if session is None:
             continue
-        if fit(session, options, f"ringlight demo --resume {demo.folder}") is None:
+        if train_and_measure(session, options, f"ringlight demo --resume {demo.folder}") is None:
             return INTERRUPTED
         if not asked.quiet:
             sys.stderr.write("\n")

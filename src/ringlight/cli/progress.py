@@ -15,7 +15,7 @@ from ringlight.runs.finish import psnr_of_views
 from ringlight.runs.session import Saver, Session
 
 if TYPE_CHECKING:
-    from ringlight.cli.fitting import ReaderOptions
+    from ringlight.cli.run_training import RunOptions
 
 LIVE_SECONDS, LOG_SECONDS = 0.25, 10.0
 SMOOTHING = 0.8
@@ -49,7 +49,7 @@ def announce(session: Session, quiet: bool) -> None:
     sys.stderr.write("\n".join(lines) + "\n")
 
 
-def show_steps(session: Session, options: "ReaderOptions", interrupted: list[bool]) -> None:
+def show_steps(session: Session, options: "RunOptions", interrupted: list[bool]) -> None:
     """Run the remaining steps, showing, measuring and saving on the way; returns early once ``interrupted`` fills."""
     console = Console(stderr=True)
     live = console.is_terminal and not options.quiet

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from ringlight.cli.arguments import MaybeFolder, Net
-from ringlight.cli.fitting import ReaderOptions, fit
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.run_training import RunOptions, train_and_measure
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
@@ -72,10 +72,10 @@ def main(arguments: list[str]) -> int:
 
     variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))
     from ringlight.cli.threads import use_threads
-    from ringlight.runs.study import planned
+    from ringlight.runs.study import runs_of_study
 
     out = asked.out or Path("runs") / f"study-{asked.base}"
-    runs = planned(variants, asked.scenes, asked.seeds, out, asked.options)
+    runs = runs_of_study(variants, asked.scenes, asked.seeds, out, asked.options)
     if asked.dry_run:
         sys.stdout.write(_listing(runs))
         return 0
@@ -110,13 +110,13 @@ def _listing(runs: "tuple[StudyRun, ...]") -> str:
 
 def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> bool:
     """One run after the other; False where Ctrl-C stopped one, which is saved."""
-    options = ReaderOptions(threads=asked.threads, lpips=asked.lpips, quiet=asked.quiet)
+    options = RunOptions(threads=asked.threads, lpips=asked.lpips, quiet=asked.quiet)
     again = f"ringlight study {asked.what} {' '.join(map(str, asked.scenes))} ... (the same command)"
     missing = [run for run in runs if run.state != "finished"]
     for number, run in enumerate(missing, 1):
         if not asked.quiet:
             sys.stderr.write(f"\nrun {number} of {len(missing)}: {run.variant.name}, {run.variant.about}\n")
-        if fit(run.session("auto"), options, again) is None:
+        if train_and_measure(run.session("auto"), options, again) is None:
             return False
     return True
 

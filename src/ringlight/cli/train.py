@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder
-from ringlight.cli.fitting import ReaderOptions, check_steps, fit
 from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.run_training import RunOptions, check_steps, train_and_measure
 from ringlight.cli.verifying import check_verify, verify_run
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
@@ -39,7 +39,7 @@ class TrainArguments:
     """Folder of photographs with cameras: COLMAP, Blender/NeRF-Synthetic or nerfstudio layout."""
     method: Method
     options: Annotated[SceneOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=SceneOptions)
-    reader: Annotated[ReaderOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=ReaderOptions)
+    running: Annotated[RunOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=RunOptions)
     out: MaybeFolder = None
     """Run folder to make; by default runs/SCENE-METHOD."""
     seed: int = 0
@@ -58,11 +58,11 @@ class ResumeArguments:
 
     resume: Annotated[Path, tyro.conf.arg(metavar="RUN")]
     """Run folder with a checkpoint."""
-    reader: Annotated[ReaderOptions, tyro.conf.arg(name="")] = field(default_factory=ReaderOptions)
+    running: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
 
 
-RESUMED = {"--resume"} | flags_of(ReaderOptions)
-OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(ReaderOptions) | flags_of(SceneOptions) | {"--help"}
+RESUMED = {"--resume"} | flags_of(RunOptions)
+OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(RunOptions) | flags_of(SceneOptions) | {"--help"}
 KNOWN = OF_ANY_METHOD.union(*(flags_of(recipe, in_pairs=True) for recipe in METHODS.values()))
 """Flags of all methods."""
 
@@ -84,19 +84,19 @@ def _start(arguments: list[str]) -> int:
     asked = parse(TrainArguments, "train", arguments, in_pairs=True)
     preset = preset_of(arguments, asked.method)
     recipe: Recipe = asked.method
-    check_steps(asked.reader, recipe.steps)
+    check_steps(asked.running, recipe.steps)
     from ringlight.cli.threads import use_threads
     from ringlight.runs.folder import free_folder
     from ringlight.runs.session import Session
 
-    use_threads(asked.reader.threads)
+    use_threads(asked.running.threads)
     tell_of_build(asked.device)
     if asked.verify is not None:
         check_verify(asked.verify, recipe.steps)
         return verify_run(asked.scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
     out = asked.out or free_folder(Path("runs") / f"{asked.scene.resolve().name}-{preset}")
     session = Session.start(out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device)
-    return _train(session, asked.reader)
+    return _train(session, asked.running)
 
 
 def _resume(arguments: list[str]) -> int:
@@ -109,18 +109,18 @@ def _resume(arguments: list[str]) -> int:
     from ringlight.runs.finish import complete_report
     from ringlight.runs.session import Session
 
-    use_threads(wish.reader.threads)
+    use_threads(wish.running.threads)
     session = Session.resume(wish.resume)
-    check_steps(wish.reader, session.training.steps)
+    check_steps(wish.running, session.training.steps)
     report = complete_report(session)
     if report is None:
-        return _train(session, wish.reader)
-    if not wish.reader.quiet:
+        return _train(session, wish.running)
+    if not wish.running.quiet:
         sys.stderr.write(
             f"{wish.resume}: is complete after step {session.training.step} and was measured; measure it again with: "
             f"ringlight eval {wish.resume}\n"
         )
-    _print(report, wish.reader)
+    _print(report, wish.running)
     return 0
 
 
@@ -149,8 +149,8 @@ def _refuse_flags_of_other_methods(arguments: list[str]) -> None:
             refuse("train", f"{flag} is no setting of {named[-1]}; give it to {' or '.join(owners)}")
 
 
-def _train(session: "Session", options: ReaderOptions) -> int:
-    report = fit(session, options, f"ringlight train --resume {session.folder.path}")
+def _train(session: "Session", options: RunOptions) -> int:
+    report = train_and_measure(session, options, f"ringlight train --resume {session.folder.path}")
     if report is None:
         return INTERRUPTED
     _print(report, options)
@@ -159,7 +159,7 @@ def _train(session: "Session", options: ReaderOptions) -> int:
     return 0
 
 
-def _print(report: "Report", options: ReaderOptions) -> None:
+def _print(report: "Report", options: RunOptions) -> None:
     from rich.console import Console
 
     from ringlight.measure.table import ResultsTable

@@ -22,14 +22,14 @@ def verify_run(scene_path: Path, options: SceneOptions, recipe: Recipe, seed: in
     """Print one line a trial on standard output; the exit code is 1 where any differs from the first."""
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene
-    from ringlight.runs.limits import planned
+    from ringlight.runs.limits import prepare_run
     from ringlight.runs.verify import verify
 
-    plan = planned(load_scene(scene_path, options), recipe, seed, device)
-    for warning in plan.warnings:
+    prepared = prepare_run(load_scene(scene_path, options), recipe, seed, device)
+    for warning in prepared.warnings:
         sys.stderr.write(f"warning: {warning}\n")
-    recipe, scene = plan.recipe, plan.scene
-    del plan  # and with it a training that nobody runs: memory was planned for one at a time
+    recipe, scene = prepared.recipe, prepared.scene
+    del prepared  # and with it a training that nobody runs: memory was planned for one at a time
     all_same = True
     for trial in verify(recipe, scene, seed, device, steps, use_threads):
         all_same &= trial.is_same

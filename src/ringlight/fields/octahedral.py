@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from ringlight.core.triton_kernels import runs_triton
 
-FIRST_SPREAD = 0.01
+FIRST_DEVIATION = 0.01
 """Standard deviation of new features: small beside colours; not zero, so that the network's weights get gradients."""
 
 
@@ -35,7 +35,7 @@ class OctahedralMaps(nn.Module):
     def __init__(self, sides: Sequence[int], features: int, generator: torch.Generator):
         super().__init__()
         self.levels = nn.ParameterList(
-            torch.empty(side, side, features).normal_(0, FIRST_SPREAD, generator=generator) for side in sides
+            torch.empty(side, side, features).normal_(0, FIRST_DEVIATION, generator=generator) for side in sides
         )
 
     def forward(self, uv: Float[Tensor, "N 2"]) -> Float[Tensor, "N D"]:

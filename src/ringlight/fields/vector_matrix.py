@@ -20,7 +20,7 @@ from ringlight.fields.tables import between_map_nodes, between_nodes
 PAIRS = (((0, 1), 2), ((0, 2), 1), ((1, 2), 0))
 """Axes of each plane, and of the line that goes with it."""
 
-SPREAD = 0.1
+FIRST_DEVIATION = 0.1
 """Standard deviation of planes, lines and directions at the start (TensoRF)."""
 
 
@@ -38,7 +38,7 @@ class VectorMatrix(nn.Module):
         joined = len(PAIRS) * components
 
         def noise(*shape: int, mean: float = 0.0) -> nn.Parameter:
-            return nn.Parameter(torch.empty(shape).normal_(mean, SPREAD, generator=generator))
+            return nn.Parameter(torch.empty(shape).normal_(mean, FIRST_DEVIATION, generator=generator))
 
         self.planes = noise(len(PAIRS), side, side, components)
         self.lines = noise(len(PAIRS), side, components)

@@ -26,7 +26,7 @@ WORK_BYTES = 400
 
 
 @dataclass(frozen=True)
-class Planned:
+class PreparedRun:
     """What will run: a recipe that leaves nothing to the scene or to this machine, and the training it builds."""
 
     recipe: Recipe
@@ -38,7 +38,7 @@ class Planned:
     """A sentence on each thing that memory did not allow, or that the back end does otherwise."""
 
 
-def planned(scene: Scene, recipe: Recipe, seed: int, device: str) -> Planned:
+def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str) -> PreparedRun:
     """A new run, within this machine's memory."""
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
     training = recipe.build(scene, rasterizer_for(device), seed)
@@ -46,7 +46,7 @@ def planned(scene: Scene, recipe: Recipe, seed: int, device: str) -> Planned:
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
     note = training.model.note
-    return Planned(recipe, scene, training, decided, (*warnings, note) if note else warnings)
+    return PreparedRun(recipe, scene, training, decided, (*warnings, note) if note else warnings)
 
 
 def most_gaussians(training: Training, memory: int | None = None) -> int:

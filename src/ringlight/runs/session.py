@@ -19,7 +19,7 @@ from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
 from ringlight.runs.folder import RunFolder
-from ringlight.runs.limits import planned
+from ringlight.runs.limits import prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
 
@@ -74,13 +74,13 @@ class Session:
         _check(recipe.steps, seed)
         memory = PeakMemory()
         scene = load_scene(scene_path, options)
-        plan = planned(scene, recipe, seed, device)
-        record = RunRecord(preset, plan.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
+        prepared = prepare_run(scene, recipe, seed, device)
+        record = RunRecord(preset, prepared.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
-        session = Session(folder, record, plan.scene, plan.training, Clock(), lock, memory)
-        session.warnings, session.decided = plan.warnings, plan.decided
+        session = Session(folder, record, prepared.scene, prepared.training, Clock(), lock, memory)
+        session.warnings, session.decided = prepared.warnings, prepared.decided
         return session
 
     @staticmethod

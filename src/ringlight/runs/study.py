@@ -81,7 +81,7 @@ class StudyRun:
         return recipe.ending_with(count)
 
 
-def planned(
+def runs_of_study(
     variants: Sequence[Variant], scenes: Sequence[Path], seeds: int, out: Path, options: SceneOptions
 ) -> tuple[StudyRun, ...]:
     """All runs, scene by scene and seed by seed, each variant after those whose Gaussians it counts.

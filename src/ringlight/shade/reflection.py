@@ -102,7 +102,7 @@ class ReflectionShader(nn.Module):
     def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> _kernels.PictureShader | None:
         """See :class:`ringlight.shade.contract.Shader`; wide layers may multiply bytes where a picture is wanted."""
         parameters = self.kernel_parameters()
-        if not self.lit or not reads_depth(self.settings) or not kernel_takes(self.settings, *parameters):
+        if not self.lit or not kernel_takes(self.settings, *parameters):
             return None
         return shading_of(self.job(camera, background), parameters, exact=want is not Want.PICTURE)
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ReaderOptions:
+class RunOptions:
     """What is watched and kept while a run trains; none of it changes the numbers."""
 
     threads: int = 0
@@ -34,7 +34,7 @@ class ReaderOptions:
     """No progress line."""
 
 
-def check_steps(options: ReaderOptions, steps: int) -> None:
+def check_steps(options: RunOptions, steps: int) -> None:
     """Raises RecipeError where --eval-at or --save-every names what never comes in a run of ``steps``."""
     for step in options.eval_at:
         if not 1 <= step <= steps:
@@ -43,13 +43,13 @@ def check_steps(options: ReaderOptions, steps: int) -> None:
         raise RecipeError(f"--save-every is {options.save_every:g}; give a number of seconds above zero")
 
 
-def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":
+def train_and_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report | None":
     """Train what remains, save, and measure the test views; None where Ctrl-C stopped it, which is saved too.
 
     ``resume_with`` is the command line that goes on from there, or from the last checkpoint after a second Ctrl-C.
     """
     try:
-        return _trained_and_measured(session, options, resume_with)
+        return _train_save_measure(session, options, resume_with)
     except KeyboardInterrupt:
         if not session.folder.checkpoints:
             raise
@@ -66,7 +66,7 @@ def fit(session: "Session", options: ReaderOptions, resume_with: str) -> "Report
         session.lock.release()
 
 
-def _trained_and_measured(session: "Session", options: ReaderOptions, resume_with: str) -> "Report | None":
+def _train_save_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report | None":
     from ringlight.cli.counting import counting
     from ringlight.cli.progress import announce, show_steps
     from ringlight.runs.finish import measure_session
