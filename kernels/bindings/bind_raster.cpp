@@ -196,7 +196,6 @@ void bind_raster(nb::module_& module) {
 
   nb::class_<Workspace>(module, "Workspace", "What a forward pass leaves for its backward pass; reusable.")
       .def(nb::init<>())
-      .def_prop_ro("passes", &Workspace::passes, "Forward passes so far.")
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
            "means2d"_a, "radii"_a, "lazy"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(),

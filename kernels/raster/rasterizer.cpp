@@ -95,7 +95,6 @@ std::uint64_t Workspace::number_slots() {
 
 void Workspace::forward(const Camera& camera, const RasterSettings& settings, const Splats& splats,
                         const Images& images, const Footprints& footprints, const LazyColors* lazy) {
-  passes_++;
   complete_ = false;
   view_.camera = camera;
   view_.settings = settings;

@@ -22,8 +22,6 @@ class Workspace {
   // Fills in `to` for the last forward pass; `splats` must hold the same values as then.
   void backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to);
 
-  // Counts the forward passes: a caller that remembers the value knows whether its pass is still the last one.
-  std::uint64_t passes() const { return passes_; }
   // Whether a backward pass can follow the last forward pass.
   bool complete() const { return complete_; }
   const View& view() const { return view_; }
@@ -38,7 +36,7 @@ class Workspace {
   View view_{};
   double seconds_[STAGES] = {};
   bool complete_ = false, lazy_broken_ = false;
-  std::uint64_t passes_ = 0, slots_in_use_ = 0;
+  std::uint64_t slots_in_use_ = 0;
   DepthSort sort_;
   Binning binning_;
   Buffer<float> records_, final_transmittance_, slots_, scratch_;

@@ -276,6 +276,8 @@ def test_a_checkpoint_of_another_recipe(run_folder: Path, ringlight: Command) ->
 def test_settings_of_another_type(value: object, run_folder: Path, ringlight: Command) -> None:
     edit_json(run_folder / "recipe.json", lambda record: record["recipe"].update(steps=value))
     refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json", "steps")
+    edit_json(run_folder / "recipe.json", lambda record: record.update(method="nerf"))
+    refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json", "method 'nerf' is unknown")
     edit_json(run_folder / "recipe.json", lambda record: record.update(recipe=value))
     refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json")
     edit_json(run_folder / "recipe.json", lambda record: record.update(options=value))

@@ -1,6 +1,8 @@
 """The camera's frame: OpenCV axes, pixel centres at .5, depth is z."""
 
+import copy
 import math
+import pickle
 
 import torch
 
@@ -42,3 +44,11 @@ def test_points_lie_in_the_pixels_whose_rays_meet_them():
     column, row, inside = camera.pixels(points)
     assert (int(column[0]), int(row[0])) == (10, 7)
     assert inside.tolist() == [True, False, False]
+
+
+def test_a_camera_that_was_drawn_goes_to_another_process():
+    camera = looking_at_origin()
+    assert camera.native is camera.native
+    for same in (copy.deepcopy(camera), pickle.loads(pickle.dumps(camera))):
+        assert torch.equal(same.world_to_camera, camera.world_to_camera)
+        assert (same.focal, same.center, same.width, same.height) == ((100.0, 120.0), (32.0, 24.0), 64, 48)

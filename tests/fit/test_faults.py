@@ -158,6 +158,16 @@ def test_too_many_in_a_row_end_the_run_with_a_finite_model() -> None:
     assert all(torch.equal(p, before[name]) for name, p in training.model.named_parameters())
 
 
+def test_bad_steps_take_no_more_memory_than_good_ones() -> None:
+    scene = tiny_scene(views=4, size=16)
+    training = training_of(scene=dataclasses.replace(scene, train=tuple(BrokenView(**vars(v)) for v in scene.train)))
+    rasterizer = training.model.rasterize
+    spare: list[int] = []
+    with pytest.raises(DivergedError):
+        spare.extend(len(rasterizer.spare) for _ in train(training))
+    assert max(spare) == 1
+
+
 def test_what_is_saved_after_too_many_goes_on_from_a_whole_step() -> None:
     """Elements whose gradients were good have moved in the last bad step, so that it must count as done."""
     training = training_of("3dgs", steps=30)

@@ -43,7 +43,7 @@ def found_gradients(training: Training) -> dict[str, Tensor]:
     """Of the regularizers alone, by parameter name."""
     batch = training.batches.at(1)
     prediction = training.model.predict(batch, Want.GRADIENTS, training.buffers)
-    compared = training.loss.compare(prediction, batch)
+    compared = training.loss.compare(prediction, batch, training.model)
     compared = dataclasses.replace(compared, grad_color=torch.zeros_like(compared.grad_color))
     terms = {name: r.term(1, training.model, prediction) for name, r in training.regularizers.items()}
     gradients = gradients_of(training, prediction, compared, terms)

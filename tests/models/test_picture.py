@@ -1,5 +1,7 @@
 """Pictures that are shaded while they are blended are those that training sees."""
 
+from unittest.mock import patch
+
 import pytest
 import torch
 from mirrors import WHITE, mirror, view
@@ -34,8 +36,9 @@ def picture(model: SplatModel, camera: Camera, behind: Tensor = WHITE) -> Render
 
 
 def in_planes(model: SplatModel, camera: Camera) -> Rendering:
-    """Whoever looks at a buffer keeps what was blended, and has it shaded afterwards."""
-    return model.render(camera, WHITE, Want.EXACT, ("alpha",))
+    """All is blended first and shaded afterwards."""
+    with patch.object(model.shader, "tiles", return_value=None):
+        return model.render(camera, WHITE, Want.EXACT)
 
 
 def both(model: SplatModel, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:

@@ -1,6 +1,7 @@
 """From a picture's gradient to those of all parameters: the seams add up, and what is drawn stays the same bits."""
 
 import gc
+from unittest.mock import patch
 
 import pytest
 import torch
@@ -50,17 +51,20 @@ def assert_same(found: dict[str, Tensor], expected: dict[str, Tensor]) -> None:
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("shader", KINDS)
 def test_gradients_and_exact_have_the_same_bits_in_tiles_or_not(size: tuple[int, int], shader: dict[str, object]):
-    """Whoever looks at buffers has planes shaded once all is blended, else tiles are shaded as they are blended."""
+    """Tiles are shaded as they are blended, also where somebody looks at buffers that are blended anyway."""
     model, camera = mirror("3000@96", **shader), view(*size)
     expected, gradients = step(model, camera)
     assert {name for name in gradients if name.startswith("shader.")} == {
         name for name, _ in model.named_parameters() if name.startswith("shader.")
     }
     assert (expected.color - expected.buffers["rgb"]).abs().max() > 0
-    in_planes, same_gradients = step(model, camera, ("depth", "alpha"))
-    assert_same(same_gradients, gradients)
     exact = [model.render(camera, WHITE, Want.EXACT, buffers) for buffers in ((), ("depth",))]
-    for found in (in_planes, *exact):
+    with patch.object(model.shader, "tiles", return_value=None):
+        in_planes, same_gradients = step(model, camera, ("depth", "alpha"))
+    assert_same(same_gradients, gradients)
+    looked_at, same_gradients = step(model, camera, ("depth", "alpha"))
+    assert_same(same_gradients, gradients)
+    for found in (in_planes, looked_at, *exact):
         assert torch.equal(found.color, expected.color)
         assert torch.equal(found.alpha, expected.alpha)
         assert_same(found.buffers, expected.buffers)
@@ -292,3 +296,12 @@ def test_parts_that_do_not_agree_on_channels_are_refused_when_the_model_is_built
     sentence = f"needs channel '{name}' of width {width}, and the colour model emits rgb 3, normal 3, .*; put together"
     with pytest.raises(RecipeError, match=sentence):
         SplatModel(usual.gaussians, usual.color, Greedy(**needs), usual.rasterize, RasterOptions())
+
+
+def test_parameters_that_were_changed_since_are_refused():
+    model, camera = mirror("40@96"), view()
+    rendering = model.render(camera, WHITE, Want.GRADIENTS)
+    with torch.no_grad():
+        model.columns["means"].add_(0.05)
+    with pytest.raises(RuntimeError, match="render it again"):
+        rendering.backward(upstream(camera.width, camera.height), {})

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ringlight.color.by_torch import OPACITY_FACTOR, emitted_by_torch
+from ringlight.color.contract import Harmonics
 from ringlight.color.harmonics import SphericalHarmonics, sh_colors_reference
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
@@ -60,8 +61,9 @@ class DirectionalOpacity(nn.Module):
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
-    def harmonics(self, gaussians: Gaussians) -> None:
-        """None: viewers know no opacity that depends on the direction."""
+    def harmonics(self, gaussians: Gaussians) -> Harmonics:
+        """Of the colours; whoever exports sees that the opacity depends on the camera."""
+        return Harmonics(gaussians.appearance["sh_dc"], gaussians.appearance["sh_rest"])
 
 
 @dataclass(frozen=True)

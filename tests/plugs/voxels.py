@@ -26,7 +26,7 @@ from ringlight.fit.losses.contract import Compared
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.train import Training
-from ringlight.models.contract import Count
+from ringlight.models.contract import Count, Model
 
 if TYPE_CHECKING:
     from ringlight.rasterize.contract import Rasterizer
@@ -72,8 +72,9 @@ class RayLoss:
     """Mean squared error."""
 
     bytes_kept = 0
+    buffers: tuple[str, ...] = ()
 
-    def compare(self, prediction: Rendering, batch: RayBatch) -> Compared:
+    def compare(self, prediction: Rendering, batch: RayBatch, model: Model) -> Compared:
         difference = prediction.color - batch.colors
         return Compared(difference.square().mean(), difference * (2 / difference.numel()), batch.colors)
 

@@ -13,7 +13,7 @@ from ringlight.color.contract import Harmonics
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.gradients import COLUMNS, AdamStep, Gradients
+from ringlight.core.gradients import COLUMNS, AdamStep, Gradients, dense
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_sh, sh_basis, sh_from_rgb
@@ -129,7 +129,7 @@ def _native_emission(columns: dict[str, Tensor], camera: _kernels.Camera, degree
     @torch.no_grad()
     def backward(grad_channels: Float[Tensor, "N 3"], _: Tensor | None, into: Gradients) -> None:
         grad_dc, known = torch.empty_like(colors), into.get(COLUMNS + "means")
-        grad_means = known if isinstance(known, Tensor) else torch.empty_like(means)
+        grad_means = torch.empty_like(means) if known is None else dense(known)
         _kernels.sh_gradient(grad_channels, colors, factors, grad_means, grad_dc, known is not None)
         into[COLUMNS + "means"] = grad_means
         into.add(COLUMNS + "sh_dc", grad_dc)

@@ -66,10 +66,13 @@ def ring_emission(model: "RingLight", gaussians: Gaussians, camera: Camera, tabl
         )
         return color
 
+    if want is not Want.GRADIENTS:
+        return Emission(model.emits, all_rows(), factor)
+    back = _WayBack(model, gaussians, lit, tables)
     if not lazily:
-        return Emission(model.emits, all_rows(), factor, _WayBack(model, gaussians, lit, tables))
+        return Emission(model.emits, all_rows(), factor, back)
     kernel = lazy_light(rows.means, rows.camera, rows.box, base, latents, parameters, color)
-    return Emission(model.emits, LazyColors(base, kernel, all_rows), factor, _WayBack(model, gaussians, lit, tables))
+    return Emission(model.emits, LazyColors(base, kernel, all_rows), factor, back)
 
 
 def _pays(model: "RingLight", base: Tensor, latents: Tensor) -> bool:

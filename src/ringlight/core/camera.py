@@ -3,7 +3,7 @@
 Conventions: OpenCV axes (x right, y down, z forward); pixel centres at ``.5``; depth is camera ``z``.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -29,6 +29,10 @@ class Camera:
     center: tuple[float, float]
     width: int
     height: int
+
+    def __getstate__(self) -> dict[str, object]:
+        """For another process: without what was worked out of it."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @cached_property
     def position(self) -> Float[Tensor, "3"]:

@@ -35,11 +35,14 @@ class ReadingOptions:
     def __post_init__(self) -> None:
         if not 0 <= self.photo_memory <= 1:
             raise RecipeError(f"--photo-memory is {self.photo_memory:g}: give a share from 0 to 1")
-        lowest = {"downscale": 1, "max_width": 1, "holdout_every": 2, "initial_points": 1, "points_seed": 0}
-        for name, least in lowest.items():
-            value = getattr(self, name, None)
-            if value is not None and value < least:
-                raise RecipeError(f"--{name.replace('_', '-')} is {value}: give a whole number of at least {least}")
+        _refuse_below("--downscale", self.downscale, 1)
+        _refuse_below("--max-width", self.max_width, 1)
+        _refuse_below("--holdout-every", self.holdout_every, 2)
+
+
+def _refuse_below(flag: str, value: int | None, least: int) -> None:
+    if value is not None and value < least:
+        raise RecipeError(f"{flag} is {value}: give a whole number of at least {least}")
 
 
 @dataclass(frozen=True)
@@ -60,3 +63,8 @@ class SceneOptions(ReadingOptions):
     validate: bool = False
     """Hold every 10th training view out of training, and measure on these in place of the test views. Settings can then
     be chosen without a look at the test views."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_below("--initial-points", self.initial_points, 1)
+        _refuse_below("--points-seed", self.points_seed, 0)

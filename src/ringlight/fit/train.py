@@ -1,7 +1,7 @@
 """The training loop. Read this first."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from jaxtyping import Float
@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ringlight.core.batch import Batch
 from ringlight.core.gradients import Gradients
-from ringlight.core.rendering import Rendering
+from ringlight.core.rendering import Rendering, no_way_back
 from ringlight.core.want import Want
 from ringlight.data.contract import Batches
 from ringlight.fit.faults import FaultCounter, bad_loss, predicted
@@ -45,13 +45,15 @@ class Training:
     step: int = 0
 
     def __post_init__(self) -> None:
+        self.model.refuse_unblended(self.loss.buffers, "the loss")
         for name, regularizer in self.regularizers.items():
             self.model.refuse_unblended(regularizer.buffers, f"the {name} regularizer")
 
     @property
     def buffers(self) -> tuple[str, ...]:
-        """What regularizers look at of a prediction."""
-        return tuple({name: None for regularizer in self.regularizers.values() for name in regularizer.buffers})
+        """What the loss and regularizers look at of a prediction."""
+        lookers: tuple[Loss | Regularizer, ...] = (self.loss, *self.regularizers.values())
+        return tuple({name: None for looker in lookers for name in looker.buffers})
 
     def state(self) -> dict[str, Tensor]:
         """Every tensor that a run needs to go on as if it had never stopped."""
@@ -112,12 +114,14 @@ def train(training: Training) -> Iterator[Progress]:
         step = training.step + 1
         batch = training.batches.at(step)
         prediction = predicted(model, step, batch, Want.GRADIENTS, training.buffers)
-        compared = training.loss.compare(prediction, batch)
+        compared = training.loss.compare(prediction, batch, model)
         terms = {name: r.term(step, model, prediction) for name, r in training.regularizers.items()}
         losses = {"photometric": compared.value} | {name: term.value for name, term in terms.items()}
         fault = bad_loss(losses)
         if fault is None:
             fault = optimizer.step(step, gradients_of(training, prediction, compared, terms), prediction.footprint)
+        else:
+            prediction = replace(prediction, backward=no_way_back)  # what it holds is free for the next step
         fault = training.faults.note(model, optimizer.moments, step, batch, fault)
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, prediction)
@@ -129,12 +133,13 @@ def train(training: Training) -> Iterator[Progress]:
 def gradients_of(training: Training, prediction: Rendering, compared: Compared, terms: Mapping[str, Term]) -> Gradients:
     """Of the loss and of all regularizers, by parameter name; reduced over the processes, if there are several."""
     grad_buffers: dict[str, Tensor] = {}
-    for term in terms.values():
-        for name, gradient in term.grad_buffers.items():
+    lookers: tuple[Compared | Term, ...] = (compared, *terms.values())
+    for looker in lookers:
+        for name, gradient in looker.grad_buffers.items():
             grad_buffers[name] = grad_buffers[name] + gradient if name in grad_buffers else gradient
     gradients = prediction.backward(compared.grad_color, grad_buffers)
-    for term in terms.values():
-        for name, gradient in term.grad_parameters.items():
+    for looker in lookers:
+        for name, gradient in looker.grad_parameters.items():
             gradients.add(name, gradient)
     return training.reduce(gradients)
 

@@ -12,7 +12,7 @@ from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.raw_bytes import raw_bytes
-from ringlight.core.rendering import Channels, Emission, Rendering, no_way_back
+from ringlight.core.rendering import Channels, Emission, Rendering
 from ringlight.core.want import Want
 from ringlight.data.batches import ImageBatch
 from ringlight.errors import RecipeError
@@ -100,13 +100,16 @@ class SplatModel(nn.Module):
         behind = torch.cat(
             [background if name == "rgb" else background.new_zeros(self.color.emits[name]) for name in names]
         )
-        # Where somebody looks at buffers they must be kept, which a picture that is shaded in tiles does not.
-        tiles = None if buffers else self.shader.tiles(camera, background, want)
+        # A shader of tiles takes what it needs and no more, and of a mere picture nothing else is kept.
+        in_tiles = len(names) == len(needs) and not (buffers and want is Want.PICTURE)
+        tiles = self.shader.tiles(camera, background, want) if in_tiles else None
         raster = self.rasterize.draw(gaussians, emission, camera, behind, self.options, want, tiles)
         read = sum(needs.values())
         shaded = self.shader.shade(raster.image[..., :read], raster.alpha, camera, background, want, raster.shaded)
         blended = {} if raster.image.shape[-1] == 0 else named_parts(raster, names, widths)
-        back = WayBack(emission, raster, shaded, names, widths) if want is Want.GRADIENTS else no_way_back
+        if want is not Want.GRADIENTS:
+            return Rendering(shaded.color, raster.alpha, blended, raster.footprint)
+        back = WayBack(emission, raster, shaded, dict(zip(names, widths, strict=True)), self.parameters())
         return Rendering(shaded.color, raster.alpha, blended, raster.footprint, back)
 
     def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:

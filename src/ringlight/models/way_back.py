@@ -1,6 +1,6 @@
 """From the gradient of a picture to those of all parameters: the seams between colour model, rasterizer and shader."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import torch
 from jaxtyping import Float
@@ -36,18 +36,31 @@ def ordered(emission: Emission, names: Sequence[str]) -> Emission:
 
 
 class WayBack:
-    """See :class:`ringlight.core.rendering.Rendering`. Once gone it lets go of what it needed."""
+    """See :class:`ringlight.core.rendering.Rendering`. Once gone it lets go of what it needed.
 
-    def __init__(self, emission: Emission, raster: Raster, shaded: Shaded, names: Sequence[str], widths: Sequence[int]):
+    It is that of the ``parameters`` as they were drawn: one that was changed in place since is refused.
+    """
+
+    def __init__(
+        self,
+        emission: Emission,
+        raster: Raster,
+        shaded: Shaded,
+        widths: Mapping[str, int],
+        parameters: Iterable[Tensor],
+    ):
         self._parts: tuple[Emission, Raster, Shaded] | None = (emission, raster, shaded)
-        self._names, self._widths = names, widths
+        self._names, self._widths = tuple(widths), tuple(widths.values())
+        self._versions = [(parameter, parameter._version) for parameter in parameters]
 
     @torch.no_grad()
     def __call__(self, grad_color: Float[Tensor, "H W 3"], grad_buffers: Mapping[str, Tensor]) -> Gradients:
         if self._parts is None:
             raise RuntimeError("the way back of this picture has been gone already; render it again")
+        if any(parameter._version != version for parameter, version in self._versions):
+            raise RuntimeError("parameters were changed after this picture was rendered; render it again")
         into, (emission, raster, shaded) = Gradients(), self._parts
-        self._parts = None
+        self._parts, self._versions = None, []
         grad_image, grad_alpha = shaded.backward(grad_color, into)
         unread = sum(self._widths) - grad_image.shape[-1]
         if unread:

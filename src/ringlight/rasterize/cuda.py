@@ -178,13 +178,10 @@ class _Notes:
 
     def __call__(self, gradient: Float[Tensor, "V 2"]) -> None:
         footprint, count = self._footprint, len(self._footprint.radii)
-        new = _on_table_rows(self._rows, gradient, count)
-        known = footprint.means2d_gradient
-        footprint.means2d_gradient = new if known is None else known + new
+        footprint.means2d_gradient = _on_table_rows(self._rows, gradient, count)
         if self._centers is not None:
-            new = _on_table_rows(self._rows, self._centers.absgrad.detach(), count)  # type: ignore[attr-defined]
-            known = footprint.absolute_gradient
-            footprint.absolute_gradient = new if known is None else known + new
+            absolute = self._centers.absgrad.detach()  # type: ignore[attr-defined]
+            footprint.absolute_gradient = _on_table_rows(self._rows, absolute, count)
 
 
 class _Gathered(torch.autograd.Function):
@@ -200,8 +197,8 @@ class _Gathered(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         (rows,) = ctx.saved_tensors
-        spread = (
+        gradients_of_all = (
             gradient.new_zeros(shape).index_copy_(0, rows, gradient)
             for gradient, shape in zip(gradients, ctx.shapes, strict=True)
         )
-        return None, *spread
+        return None, *gradients_of_all

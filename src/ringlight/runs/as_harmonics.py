@@ -23,6 +23,16 @@ FAINTEST_FACTOR = 1e-6
 """Rows whose opacity is multiplied by less are left out: their logit would be infinite."""
 
 
+def _camera_at(z: float) -> Camera:
+    pose = torch.eye(4)
+    pose[2, 3] = -z
+    return Camera(pose, (1.0, 1.0), (0.5, 0.5), 1, 1)
+
+
+OPPOSITE = (_camera_at(-1.0), _camera_at(1.0))
+"""Asked where a file brings no cameras: an opacity that depends on the direction differs between them."""
+
+
 @dataclass(frozen=True)
 class BakingLoss:
     """What fitted harmonics miss.
@@ -45,16 +55,17 @@ class BakingLoss:
 
 @torch.no_grad()
 def exact_harmonics(model: SplatModel, cameras: Sequence[Camera]) -> Gaussians | None:
-    """The Gaussians that are shown, with columns "sh_dc" and "sh_rest"; None where their colours are no harmonics."""
-    gaussians = shown(model, cameras)
-    harmonics = model.harmonics(gaussians)
+    """The Gaussians that are shown, with columns "sh_dc" and "sh_rest"; None where their colours are no
+    harmonics, or their opacity depends on the camera."""
+    gaussians, is_exact = shown(model, cameras)
+    harmonics = model.harmonics(gaussians) if is_exact else None
     return None if harmonics is None else replace(gaussians, appearance=dict(vars(harmonics)))
 
 
 def fitted_harmonics(model: SplatModel, cameras: Sequence[Camera], fit_steps: int) -> tuple[Gaussians, BakingLoss]:
     """The same of any model: harmonics of degree 3 of what each Gaussian shows to the ``cameras``, at least one, then
     fitted to ``fit_steps`` of the model's own pictures unless that does not help."""
-    gaussians = shown(model, cameras)
+    gaussians, _ = shown(model, cameras)
     with torch.no_grad():
         baked = bake_to_sh(gaussians, cameras, model.emitted)
     harmonics = replace(gaussians, appearance={"sh_dc": baked.sh_dc, "sh_rest": baked.sh_rest})
@@ -71,27 +82,33 @@ def fitted_harmonics(model: SplatModel, cameras: Sequence[Camera], fit_steps: in
 
 
 @torch.no_grad()
-def shown(model: SplatModel, cameras: Sequence[Camera]) -> Gaussians:
-    """The rows that are shown, with their opacity factor, averaged over the cameras, inside the logit."""
+def shown(model: SplatModel, cameras: Sequence[Camera]) -> tuple[Gaussians, bool]:
+    """The rows that are shown, with their opacity factor, averaged over the cameras, inside the logit; and whether it
+    is the same for all cameras."""
     gaussians = model.gaussians
     gaussians = gaussians.rows(model.color.wanted(gaussians))
-    factor = _mean_factor(model, gaussians, cameras)
+    factor, is_exact = _mean_factor(model, gaussians, cameras or OPPOSITE)
     if factor is None:
-        return gaussians
+        return gaussians, True
     kept = factor > FAINTEST_FACTOR
     gaussians, factor = gaussians.rows(kept), factor[kept]
-    return replace(gaussians, opacity_logits=(gaussians.opacities * factor).clamp(max=1 - FAINTEST_FACTOR).logit())
+    logits = (gaussians.opacities * factor).clamp(max=1 - FAINTEST_FACTOR).logit()
+    return replace(gaussians, opacity_logits=logits), is_exact
 
 
-def _mean_factor(model: SplatModel, gaussians: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "N"] | None:
-    found = (model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor for camera in cameras)
-    total = torch.zeros(len(gaussians))
-    for factor in found:
+def _mean_factor(
+    model: SplatModel, gaussians: Gaussians, cameras: Sequence[Camera]
+) -> tuple[Float[Tensor, "N"] | None, bool]:
+    total, first, is_same = torch.zeros(len(gaussians)), None, True
+    for camera in cameras:
+        factor = model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor
         # A model that has no factor for one camera has none for any.
         if factor is None:
-            return None
+            return None, True
+        first = factor if first is None else first
+        is_same = is_same and torch.equal(factor, first)
         total += factor
-    return total / len(cameras) if cameras else None
+    return total / len(cameras), is_same
 
 
 def _spread(cameras: Sequence[Camera]) -> tuple[Camera, ...]:

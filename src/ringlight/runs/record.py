@@ -17,6 +17,14 @@ LARGEST_SEED = 2**63 - 1
 """torch's generators take no more."""
 
 
+def _recipe(method: str, settings: object, path: Path) -> Recipe:
+    try:
+        return recipe_of_method(method, settings, str(path))
+    except KeyError:
+        sentence = f"{path}: method {method!r} is unknown to this version of ringlight; update it, or train again"
+        raise RunError(sentence) from None
+
+
 def _seed(value: object) -> int:
     if type(value) is not int or not 0 <= value <= LARGEST_SEED:
         raise ValueError(f"its seed is no whole number from 0 to {LARGEST_SEED}")
@@ -59,8 +67,8 @@ class RunRecord:
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
             return RunRecord(
-                preset=values["preset"],
-                recipe=recipe_of_method(values["method"], values["recipe"], str(path)),
+                preset=str(values["preset"]),
+                recipe=_recipe(str(values["method"]), values["recipe"], path),
                 scene=Path(values["scene"]),
                 options=recipe_from_dict(SceneOptions, values["options"], f"{path}.options"),
                 seed=_seed(values["seed"]),

@@ -29,8 +29,8 @@ def shaded_by_torch(
 
     def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
         found = recorded.backward({"color": grad_color})
-        grad_image, grad_alpha = found.pop("image"), found.pop("alpha", None)
+        grad_image, grad_alpha = found.pop("image", None), found.pop("alpha", None)
         add_to(into, found)
-        return grad_image, grad_alpha
+        return torch.zeros_like(image) if grad_image is None else grad_image, grad_alpha
 
     return Shaded(recorded.outputs["color"], backward)
