@@ -166,7 +166,7 @@ nb::dict stage_seconds(const Workspace& workspace) {
 }  // namespace
 
 void bind_raster(nb::module_& module) {
-  // A graph that is alive when Python exits holds a workspace: no leak of ours.
+  // A way back that is alive when Python exits holds a workspace: no leak of ours.
   nb::set_leak_warnings(false);
 
   nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")

@@ -3,7 +3,7 @@
 // laid end to end and one item is drawn at every unit from a random start (systematic sampling): neighbours give the
 // right number of items wherever they lie. The start is made of the bits of the gradients' sum, which are new every
 // step: nothing is handed in or kept, and any number of threads gives the same bits. Reference:
-// src/ringlight/core/lot.py.
+// src/ringlight/core/importance_sampling.py.
 #pragma once
 #include <cstddef>
 #include <cstdint>

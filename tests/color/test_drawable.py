@@ -55,7 +55,7 @@ def test_no_pixel_is_touched_by_a_row_outside():
 
 
 @pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 20_000])
-def test_kernel_lists_what_the_twin_marks(count):
+def test_kernel_lists_what_the_reference_marks(count):
     generator = torch.Generator().manual_seed(count)
     means = torch.randn(count, 3, generator=generator) * 3
     log_scales = torch.randn(count, 3, generator=generator) - 2

@@ -1,4 +1,4 @@
-"""Rows that could be drawn, by Triton's kernel against the slow twin."""
+"""Rows that could be drawn, by Triton's kernel against the reference."""
 
 import pytest
 import torch
@@ -11,7 +11,7 @@ from ringlight.color.drawable_triton import drawable_by_triton
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value", "ignore:divide by zero")
-def test_equals_the_twin(seed: int):
+def test_equals_the_reference(seed: int):
     case = random_case(seed, count=900)
     table = case.gaussians
     table.means[:300] *= 8  # many off the image

@@ -1,4 +1,4 @@
-"""The harmonics' Triton kernels against the slow twin, in value and gradient."""
+"""The harmonics' Triton kernels against the reference, in value and gradient."""
 
 import pytest
 import torch
@@ -10,7 +10,7 @@ from ringlight.color.harmonics_triton import sh_colors_by_triton
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 @pytest.mark.parametrize("count", [1, 300])
-def test_equals_the_twin(degree: int, count: int):
+def test_equals_the_reference(degree: int, count: int):
     generator = torch.Generator().manual_seed(degree)
     draw = lambda *shape: torch.randn(*shape, generator=generator)  # noqa: E731
     inputs, position, upstream = [draw(count, 3), draw(count, 3), draw(count, REST_COUNT, 3)], draw(3), draw(count, 3)

@@ -1,4 +1,4 @@
-"""Drawing by lot: the right gradient in expectation, from fewer rows, and the same draw for the same bits."""
+"""Importance sampling: the right gradient in expectation, from fewer rows, and the same draw for the same bits."""
 
 import pytest
 import torch

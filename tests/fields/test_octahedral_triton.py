@@ -1,4 +1,4 @@
-"""The octahedral maps' Triton kernels against the slow twin, in value and gradient."""
+"""The octahedral maps' Triton kernels against the reference, in value and gradient."""
 
 import pytest
 import torch
@@ -12,7 +12,7 @@ from ringlight.fields.octahedral_triton import maps_by_triton
 @pytest.mark.parametrize(
     ("sides", "features", "count"), [((2,), 1, 5), ((4, 7), 3, 131), ((8, 3, 16), 4, 200)], ids=["least", "odd", "many"]
 )
-def test_equals_the_twin(sides: tuple[int, ...], features: int, count: int):
+def test_equals_the_reference(sides: tuple[int, ...], features: int, count: int):
     generator = torch.Generator().manual_seed(count)
     maps = OctahedralMaps(sides, features, generator)
     directions = torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)

@@ -1,4 +1,4 @@
-"""The perceptron's Triton kernels against the slow twin, in value and gradient."""
+"""The perceptron's Triton kernels against the reference, in value and gradient."""
 
 import pytest
 import torch
@@ -18,7 +18,7 @@ from ringlight.fields.perceptron_triton import perceptron_by_triton
     outputs=st.integers(1, 20),
     deep=st.booleans(),
 )
-def test_equals_the_twin(count: int, inputs: int, hidden: int, outputs: int, deep: bool):
+def test_equals_the_reference(count: int, inputs: int, hidden: int, outputs: int, deep: bool):
     check((inputs, *[hidden] * (1 + deep), outputs), count, 2e-5)
 
 

@@ -1,4 +1,4 @@
-"""The ring's Triton kernels against the slow twin, in value and gradient."""
+"""The ring's Triton kernels against the reference, in value and gradient."""
 
 import torch
 from hypothesis import given, settings
@@ -18,7 +18,7 @@ from ringlight.fields.ring_triton import ring_features_by_triton
     rank=st.integers(1, 6),
     features=st.integers(1, 5),
 )
-def test_equals_the_twin(count: int, nodes: int, side: int, rank: int, features: int):
+def test_equals_the_reference(count: int, nodes: int, side: int, rank: int, features: int):
     check(count, nodes, side, rank, features)
 
 

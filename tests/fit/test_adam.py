@@ -36,8 +36,8 @@ def some_radii(rows: int) -> torch.Tensor:
 
 
 def test_kernel_and_reference_equal_torch():
-    ours, twins, torchs = parameters(0), parameters(0), [p.requires_grad_() for p in parameters(0)]
-    moments, twin_moments = zeros(), zeros()
+    ours, references, torchs = parameters(0), parameters(0), [p.requires_grad_() for p in parameters(0)]
+    moments, reference_moments = zeros(), zeros()
     judge = torch.optim.Adam(
         [{"params": [p], "lr": u.rate} for p, u in zip(torchs, updates(ours, ours, moments), strict=True)],
         betas=GROUP.betas,
@@ -46,14 +46,14 @@ def test_kernel_and_reference_equal_torch():
     for number in range(1, 6):
         gradients = parameters(number)
         adam_(updates(ours, gradients, moments, number))
-        for update in updates(twins, gradients, twin_moments, number):
+        for update in updates(references, gradients, reference_moments, number):
             adam_reference_(update)
         for parameter, gradient in zip(torchs, gradients, strict=True):
             parameter.grad = gradient
         judge.step()
-    for value, twin, expected in zip(ours, twins, torchs, strict=True):
+    for value, reference, expected in zip(ours, references, torchs, strict=True):
         torch.testing.assert_close(value, expected.detach(), rtol=0, atol=1e-6)
-        torch.testing.assert_close(twin, expected.detach(), rtol=0, atol=1e-6)
+        torch.testing.assert_close(reference, expected.detach(), rtol=0, atol=1e-6)
 
 
 def test_only_drawn_rows_move_in_kernel_and_reference():
@@ -61,18 +61,18 @@ def test_only_drawn_rows_move_in_kernel_and_reference():
     drawn = radii[:, 0] > 0
     assert 0 < int(drawn.sum()) < ROWS
     start, gradients, whole = parameters(0), parameters(1), parameters(0)
-    ours, twins, moments, twin_moments = parameters(0), parameters(0), zeros(), zeros()
+    ours, references, moments, reference_moments = parameters(0), parameters(0), zeros(), zeros()
     adam_(updates(ours, gradients, moments), radii)
     adam_(updates(whole, gradients, zeros()))
-    for update in updates(twins, gradients, twin_moments):
+    for update in updates(references, gradients, reference_moments):
         adam_reference_(update, radii)
     for index, value in enumerate(ours):
         assert torch.equal(value[drawn], whole[index][drawn])
         assert torch.equal(value[~drawn], start[index][~drawn])
         assert not moments[0][index][~drawn].any()
         assert not moments[1][index][~drawn].any()
-        torch.testing.assert_close(value, twins[index], rtol=0, atol=1e-6)
-        torch.testing.assert_close(moments[1][index], twin_moments[1][index], rtol=1e-4, atol=1e-9)
+        torch.testing.assert_close(value, references[index], rtol=0, atol=1e-6)
+        torch.testing.assert_close(moments[1][index], reference_moments[1][index], rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize("radii", [None, some_radii(ROWS)])
@@ -90,7 +90,7 @@ def test_any_number_of_threads_gives_the_same_bits(radii):
         assert all(torch.equal(first, other) for first, other in zip(ends[0], end, strict=True))
 
 
-def test_other_types_take_the_twin_and_gradients_may_be_strided():
+def test_other_types_take_the_reference_and_gradients_may_be_strided():
     double, single = torch.ones(4, 3, dtype=torch.float64), torch.ones(4, 3)
     gradient = torch.arange(12.0).view(3, 4).T
     pair = [
@@ -120,8 +120,8 @@ def test_a_graph_that_needs_the_old_value_notices():
 @pytest.mark.parametrize("with_radii", [False, True])
 def test_elements_that_would_not_be_finite_stay_and_are_counted_in_kernel_and_reference(bad: float, with_radii: bool):
     """A gradient of 1e30 is finite, its square is not."""
-    values, twins, gradients = parameters(0), parameters(0), parameters(1)
-    moments, twin_moments = zeros(), zeros()
+    values, references, gradients = parameters(0), parameters(0), parameters(1)
+    moments, reference_moments = zeros(), zeros()
     radii = some_radii(ROWS) if with_radii else None
     drawn = radii[:, 0] > 0 if radii is not None else torch.ones(ROWS, dtype=torch.bool)
     rows = drawn.nonzero()[:, 0][[0, 20, -1]]
@@ -129,9 +129,9 @@ def test_elements_that_would_not_be_finite_stay_and_are_counted_in_kernel_and_re
         gradient.view(ROWS, -1)[rows, -1] = bad
     kept = adam_(updates(values, gradients, moments), radii)
     assert kept == len(rows) * len(SHAPES)
-    assert sum(adam_reference_(update, radii) for update in updates(twins, gradients, twin_moments)) == kept
-    for value, twin, before, mean, square in zip(values, twins, parameters(0), *moments, strict=True):
-        torch.testing.assert_close(value, twin, rtol=0, atol=1e-6)
+    assert sum(adam_reference_(update, radii) for update in updates(references, gradients, reference_moments)) == kept
+    for value, reference, before, mean, square in zip(values, references, parameters(0), *moments, strict=True):
+        torch.testing.assert_close(value, reference, rtol=0, atol=1e-6)
         stayed = (value == before).view(ROWS, -1)
         assert stayed[rows, -1].all()
         assert not stayed[drawn].all(), "the others moved"

@@ -1,4 +1,4 @@
-"""Adam's Triton kernel against the slow twin."""
+"""Adam's Triton kernel against the reference."""
 
 import pytest
 import torch
@@ -33,7 +33,7 @@ def run(made: list[Update], radii: torch.Tensor | None = None) -> int:
 
 
 @pytest.mark.parametrize("visible_only", [False, True])
-def test_equals_the_twin(visible_only: bool):
+def test_equals_the_reference(visible_only: bool):
     shapes = SHAPES[:3] if visible_only else SHAPES
     ours = updates(shapes)
     theirs = copies(ours)
@@ -41,11 +41,11 @@ def test_equals_the_twin(visible_only: bool):
     if visible_only:
         radii = torch.rand(700, 2, generator=torch.Generator().manual_seed(1)).sub(0.5).relu().to(interpreted.DEVICE)
     assert run(ours, radii) == 0
-    for mine, twin in zip(ours, theirs, strict=True):
-        before = twin.value.clone()
-        adam_reference_(twin, radii)
+    for mine, reference in zip(ours, theirs, strict=True):
+        before = reference.value.clone()
+        adam_reference_(reference, radii)
         for found, expected in zip(
-            (mine.value, mine.mean, mine.square), (twin.value, twin.mean, twin.square), strict=True
+            (mine.value, mine.mean, mine.square), (reference.value, reference.mean, reference.square), strict=True
         ):
             torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-7)
         if radii is not None:

@@ -32,7 +32,7 @@ def value_and_gradient(rendering: torch.Tensor, target: torch.Tensor, loss: Phot
     return value, gradient.permute(2, 0, 1)
 
 
-def assert_equals_twin(rendering: torch.Tensor, target: torch.Tensor, loss: PhotometricLoss):
+def assert_equals_reference(rendering: torch.Tensor, target: torch.Tensor, loss: PhotometricLoss):
     value, gradient = value_and_gradient(rendering, target, loss)
     leaf = rendering.double().requires_grad_()
     expected = photometric_reference(leaf, target.double(), loss)
@@ -46,18 +46,18 @@ def assert_equals_twin(rendering: torch.Tensor, target: torch.Tensor, loss: Phot
 @both
 @given(height=st.integers(1, 40), width=st.integers(1, 70), seed=st.integers(0, 2**31))
 @settings(max_examples=40, deadline=None)
-def test_kernel_equals_its_twin_at_any_size(loss, height, width, seed):
-    assert_equals_twin(*images(height, width, seed), loss)
+def test_kernel_equals_its_reference_at_any_size(loss, height, width, seed):
+    assert_equals_reference(*images(height, width, seed), loss)
 
 
 @both
 @pytest.mark.parametrize(("height", "width"), [(101, 16), (100, 33), (207, 5), (305, 48)])
 def test_strips_meet_without_a_seam(loss, height, width):
-    assert_equals_twin(*images(height, width, seed=1), loss)
+    assert_equals_reference(*images(height, width, seed=1), loss)
 
 
 @both
-def test_the_twin_has_the_gradient_of_finite_differences(loss):
+def test_the_reference_has_the_gradient_of_finite_differences(loss):
     rendering, target = images(9, 13, seed=2)
     # The absolute value has a kink: keep away from it.
     rendering = torch.where((rendering - target).abs() < 0.01, rendering + 0.02, rendering)

@@ -1,4 +1,4 @@
-"""The loss's Triton kernels against the slow twin, in value and gradient."""
+"""The loss's Triton kernels against the reference, in value and gradient."""
 
 import pytest
 import torch
@@ -12,7 +12,7 @@ from ringlight.fit.photometric import PhotometricLoss
 @pytest.mark.parametrize("size", [(1, 1), (5, 7), (13, 30), (40, 37)])
 @pytest.mark.parametrize("pixel", ["l1", "l2"])
 @pytest.mark.parametrize("memory", ["planar", "interleaved", "part of more channels"])
-def test_equals_the_twin(size: tuple[int, int], pixel: str, memory: str):
+def test_equals_the_reference(size: tuple[int, int], pixel: str, memory: str):
     generator = torch.Generator().manual_seed(size[1])
     color, target = (torch.rand(3, *size, generator=generator).to(interpreted.DEVICE) for _ in range(2))
     color[1, 0, 0] = target[1, 0, 0]  # where the difference is zero its slope is too

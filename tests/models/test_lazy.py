@@ -16,12 +16,11 @@ from ringlight.errors import BackendError
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.convention import EARLY_STOP
 from small_recipes import with_settings
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
-DIM = 1 / 64
-"""What may still show through the pixels of a block that ends; DIM in kernels/raster.hpp."""
 ROUNDING = 1e-6
 WHITE = torch.ones(3)
 
@@ -62,8 +61,8 @@ def test_what_is_not_hidden_has_the_same_bits(light: dict[str, object]):
 def test_behind_what_is_nearly_opaque_more_of_the_same_will_do(turn: float):
     lazy, usual = pictures(lit_model("20k@96", 0.7), turn)
     error = (lazy - usual).abs()
-    assert 0 < error.max() <= DIM + ROUNDING
-    assert error.square().mean().sqrt() < DIM / 16
+    assert 0 < error.max() <= EARLY_STOP + ROUNDING
+    assert error.square().mean().sqrt() < EARLY_STOP / 16
 
 
 def test_what_fills_up_a_block_has_the_colors_in_front():

@@ -72,7 +72,7 @@ def rasterizer_elsewhere() -> CudaRasterizer:
 
 def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
     """Twelve steps with everything in them: density control, the light field switched on. Whole gradients: which rows
-    are drawn by lot depends on a sum's last bit."""
+    are importance-sampled depends on a sum's last bit."""
     whole = {"gradient_share": 1.0}
     settings = {
         "steps": STEPS,

@@ -13,6 +13,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
 from ringlight.errors import BackendError
 from ringlight.models.splats import SplatModel
+from ringlight.rasterize.convention import EARLY_STOP
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
@@ -20,8 +21,6 @@ IN_BYTES = _kernels.isa() in ("avx512", "avx512_bf16")
 """Whether the layer between two hidden ones multiplies bytes here: all else has the same bits."""
 ROUNDING_OF_BYTES = 0.02
 """Of the largest residual; a trained one is a third of the range of colours at most."""
-DIM = 1 / 64
-"""What may still show through the pixels of a block that ends; DIM in kernels/raster/raster.hpp."""
 
 
 def opaque(model: SplatModel, opacity: float) -> None:
@@ -87,10 +86,10 @@ def test_what_is_nearly_opaque_is_shaded_as_it_is(turn: float, hidden: int):
     with torch.no_grad():
         tiles, planes = picture(model, view(turn=turn)), in_planes(model, view(turn=turn))
     filled = tiles.alpha - planes.alpha
-    assert 0 <= filled.min() <= filled.max() < DIM
+    assert 0 <= filled.min() <= filled.max() < EARLY_STOP
     assert filled.max() > 0
     # Root mean square: maps of noise show a normal's last part many times over in single pixels.
-    assert (tiles.color - planes.color).square().mean().sqrt() < 1.3 * DIM
+    assert (tiles.color - planes.color).square().mean().sqrt() < 1.3 * EARLY_STOP
 
 
 def test_what_fills_up_a_block_has_all_channels_in_front():
@@ -104,10 +103,10 @@ def test_what_fills_up_a_block_has_all_channels_in_front():
         model.columns["normals"].copy_(torch.tensor([0.1, 0.2, -1.0]))
         tiles, planes = picture(model, camera), in_planes(model, camera)
         black = picture(model, camera, torch.zeros(3))
-    filled = ((tiles.alpha == 1) & (planes.alpha > 1 - DIM)).expand(-1, -1, 3)
+    filled = ((tiles.alpha == 1) & (planes.alpha > 1 - EARLY_STOP)).expand(-1, -1, 3)
     assert filled.any()
     assert torch.equal(tiles.color[filled], black.color[filled])  # nothing of what lies behind
-    assert (tiles.color - planes.color)[filled].abs().max() < 2 * DIM  # bytes round besides
+    assert (tiles.color - planes.color)[filled].abs().max() < 2 * EARLY_STOP  # bytes round besides
 
 
 def test_faint_pixels_keep_their_base_color():

@@ -1,4 +1,4 @@
-"""The active form by Triton's kernel against the slow twin, in value and gradient."""
+"""The active form by Triton's kernel against the reference, in value and gradient."""
 
 import dataclasses
 
@@ -14,16 +14,16 @@ from ringlight.rasterize.stored_form_triton import activated_by_triton
 
 @pytest.mark.parametrize("with_factor", [False, True])
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
-def test_equals_the_twin(with_factor: bool):
+def test_equals_the_reference(with_factor: bool):
     case = random_case(3, count=700, with_factor=True)
     table, near = case.gaussians, case.options.near
     table.log_scales[5, 1], table.means[6, 0], table.means[7] = 200.0, 1e30, 3e38
     table.quats[8] = 0.0
     columns = {name: column.requires_grad_() for name, column in table.columns().items()}
     factor = case.opacity_factor.requires_grad_() if with_factor else None
-    twin = stored_form.active_form_reference(Gaussians.from_columns(columns), case.camera, near, factor)
-    upstream = [torch.randn_like(getattr(twin, field.name)) for field in dataclasses.fields(twin)]
-    expected = [getattr(twin, field.name) for field in dataclasses.fields(twin)]
+    reference = stored_form.active_form_reference(Gaussians.from_columns(columns), case.camera, near, factor)
+    upstream = [torch.randn_like(getattr(reference, field.name)) for field in dataclasses.fields(reference)]
+    expected = [getattr(reference, field.name) for field in dataclasses.fields(reference)]
     torch.autograd.backward(expected, upstream)
 
     ours = {name: column.detach().to(interpreted.DEVICE).requires_grad_() for name, column in columns.items()}

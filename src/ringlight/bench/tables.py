@@ -31,9 +31,9 @@ def tables(record: Record) -> Iterator[Block]:
 
 
 def raster_tables(record: RasterBench) -> Iterator[Block]:
-    """Milliseconds a frame, and the work that is in them."""
+    """Milliseconds a picture, and the work that is in them."""
     now = record.circumstances
-    yield from _head(f"rasterizer {record.rasterizer}: milliseconds a frame of the standard workload, medians", now)
+    yield from _head(f"rasterizer {record.rasterizer}: milliseconds a picture of the standard workload, medians", now)
     yield _table(
         ("size", "channels", "forward", "backward", "both", "CPU both", "per second"),
         ((row.size.name, row.size.channels, *_passes(row.passes)) for row in record.rows),

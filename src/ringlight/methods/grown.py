@@ -1,4 +1,4 @@
-"""The bounds of a recipe whose Gaussians density control grows: what :class:`Recipe` asks, answered once."""
+"""The bounds of a recipe whose Gaussians density control grows: every recipe is asked for them."""
 
 from dataclasses import Field, replace
 from typing import Any, ClassVar, TypeVar

@@ -171,5 +171,5 @@ PAPER = dataclasses.replace(
 )
 """The paper's settings. It gives the Gaussians a rate of 0.0025 and does not say how base colours are stored: 0.01 on
 their logits moves a grey by 0.0025 a step (``--base-rate 2.5e-3`` for 0.0025 on logits). Two means of speed are ours:
-heads are tabulated (``--light.evaluation exact`` for none), and a quarter of the Gaussians' light is differentiated,
-drawn by lot (``--light.gradient-share 1`` for all)."""
+heads are tabulated (``--light.evaluation exact`` for none), and the light's gradient is importance-sampled, a quarter
+of the Gaussians (``--light.gradient-share 1`` for all)."""

@@ -113,8 +113,8 @@ def shaded_planes(job: ReflectionJob, planes: Planes, parameters: Sequence[Tenso
 
 
 def shading_of(job: ReflectionJob, parameters: Sequence[Tensor], exact: bool = False) -> _kernels.PictureShader:
-    """The same picture from inside the rasterizer, where the blended planes need not be kept: rgb, normal, latents and
-    depth, side by side. Unless ``exact``, wide layers multiply bytes where the processor can."""
+    """The same picture from inside the rasterizer, where the blended planes need not be kept: rgb, normal, latents and,
+    where it is read, depth, side by side. Unless ``exact``, wide layers multiply bytes where the processor can."""
     return _kernels.ReflectionPicture(job.shape, parameters, job.view, exact)
 
 

@@ -43,10 +43,9 @@ def photometric_gradient(
 ) -> tuple[Float[Tensor, ""], Float[Tensor, "H W 3"]]:
     """The loss and its gradient with respect to ``color``, both without a graph.
 
-    One pass gives both, so a step begins its backward pass with the gradient, and autograd has a node less. ``color``
-    is used in place when its memory is planar ([3 H W] permuted), as rasterizers return it, and copied otherwise; the
-    gradient is planar too. The kernels want float32; anything else takes the torch path. Raises ValueError
-    where the sizes differ.
+    One pass gives both, so a step begins its way back with the gradient. ``color`` is used in place when its
+    memory is planar ([3 H W] permuted), as rasterizers return it, and copied otherwise; the gradient is planar too. The
+    kernels want float32; anything else takes the torch path. Raises ValueError where the sizes differ.
     """
     if color.shape[:2] != target.image.shape[1:]:
         sizes = f"{tuple(color.shape[:2])} and {tuple(target.image.shape[1:])}"
