@@ -101,10 +101,20 @@ def test_export_says_in_a_sentence_that_there_are_no_gaussians(ringlight: Comman
     assert not (tmp_path / "voxels.ply").exists()
 
 
-def test_compress_and_bench_refuse_or_do_it(ringlight: Command, voxels: Path, tmp_path: Path):
-    outcome = ringlight("compress", voxels, tmp_path / "small.safetensors")
-    assert outcome.code in (0, 1)
-    assert "Traceback" not in outcome.err
-    outcome = ringlight("bench", "step", "voxels", "--sizes", "100@32")
-    assert outcome.code in (1, 2)
+def test_compress_keeps_what_it_cannot_pack_and_says_so(ringlight: Command, voxels: Path, tmp_path: Path):
+    small = tmp_path / "small.safetensors"
+    outcome = ringlight("compress", voxels, small)
+    assert outcome.code == 0, outcome.err
+    assert f"{small}: 1,728 voxels, " in outcome.out
+    assert "27,672 of 27,672 bytes, 1.00 times smaller" in outcome.out  # 4 floats a voxel, and the box
+    assert "inf dB PSNR" in outcome.out
+    again = ringlight("info", small)
+    assert again.code == 0, again.err
+    assert "1,728 voxels" in again.out
+
+
+def test_bench_says_in_a_sentence_that_there_are_no_gaussians(ringlight: Command):
+    outcome = ringlight("bench", "step", "voxels", "--size", "100@32")
+    assert outcome.code == 1
+    assert "voxels has no Gaussians, and this benchmark times their parts; name another method" in outcome.err
     assert "Traceback" not in outcome.err

@@ -17,9 +17,14 @@ from ringlight.color.mirror import Mirror
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
+from ringlight.fit.regularizers.by_torch import TorchRegularizer
+from ringlight.fit.regularizers.contract import Regularizer
+from ringlight.fit.regularizers.mean_mask import MeanMask
 from ringlight.shade.passthrough import PassThrough
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
+
+SCALES = "columns.log_scales"
 
 BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
 
@@ -63,3 +68,19 @@ SHADERS: dict[str, Callable[[], nn.Module]] = {
     "reflection, ring": lambda: ReflectionShader(replace(REFLECTION, ring="full", near_field=RING), BOX, 1),
     "plug: environment": lambda: Environment(5, seed=1),
 }
+
+CONSTANT: dict[str, tuple[str, ...]] = {"reflection": ("depth",), "reflection, ring": ("depth",)}
+"""Channels that a shader reads and takes for constant by its settings: they get no gradient, nor does alpha through
+them. A shader that is not named here has the gradient of all that it reads."""
+
+REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
+    "mean mask": lambda: MeanMask(0.2),
+    "by torch, of a column": lambda: TorchRegularizer(lambda of: of[SCALES].exp().mean(), (SCALES,)),
+    "by torch, of a buffer": lambda: TorchRegularizer(lambda of: of["alpha"].sin().mean(), buffers=("alpha",)),
+    "by torch, of both": lambda: TorchRegularizer(
+        lambda of: of["depth"].square().mean() * of["alpha"].mean() + of[SCALES].square().mean(),
+        (SCALES,),
+        ("depth", "alpha"),
+    ),
+}
+"""Of a model with visibility masks."""

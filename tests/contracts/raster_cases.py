@@ -75,7 +75,7 @@ def random_case(
     return Case(gaussians, draw(count, channels), camera, draw(channels), options, factor)
 
 
-def run(rasterizer: Rasterizer, case: Case, by_image: Tensor, by_alpha: Tensor) -> Outcome:
+def run(rasterizer: Rasterizer, case: Case, grad_image: Tensor, grad_alpha: Tensor) -> Outcome:
     """Forward, then backward under the given cotangents; gradients by column name, "channels", "opacity_factor"."""
     inputs = {name: case.gaussians.columns()[name] for name in GEOMETRY} | {"channels": case.channels}
     if case.opacity_factor is not None:
@@ -91,22 +91,22 @@ def run(rasterizer: Rasterizer, case: Case, by_image: Tensor, by_alpha: Tensor) 
         leaves.get("opacity_factor"),
     )
     dtype = raster.image.dtype
-    torch.autograd.backward([raster.image, raster.alpha], [by_image.to(dtype), by_alpha.to(dtype)])
+    torch.autograd.backward([raster.image, raster.alpha], [grad_image.to(dtype), grad_alpha.to(dtype)])
     return Outcome(raster, {name: leaf.grad for name, leaf in leaves.items()})
 
 
-def judge(case: Case, by_image: Tensor, by_alpha: Tensor) -> Outcome:
+def judge(case: Case, grad_image: Tensor, grad_alpha: Tensor) -> Outcome:
     """What is right: the reference in float64."""
-    return run(ReferenceRasterizer(), case.to(torch.float64), by_image, by_alpha)
+    return run(ReferenceRasterizer(), case.to(torch.float64), grad_image, grad_alpha)
 
 
 def random_cotangents(case: Case, seed: int) -> tuple[Tensor, Tensor]:
     """Random upstream gradients for image and alpha, zero where rounding may decide."""
     generator = torch.Generator().manual_seed(seed)
     camera, sure = case.camera, certain_pixels(case)[..., None]
-    by_image = torch.randn(camera.height, camera.width, case.channels.shape[1], generator=generator)
-    by_alpha = torch.randn(camera.height, camera.width, 1, generator=generator)
-    return by_image * sure, by_alpha * sure
+    grad_image = torch.randn(camera.height, camera.width, case.channels.shape[1], generator=generator)
+    grad_alpha = torch.randn(camera.height, camera.width, 1, generator=generator)
+    return grad_image * sure, grad_alpha * sure
 
 
 # Relative distance from a threshold within which float32 may fall on the other side. Alphas and transmittances agree

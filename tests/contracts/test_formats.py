@@ -1,5 +1,7 @@
 """What every export format must do, parametrised over the table and the plug."""
 
+import errno
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -41,6 +43,10 @@ pytestmark = [pytest.mark.parametrize("suffix", SUFFIXES)]
 def plugged(monkeypatch: pytest.MonkeyPatch):
     """One line in the table."""
     monkeypatch.setitem(table.WRITERS, ".splat", SUFFIXES[".splat"])
+
+
+def full_disk(handle: int) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def stored(name: str) -> StoredModel:
@@ -96,9 +102,10 @@ def test_a_write_that_fails_leaves_what_was_there(suffix: str, tmp_path: Path, m
     export(model, path)
     before = path.read_bytes()
     columns = dict(model.model.splats().gaussians.columns())
-    broken = Content(columns | {"sh_dc": columns["sh_dc"][:1]}, False, ())
-    with pytest.raises(Exception, match=r"."):
-        SUFFIXES[suffix].write(path, broken)
+    other = Content(columns | {"sh_dc": columns["sh_dc"] + 0.5}, False, ())
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(OutputError, match=rf"model\{suffix}: cannot be written: no space is left on the disk"):
+        SUFFIXES[suffix].write(path, other)
     assert path.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 

@@ -6,7 +6,7 @@ from surfaces import buffers, camera
 from torch import Tensor, nn
 
 from contracts.differences import TOLERANCE, slopes_differ
-from contracts.plugged import SHADERS
+from contracts.plugged import CONSTANT, SHADERS
 from ringlight.core.gradients import SHADER, Gradients, dense
 from ringlight.core.rendering import Shaded
 from ringlight.core.want import Want
@@ -40,6 +40,11 @@ def image_of(shader: nn.Module, dtype: torch.dtype = torch.float32) -> tuple[Ten
     return planes.permute(1, 2, 0), blended["alpha"]
 
 
+def channels_of(shader: nn.Module, image: Tensor) -> dict[str, Tensor]:
+    """Views of it, by channel."""
+    return dict(zip(shader.needs, image.split(list(shader.needs.values()), -1), strict=True))
+
+
 def shaded(shader: nn.Module, image: Tensor, alpha: Tensor, want: Want) -> Shaded:
     return shader.shade(image, alpha, VIEW, GREY, want)
 
@@ -57,9 +62,7 @@ def test_it_is_a_shader_and_says_whether_it_adds_light(name: str):
     color = shaded(shader, image, alpha, Want.EXACT).color
     assert color.shape == (VIEW.height, VIEW.width, 3)
     assert color.isfinite().all()
-    start = list(shader.needs).index("rgb") and sum(list(shader.needs.values())[: list(shader.needs).index("rgb")])
-    rgb = image[..., start : start + 3]
-    assert torch.equal(color, rgb) is not shader.adds_light
+    assert torch.equal(color, channels_of(shader, image)["rgb"]) is not shader.adds_light
 
 
 @pytest.mark.parametrize("ambient", [torch.no_grad, torch.enable_grad])
@@ -77,18 +80,17 @@ def test_gradients_agree_with_finite_differences(name: str):
     image, alpha = image_of(shader, torch.float64)
     into, given = Gradients(), shaded(shader, image, alpha, Want.GRADIENTS)
     grad_image, grad_alpha = given.backward(upstream(given.color), into)
-    found = {"image": grad_image} | {n: dense(gradient) for n, gradient in into.items()}
-    leaves = {"image": image} | {SHADER + n: parameter for n, parameter in shader.named_parameters()}
+    found = channels_of(shader, grad_image) | {n: dense(gradient) for n, gradient in into.items()}
+    leaves = channels_of(shader, image) | {SHADER + n: parameter for n, parameter in shader.named_parameters()}
     if grad_alpha is not None:
         leaves["alpha"], found["alpha"] = alpha, grad_alpha
     assert found.keys() == leaves.keys()
-    assert all(gradient.isfinite().all() and gradient.any() for gradient in found.values())
-    if not getattr(shader, "settings", None) or shader.settings.depth_gradient or "depth" not in shader.needs:
-        differs = slopes_differ(lambda: _value(shader, image, alpha), leaves, found)
-    else:  # a depth without gradient by its settings: kept out of the directions
-        depthless = {n: leaf for n, leaf in leaves.items() if n not in ("image", "alpha")}
-        differs = slopes_differ(lambda: _value(shader, image, alpha), depthless, found)
-        assert not grad_image[..., -1].any()
+    assert all(gradient.isfinite().all() for gradient in found.values())
+    constant = CONSTANT.get(name, ())
+    assert {n for n, gradient in found.items() if not gradient.any()} == set(constant)
+    # What reaches alpha through a constant shows in differences, and not in its gradient.
+    held = {n: leaf for n, leaf in leaves.items() if n not in constant and not (constant and n == "alpha")}
+    differs = slopes_differ(lambda: _value(shader, image, alpha), held, found)
     assert max(differs.values(), default=0.0) < TOLERANCE, differs
 
 

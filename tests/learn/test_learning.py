@@ -5,23 +5,23 @@ import math
 import pytest
 import torch
 
+from contracts.methods import TRAINED
 from ringlight.core.scene import Scene
 from ringlight.data import hull
 from ringlight.fit.train import train
-from ringlight.methods.table import METHODS
-from ringlight.models.splats import SplatModel
+from ringlight.models.contract import Model
 from ringlight.rasterize.choose import rasterizer_for
-from small_recipes import TRAINED, with_settings
+from small_recipes import with_settings
 from tiny_scene import tiny_scene
 
 STEPS = 300
 
-GAIN = 4
-"""dB; 4.8 to 7 were seen in these few steps, and a model that does not learn gains none. What starts on the hull, in
-the photographs' colours, has less to gain."""
+GAIN = 3.5
+"""dB; 4.0 to 10 were seen in these few steps with several seeds, 20 of a grid that starts with nothing, and a model
+that does not learn gains none. What starts on the hull, in the photographs' colours, has less to gain."""
 
 
-def held_out_psnr(model: SplatModel, scene: Scene) -> float:
+def held_out_psnr(model: Model, scene: Scene) -> float:
     errors = []
     with torch.no_grad():
         for view in scene.test:
@@ -35,7 +35,7 @@ def test_a_method_learns(method: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(hull, "FINE_CELLS", 48)
     scene = tiny_scene(views=16, size=32)
     ring = {"position_nodes": 64, "view_nodes": 8}
-    recipe = with_settings(METHODS[method], {"steps": STEPS, "light": {"ring": ring}})
+    recipe = with_settings(TRAINED[method], {"steps": STEPS, "light": {"ring": ring}})
     training = recipe.build(scene, rasterizer_for("auto"), seed=0)
     before = held_out_psnr(training.model, scene)
     for _ in train(training):

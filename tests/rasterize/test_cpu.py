@@ -41,8 +41,8 @@ def all_bits(rasterizer: "cpu.CpuRasterizer", case: Case, threads: int) -> list[
     _kernels.set_threads(threads)
     generator = torch.Generator().manual_seed(0)
     shape = case.camera.height, case.camera.width
-    by_image = torch.randn(*shape, case.channels.shape[1], generator=generator)
-    outcome = run(rasterizer, case, by_image, torch.randn(*shape, 1, generator=generator))
+    grad_image = torch.randn(*shape, case.channels.shape[1], generator=generator)
+    outcome = run(rasterizer, case, grad_image, torch.randn(*shape, 1, generator=generator))
     footprint = outcome.raster.footprint
     marks = [footprint.means2d, footprint.radii, footprint.means2d_gradient, footprint.absolute_gradient]
     return [outcome.raster.image, outcome.raster.alpha, *marks, *outcome.gradients.values()]
@@ -186,21 +186,21 @@ def test_workspaces_are_used_again(rasterizer):
 
 def test_the_memory_order_of_the_upstream_gradient_does_not_matter(rasterizer):
     case = random_case(4)
-    by_image, by_alpha = random_cotangents(case, 0)
-    planar = by_image.permute(2, 0, 1).contiguous().permute(1, 2, 0)
-    ours, theirs = run(rasterizer, case, by_image, by_alpha), run(rasterizer, case, planar, by_alpha)
+    grad_image, grad_alpha = random_cotangents(case, 0)
+    planar = grad_image.permute(2, 0, 1).contiguous().permute(1, 2, 0)
+    ours, theirs = run(rasterizer, case, grad_image, grad_alpha), run(rasterizer, case, planar, grad_alpha)
     assert all(torch.equal(ours.gradients[name], theirs.gradients[name]) for name in ours.gradients)
     assert ours.raster.image.permute(2, 0, 1).is_contiguous()
 
 
-@pytest.mark.parametrize("sloped", [0, 1, 4, 5, 6, 10, 11, 12])
-def test_last_channels_without_gradient_are_left_out_and_nothing_else_changes(rasterizer, sloped: int):
+@pytest.mark.parametrize("with_gradient", [0, 1, 4, 5, 6, 10, 11, 12])
+def test_last_channels_without_gradient_are_left_out_and_nothing_else_changes(rasterizer, with_gradient: int):
     case = random_case(6, channels=13)
-    by_image, by_alpha = random_cotangents(case, 0)
-    by_image[..., sloped:] = 0
-    found, expected = run(rasterizer, case, by_image, by_alpha), judge(case, by_image, by_alpha)
-    assert not found.gradients["channels"][:, sloped:].any()
-    for name in expected.gradients.keys() - ({"channels"} if sloped == 0 else set()):
+    grad_image, grad_alpha = random_cotangents(case, 0)
+    grad_image[..., with_gradient:] = 0
+    found, expected = run(rasterizer, case, grad_image, grad_alpha), judge(case, grad_image, grad_alpha)
+    assert not found.gradients["channels"][:, with_gradient:].any()
+    for name in expected.gradients.keys() - ({"channels"} if with_gradient == 0 else set()):
         assert off_by(found.gradients[name], expected.gradients[name]) < 1e-4, name
 
 

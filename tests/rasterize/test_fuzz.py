@@ -68,8 +68,8 @@ def cases(draw: st.DrawFn) -> Case:
 def test_finite_input_gives_finite_output(case: Case, seed: int):
     generator = torch.Generator().manual_seed(seed)
     size = case.camera.height, case.camera.width
-    by_image = torch.randn(*size, case.channels.shape[1], generator=generator)
-    outcome = run(cpu.CpuRasterizer(), case, by_image, torch.randn(*size, 1, generator=generator))
+    grad_image = torch.randn(*size, case.channels.shape[1], generator=generator)
+    outcome = run(cpu.CpuRasterizer(), case, grad_image, torch.randn(*size, 1, generator=generator))
     raster, footprint = outcome.raster, outcome.raster.footprint
     assert_finite(image=raster.image, alpha=raster.alpha, means2d=footprint.means2d, radii=footprint.radii)
     assert ((raster.alpha >= 0) & (raster.alpha <= 1)).all()

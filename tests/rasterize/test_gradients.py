@@ -36,7 +36,7 @@ def loss_of(case: Case) -> Loss:
     with_depth = replace(
         case, channels=torch.cat([case.channels, depths], 1), background=torch.cat([case.background, torch.zeros(1)])
     )
-    by_image, by_alpha = random_cotangents(with_depth, 0)
+    grad_image, grad_alpha = random_cotangents(with_depth, 0)
 
     def loss(rasterizer: Rasterizer, inputs: Inputs) -> Tensor:
         means = inputs["means"]
@@ -46,7 +46,7 @@ def loss_of(case: Case) -> Loss:
             torch.cat([inputs["channels"], depths], 1), case.camera,
             with_depth.background.to(means), case.options, inputs.get("opacity_factor"),
         )  # fmt: skip
-        return (raster.image * by_image.to(means)).sum() + (raster.alpha * by_alpha.to(means)).sum()
+        return (raster.image * grad_image.to(means)).sum() + (raster.alpha * grad_alpha.to(means)).sum()
 
     return loss
 
