@@ -72,14 +72,18 @@ def check_target(path: Path, overwrite: bool) -> None:
 def compress(opened: Opened, path: Path, scene: Scene | None = None, tell: Tell | None = None) -> Compressed:
     """Write the packed model; with a ``scene``, its test views say what packing costs.
 
-    ``tell`` hears (pictures done, pictures in all). Raises SceneError for a scene without test views, OutputError where
-    the file cannot be written.
+    ``tell`` hears (pictures done, pictures in all). Raises SceneError for a scene without test views, RunError for a
+    model that packing makes no smaller, OutputError where the file cannot be written.
     """
     stored = opened.stored
     if scene is not None and not scene.test:
         raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
     tensors = stored.model.rendering_tensors() | tensors_from_cameras(stored.cameras)
     packed = pack_tensors(tensors)
+    if _bytes(packed.tensors) >= _bytes(tensors):
+        raise RunError(
+            f"{opened.file}: nothing of a {stored.header.method} model can be packed; keep the file as it is"
+        )
     after = model_of_tensors(unpack_tensors(packed), stored.header, stored.rasterize, path)
     decibels = _picture_loss(stored, after)
     picture_psnr = fmean(decibels) if decibels else None
