@@ -151,6 +151,7 @@ class _CenterGradients:
         self.footprint.means2d_gradient = self._on_table_rows(gradient)
         if self._absolute is not None:
             self.footprint.absolute_gradient = self._on_table_rows(self._absolute)
+            self._absolute.zero_()  # a graph may be gone back through again
 
     def _on_table_rows(self, values: Float[Tensor, "K 2"]) -> Float[Tensor, "N 2"]:
         return values.new_zeros(self._count, 2).index_copy_(0, self._rows, values)
