@@ -103,7 +103,7 @@ class Raster:
     """One rasterization. ``image`` is blended over the background; memory may be planar, [C H W] permuted.
 
     ``shaded`` are the colours of the shader that the rasterizer was handed, if it took the hint; ``image`` may then be
-    without channels, C = 0, where nobody asked for gradients. ``backward(grad_image, grad_alpha, into)``.
+    without channels, C = 0, where a mere picture was wanted. ``backward(grad_image, grad_alpha, into)``.
     """
 
     image: Float[Tensor, "H W C"]
