@@ -24,9 +24,6 @@ from ringlight.shade.contract import Shader
 # Alpha below which a pixel shows no surface: blended depth and normals are divided by at least this.
 FAINTEST_SURFACE = 1e-4
 
-COLUMNS_PREFIX = COLUMNS
-"""Tensors below this name have one row a Gaussian."""
-
 NOUN = "Gaussians"
 """What a table's rows are called in reports."""
 
@@ -151,7 +148,7 @@ class SplatModel(nn.Module):
         emission = self.color.emit(gaussians, camera, tuple(self.shader.needs), Want.EXACT)
         return self.shader.emitted(emission.named(), gaussians.means, camera)
 
-    row_prefixes: tuple[str, ...] = (COLUMNS_PREFIX,)
+    row_prefixes: tuple[str, ...] = (COLUMNS,)
 
     @property
     def renderer(self) -> str:
@@ -181,15 +178,13 @@ class SplatModel(nn.Module):
         return Count(count, NOUN), sum(raw_bytes(tensor) for tensor in self._needed(slice(count)).values())
 
     def _needed(self, keep: Bool[Tensor, "N"] | slice) -> dict[str, Tensor]:
-        left_out = {COLUMNS_PREFIX + name for name in self.color.training_columns}
+        left_out = {COLUMNS + name for name in self.color.training_columns}
         tensors = {name: tensor for name, tensor in self.state_dict().items() if name not in left_out}
-        return {name: t[keep] if name.startswith(COLUMNS_PREFIX) else t for name, t in tensors.items()}
+        return {name: t[keep] if name.startswith(COLUMNS) else t for name, t in tensors.items()}
 
     def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
         """Take these tensors; the table becomes theirs, without the columns that they leave out."""
-        columns = {
-            name.removeprefix(COLUMNS_PREFIX): t for name, t in tensors.items() if name.startswith(COLUMNS_PREFIX)
-        }
+        columns = {name.removeprefix(COLUMNS): t for name, t in tensors.items() if name.startswith(COLUMNS)}
         for name in self.columns.keys() - columns.keys():
             self.columns.pop(name)
         self.load_columns(columns)
