@@ -43,6 +43,23 @@ def _along_rows(
 
 
 @triton.jit
+def _blurred_down(at, weights, count, y, height, width, valid, REACH: tl.constexpr, SIZE: tl.constexpr):
+    """Blurs along columns, of these pixels, of the three maps that begin ``at`` them, three planes apart."""
+    mean = tl.zeros((SIZE,), tl.float32)
+    square = tl.zeros((SIZE,), tl.float32)
+    product = tl.zeros((SIZE,), tl.float32)
+    for tap in range(2 * REACH + 1):
+        row = y + tap - REACH
+        inside = valid & (row >= 0) & (row < height)
+        weight = tl.load(weights + tap)
+        away = (tap - REACH) * width
+        mean += weight * tl.load(at + away, mask=inside, other=0.0)
+        square += weight * tl.load(at + 3 * count + away, mask=inside, other=0.0)
+        product += weight * tl.load(at + 6 * count + away, mask=inside, other=0.0)
+    return mean, square, product
+
+
+@triton.jit
 def _compare(
     image, target, blur, square_blur, weights, maps, slopes, sums, height, width, step_y, step_x, step_c,
     pixel_weight, ssim_weight, SQUARED: tl.constexpr, C1: tl.constexpr, C2: tl.constexpr,
@@ -55,17 +72,7 @@ def _compare(
     y, x = pixel // width, pixel % width
     valid = pixel < count
     at = maps + channel * count + pixel
-    mean = tl.zeros((SIZE,), tl.float32)
-    square = tl.zeros((SIZE,), tl.float32)
-    product = tl.zeros((SIZE,), tl.float32)
-    for tap in range(2 * REACH + 1):
-        row = y + tap - REACH
-        inside = valid & (row >= 0) & (row < height)
-        weight = tl.load(weights + tap)
-        away = (tap - REACH) * width
-        mean += weight * tl.load(at + away, mask=inside, other=0.0)
-        square += weight * tl.load(at + 3 * count + away, mask=inside, other=0.0)
-        product += weight * tl.load(at + 6 * count + away, mask=inside, other=0.0)
+    mean, square, product = _blurred_down(at, weights, count, y, height, width, valid, REACH, SIZE)
     other = tl.load(blur + channel * count + pixel, mask=valid, other=0.0)
     other_square = tl.load(square_blur + channel * count + pixel, mask=valid, other=0.0)
     over1 = 2 * mean * other + C1
@@ -117,17 +124,7 @@ def _gradient(
     y, x = pixel // width, pixel % width
     valid = pixel < count
     at = maps + channel * count + pixel
-    grad_mean = tl.zeros((SIZE,), tl.float32)
-    grad_square = tl.zeros((SIZE,), tl.float32)
-    grad_product = tl.zeros((SIZE,), tl.float32)
-    for tap in range(2 * REACH + 1):
-        row = y + tap - REACH
-        inside = valid & (row >= 0) & (row < height)
-        weight = tl.load(weights + tap)
-        away = (tap - REACH) * width
-        grad_mean += weight * tl.load(at + away, mask=inside, other=0.0)
-        grad_square += weight * tl.load(at + 3 * count + away, mask=inside, other=0.0)
-        grad_product += weight * tl.load(at + 6 * count + away, mask=inside, other=0.0)
+    grad_mean, grad_square, grad_product = _blurred_down(at, weights, count, y, height, width, valid, REACH, SIZE)
     place = channel * step_c + y * step_y + x * step_x
     ours = tl.load(image + place, mask=valid, other=0.0)
     theirs = tl.load(target + channel * count + pixel, mask=valid, other=0.0)
