@@ -117,7 +117,6 @@ def _runs_native(*tensors: Tensor) -> bool:
     return all(tensor.dtype == torch.float32 and tensor.is_cpu and tensor.is_contiguous() for tensor in tensors)
 
 
-@torch.no_grad()
 def _native_emission(columns: dict[str, Tensor], camera: _kernels.Camera, degree: int, want: Want) -> Emission:
     means, dc, rest = columns.values()
     colors = torch.empty_like(means)
@@ -126,8 +125,7 @@ def _native_emission(columns: dict[str, Tensor], camera: _kernels.Camera, degree
     if factors is None:
         return Emission({"rgb": 3}, colors)
 
-    @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N 3"], _: Tensor | None, into: Gradients) -> None:
+    def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
         grad_dc, known = torch.empty_like(colors), into.get(COLUMNS + "means")
         grad_means = torch.empty_like(means) if known is None else dense(known)
         _kernels.sh_gradient(grad_channels, colors, factors, grad_means, grad_dc, known is not None)

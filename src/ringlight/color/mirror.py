@@ -91,8 +91,7 @@ def _base_emission(base: Float[Tensor, "N 3"], want: Want) -> Emission:
     if want is not Want.GRADIENTS:
         return Emission({"rgb": 3}, colors)
 
-    @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N 3"], _: Tensor | None, into: Gradients) -> None:
+    def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
         into.add(COLUMNS + BASE, torch.ops.aten.sigmoid_backward(grad_channels, colors))
 
     return Emission({"rgb": 3}, colors, backward=backward)
@@ -107,9 +106,8 @@ def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping
     if want is not Want.GRADIENTS:
         return Emission(widths, channels)
 
-    @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N C"], _: Tensor | None, into: Gradients) -> None:
-        gradients = [torch.empty_like(tensor) for tensor in tensors]
+    def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
+        gradients = [torch.empty_like(tensor, requires_grad=False) for tensor in tensors]
         moved = _kernels.mirror_gradient(view, tensors, grad_channels, gradients)
         for name, gradient in zip(columns, gradients, strict=True):
             if moved or name != "means":  # positions are left alone unless a depth had a gradient

@@ -37,7 +37,7 @@ def base_emission(model: "RingLight", gaussians: Gaussians, want: Want) -> Emiss
         return Emission(model.emits, colors, factor)
 
     @torch.no_grad()
-    def backward(grad_channels: Float[Tensor, "N 3"], grad_factor: Tensor | None, into: Gradients) -> None:
+    def backward(grad_channels: Tensor, grad_factor: Tensor | None, into: Gradients) -> None:
         _add_mask_gradient(columns, grad_factor, into)
         if BASE in columns:
             into.add(COLUMNS + BASE, torch.ops.aten.sigmoid_backward(grad_channels, colors))
@@ -60,7 +60,7 @@ def ring_emission(model: "RingLight", gaussians: Gaussians, camera: Camera, tabl
     color = torch.zeros_like(base) if lazily else torch.empty_like(base)
     lit = Lit(rows, parameters.shape, base, latents, values, color)
 
-    def all_rows() -> Float[Tensor, "N 3"]:
+    def all_rows() -> Tensor:
         _kernels.ring_forward(
             parameters.shape, values, rows.means, base, latents, rows.visible, rows.camera, rows.box, color
         )

@@ -32,7 +32,6 @@ class CpuRasterizer:
         _kernels.set_memory(machine_memory())
         self.spare: list[_kernels.Workspace] = []
 
-    @torch.no_grad()
     def draw(
         self,
         gaussians: Gaussians,
@@ -126,7 +125,6 @@ class _WayBack:
         self._job, self._table, self._image = job, table, image
         self._loan: _Loan | None = loan
 
-    @torch.no_grad()
     def __call__(
         self, grad_image: Float[Tensor, "H W C"], grad_alpha: Float[Tensor, "H W 1"] | None, into: Gradients
     ) -> EmissionGradients:

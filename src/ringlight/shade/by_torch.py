@@ -27,7 +27,7 @@ def shaded_by_torch(
     inputs = {"image": image, "alpha": alpha}
     recorded = ByAutograd(lambda given: {"color": function(given["image"], given["alpha"])}, inputs, parameters)
 
-    def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
+    def backward(grad_color: Tensor, into: Gradients) -> ImageGradients:
         found = recorded.backward({"color": grad_color})
         grad_image, grad_alpha = found.pop("image", None), found.pop("alpha", None)
         add_to(into, found)

@@ -143,7 +143,7 @@ class ReflectionShader(nn.Module):
             return Shaded(color)
 
         @torch.no_grad()
-        def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
+        def backward(grad_color: Tensor, into: Gradients) -> ImageGradients:
             gradients = [torch.empty_like(parameter) for parameter in parameters]
             block, grad_alpha = plane_gradients(job, planes, parameters, grad_color, gradients)
             names = (SHADER + name for name in self._kernel_names)
