@@ -1,41 +1,16 @@
-"""The compiled module by itself: its signatures, what its bindings refuse, threads that cannot be had, forks."""
+"""The compiled module by itself: what its bindings refuse, threads that cannot be had, forks."""
 
-import ast
 import os
-import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import torch
 
-import ringlight
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.memory import machine_memory
 from ringlight.rasterize.cpu import CpuRasterizer
-
-STUB = Path(ringlight.__file__).with_name("_kernels.pyi")
-
-
-def arguments(function: ast.FunctionDef) -> list[str]:
-    return [argument.arg for argument in [*function.args.args, *function.args.kwonlyargs]]
-
-
-def signature(name: str) -> list[str]:
-    """Argument names as the module itself says them: the first line of a function's documentation."""
-    [inside] = re.findall(rf"^{name}\((.*)\) -> ", getattr(_kernels, name).__doc__, flags=re.MULTILINE)
-    return re.findall(r"(\w+): ", re.sub(r"\[.*?\]", "", inside))
-
-
-def test_the_stub_names_exactly_what_the_module_has():
-    body = ast.parse(STUB.read_text(encoding="utf-8")).body
-    functions = {node.name: arguments(node) for node in body if isinstance(node, ast.FunctionDef)}
-    others = {node.name for node in body if isinstance(node, ast.ClassDef)}
-    others |= {node.target.id for node in body if isinstance(node, ast.AnnAssign)}
-    assert set(functions) | others == {name for name in dir(_kernels) if not name.startswith("_")}
-    assert functions == {name: signature(name) for name in functions}
 
 
 def perceptron(width: int = 4) -> tuple[list[torch.Tensor], torch.Tensor]:

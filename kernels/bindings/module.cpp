@@ -6,7 +6,7 @@
 #include "simd/dispatch.hpp"
 
 NB_MODULE(_kernels, module) {
-  module.doc() = "CPU kernels of ringlight: functions fill arrays that the caller made.";
+  module.doc() = "CPU kernels of ringlight: functions fill arrays that the caller made, contiguous float32 on the CPU.";
   module.def("isa", [] { return ringlight::isa_name(ringlight::current_isa()); },
              "Instruction set in use: 'avx512', 'avx2' or 'generic'.");
   ringlight::bind_threads(module);
