@@ -7,8 +7,6 @@
 #include "bindings/bindings.hpp"
 #include "raster/camera.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -28,11 +26,8 @@ Camera camera_from(const Tensor<const float, 4, 4>& world_to_camera, const Tenso
 void bind_camera(nb::module_& module) {
   module.attr("MAX_IMAGE_SIDE") = MAX_IMAGE_SIDE;
   nb::class_<Camera>(module, "Camera", "core.camera.Camera for the kernels; lengths on the image in pixels.")
-      .def("__init__", [](Camera* self, const Tensor<const float, 4, 4>& world_to_camera,
-                          const Tensor<const float, 3>& position, Pair focal, Pair center, int width, int height) {
-        new (self) Camera(camera_from(world_to_camera, position, focal, center, width, height));
-      }, nb::kw_only(), nb::arg("world_to_camera"), nb::arg("position"), nb::arg("focal"), nb::arg("center"),
-         nb::arg("width"), nb::arg("height"));
+      .def(nb::new_(&camera_from), nb::kw_only(), "world_to_camera"_a, "position"_a, "focal"_a, "center"_a, "width"_a,
+           "height"_a);
 }
 
 }  // namespace ringlight

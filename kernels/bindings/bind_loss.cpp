@@ -7,8 +7,6 @@
 #include "bindings/bindings.hpp"
 #include "step/ssim.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -76,16 +74,14 @@ void blur(Image image, Result blurred, Result square_blurred, Workspace workspac
 }  // namespace
 
 void bind_loss(nb::module_& module) {
-  module.def("photometric_workspace", &workspace_size, nb::arg("height"), nb::arg("width"), nb::arg("slots"),
+  module.def("photometric_workspace", &workspace_size, "height"_a, "width"_a, "slots"_a,
              "Floats of workspace that let `slots` threads work on images of this size.");
-  module.def("photometric", &photometric_loss, nb::arg("image"), nb::arg("target"),
-             nb::arg("target_blur"), nb::arg("target_square_blur"),
-             nb::arg("gradient"), nb::arg("workspace"), nb::arg("pixel_weight"),
-             nb::arg("ssim_weight"), nb::arg("squared"), nb::arg("value").none() = nb::none(),
+  module.def("photometric", &photometric_loss, "image"_a, "target"_a, "target_blur"_a, "target_square_blur"_a,
+             "gradient"_a, "workspace"_a, "pixel_weight"_a, "ssim_weight"_a, "squared"_a,
+             "value"_a.none() = nb::none(),
              "pixel_weight * mean(|d| or d^2) + ssim_weight * (1 - mean SSIM) of planar float32 images; fills the "
              "gradient with respect to image and, if given, the value, which is also returned.");
-  module.def("blur_target", &blur, nb::arg("image"), nb::arg("blur"),
-             nb::arg("square_blur"), nb::arg("workspace"),
+  module.def("blur_target", &blur, "image"_a, "blur"_a, "square_blur"_a, "workspace"_a,
              "11 x 11 Gaussian blurs (sigma 1.5, zeros outside) of a planar image and of its square.");
 }
 

@@ -7,8 +7,6 @@
 #include "reflection/mirror_channels.hpp"
 #include "simd/dispatch.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -50,12 +48,11 @@ bool backward(const MirrorView& view, const std::vector<Input>& columns, Rows up
 
 void bind_mirror(nb::module_& module) {
   nb::class_<MirrorView>(module, "MirrorView", "From where, and the bounds of normals that color/mirror.py explains.")
-      .def(nb::init<Camera, float, float>(), nb::kw_only(), nb::arg("camera"), nb::arg("flip_below"),
-           nb::arg("smallest_length"));
-  module.def("mirror_channels", &forward, nb::arg("view"), nb::arg("columns"), nb::arg("channels"),
+      .def(nb::init<Camera, float, float>(), nb::kw_only(), "camera"_a, "flip_below"_a, "smallest_length"_a);
+  module.def("mirror_channels", &forward, "view"_a, "columns"_a, "channels"_a,
              "Base colour, unit normal, latents and depth of each Gaussian, side by side.");
-  module.def("mirror_gradient", &backward, nb::arg("view"), nb::arg("columns"), nb::arg("upstream"),
-             nb::arg("gradients"), "Gradients of the columns; returns whether any depth had one.");
+  module.def("mirror_gradient", &backward, "view"_a, "columns"_a, "upstream"_a, "gradients"_a,
+             "Gradients of the columns; returns whether any depth had one.");
 }
 
 }  // namespace ringlight

@@ -7,8 +7,6 @@
 #include "dense/perceptron.hpp"
 #include "simd/dispatch.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -63,10 +61,10 @@ void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, 
 }  // namespace
 
 void bind_perceptron(nb::module_& module) {
-  module.def("perceptron_forward", &forward, nb::arg("parameters"), nb::arg("rows"),
-             nb::arg("results"), "H perceptrons of three layers, each at its own rows [H K inputs].");
-  module.def("perceptron_backward", &backward, nb::arg("parameters"), nb::arg("rows"),
-             nb::arg("upstream"), nb::arg("gradients"), "Gradients of all weights and biases.");
+  module.def("perceptron_forward", &forward, "parameters"_a, "rows"_a, "results"_a,
+             "H perceptrons of three layers, each at its own rows [H K inputs].");
+  module.def("perceptron_backward", &backward, "parameters"_a, "rows"_a, "upstream"_a, "gradients"_a,
+             "Gradients of all weights and biases.");
 }
 
 }  // namespace ringlight

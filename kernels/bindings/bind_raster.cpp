@@ -15,9 +15,6 @@
 #include "raster/pairs.hpp"
 #include "raster/rasterizer.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
-
 namespace ringlight {
 namespace {
 
@@ -63,7 +60,7 @@ bool is_finite(const Camera& camera) {
          std::all_of(std::begin(camera.world_to_camera), std::end(camera.world_to_camera), finite);
 }
 
-RasterSettings settings(float eps2d, float near, float max_alpha, bool antialiased, bool absgrad) {
+RasterSettings settings_from(float eps2d, float near, float max_alpha, bool antialiased, bool absgrad) {
   require(eps2d >= 0 && near >= 0, "rasterizer: eps2d and near must not be negative");
   require(max_alpha > 0 && max_alpha < 1, "rasterizer: max_alpha must lie between 0 and 1");  // 1 would divide by zero
   return {eps2d, near, max_alpha, antialiased, absgrad};
@@ -170,10 +167,7 @@ void bind_raster(nb::module_& module) {
   nb::set_leak_warnings(false);
 
   nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")
-      .def("__init__", [](RasterSettings* self, float eps2d, float near, float max_alpha, bool antialiased,
-                          bool absgrad) {
-        new (self) RasterSettings(settings(eps2d, near, max_alpha, antialiased, absgrad));
-      }, "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
+      .def(nb::new_(&settings_from), "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
 
   nb::class_<LazyColors>(module, "LazyColors",
                          "Better colours than the channels, worked out when the blend first needs them.");
@@ -181,32 +175,30 @@ void bind_raster(nb::module_& module) {
   nb::class_<Table>(module, "SplatTable",
                     "The table in stored form, channels and background; made anew for each call, unless nobody sets "
                     ".data or resizes an array in between.")
-      .def(nb::init<In<-1, 3>, In<-1, 3>, In<-1, 4>, In<-1>, std::optional<In<-1>>, In<-1, -1>,
-                    In<-1>>(),
-           "means"_a, "log_scales"_a, "quats"_a, "opacity_logits"_a,
-           "opacity_factor"_a.none(), "channels"_a, "background"_a);
+      .def(nb::init<In<-1, 3>, In<-1, 3>, In<-1, 4>, In<-1>, std::optional<In<-1>>, In<-1, -1>, In<-1>>(),
+           "means"_a, "log_scales"_a, "quats"_a, "opacity_logits"_a, "opacity_factor"_a.none(), "channels"_a,
+           "background"_a);
 
   nb::class_<Gradients>(module, "SplatGradients", "Arrays for the gradients of a SplatTable and of its footprints.")
       .def(nb::init<Out<-1, 3>, Out<-1, 3>, Out<-1, 4>, Out<-1>, std::optional<Out<-1>>, Out<-1, -1>,
                     Out<-1, 2>, std::optional<Out<-1, 2>>>(),
-           "means"_a, "log_scales"_a, "quats"_a, "opacity_logits"_a,
-           "opacity_factor"_a.none(), "channels"_a, "means2d"_a, "absolute"_a.none());
+           "means"_a, "log_scales"_a, "quats"_a, "opacity_logits"_a, "opacity_factor"_a.none(), "channels"_a,
+           "means2d"_a, "absolute"_a.none());
 
   nb::class_<PictureShader>(module, "PictureShader", "Turns what was blended into colour, tile by tile.");
 
   nb::class_<Workspace>(module, "Workspace", "What a forward pass leaves for its backward pass; reusable.")
       .def(nb::init<>())
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
-      .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a,
-           "means2d"_a, "radii"_a, "lazy"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(),
-           "early_stop"_a = false,
+      .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a, "means2d"_a, "radii"_a,
+           "lazy"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(), "early_stop"_a = false,
            "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Lazy colours take the place of the table's "
            "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
            "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W] is there "
            "to keep what the shader was given. With early_stop the last 1/64 of a pixel's light may be what lies in "
            "front of it, with alpha 1, and there is no backward pass.")
-      .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a,
-           "alpha_gradient"_a.none(), "gradients"_a, "Fill the gradients of the last forward pass.")
+      .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a, "alpha_gradient"_a.none(), "gradients"_a,
+           "Fill the gradients of the last forward pass.")
       .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");
 }
 

@@ -10,8 +10,6 @@
 #include "reflection/reflection.hpp"
 #include "simd/dispatch.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -162,35 +160,22 @@ class ReflectionPicture : public PictureShader {
 void bind_reflection(nb::module_& module) {
   nb::class_<ReflectionShape>(module, "ReflectionShape",
                               "Sizes of a reflection shader; axis_nodes 0: no factors of the reflecting point.")
-      .def("__init__", [](ReflectionShape* self, int hidden, int layers, int latents, int shells, int features,
-                          const std::vector<int>& sides, bool parallax, bool direction, bool depth_gradient,
-                          int axis_nodes) {
-        new (self) ReflectionShape(shape_from(hidden, layers, latents, shells, features, sides, parallax, direction,
-                                              depth_gradient, axis_nodes));
-      }, nb::kw_only(), nb::arg("hidden"), nb::arg("layers"), nb::arg("latents"), nb::arg("shells"),
-         nb::arg("features"), nb::arg("sides"), nb::arg("parallax"), nb::arg("direction"), nb::arg("depth_gradient"),
-         nb::arg("axis_nodes"));
+      .def(nb::new_(&shape_from), nb::kw_only(), "hidden"_a, "layers"_a, "latents"_a, "shells"_a, "features"_a,
+           "sides"_a, "parallax"_a, "direction"_a, "depth_gradient"_a, "axis_nodes"_a);
   nb::class_<ReflectionView>(module, "ReflectionView",
                              "From where, in which box, over what, and the bounds that shade/ explains.")
-      .def("__init__", [](ReflectionView* self, const Camera& camera, const Tensor<const float, 2, 3>& box,
-                          const Tensor<const float, 3>& background, float faintest, float shortest_normal,
-                          float smallest_chord) {
-        new (self) ReflectionView(
-            view_from(camera, box, background, faintest, shortest_normal, smallest_chord));
-      }, nb::kw_only(), nb::arg("camera"), nb::arg("box"), nb::arg("background"), nb::arg("faintest"),
-         nb::arg("shortest_normal"), nb::arg("smallest_chord"));
-  module.def("reflection_forward", &forward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
-             nb::arg("planes"), nb::arg("color"),
+      .def(nb::new_(&view_from), nb::kw_only(), "camera"_a, "box"_a, "background"_a, "faintest"_a, "shortest_normal"_a,
+           "smallest_chord"_a);
+  module.def("reflection_forward", &forward, "shape"_a, "parameters"_a, "view"_a, "planes"_a, "color"_a,
              "Shades the pixels that are opaque enough; the others keep their rgb.");
-  module.def("reflection_backward", &backward, nb::arg("shape"), nb::arg("parameters"), nb::arg("view"),
-             nb::arg("planes"), nb::arg("color_gradient"), nb::arg("share"), nb::arg("gradients"),
-             nb::arg("plane_gradients"),
+  module.def("reflection_backward", &backward, "shape"_a, "parameters"_a, "view"_a, "planes"_a,
+             "color_gradient"_a, "share"_a, "gradients"_a, "plane_gradients"_a,
              "Gradients of all parameters and of the planes; by a share of the pixels, importance-sampled.");
   nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",
                                                "Shades tiles of a picture as reflection_forward shades its planes; "
                                                "where exact with the same bits, else with a layer in bytes.")
       .def(nb::init<const ReflectionShape&, const std::vector<Input>&, const ReflectionView&, bool>(),
-           nb::arg("shape"), nb::arg("parameters"), nb::arg("view"), nb::arg("exact") = false);
+           "shape"_a, "parameters"_a, "view"_a, "exact"_a = false);
 }
 
 }  // namespace ringlight

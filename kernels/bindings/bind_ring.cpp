@@ -14,26 +14,23 @@
 #include "ring/ring.hpp"
 #include "simd/dispatch.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
 using Rows = Tensor<const std::int32_t, -1>;
 using Box = Tensor<const float, 2, 3>;
 
-RingShape checked(const RingShape& shape) {
+RingShape shape_from(int rank, int features, int render_hidden, int modulation_hidden, int nodes, int view_nodes,
+                     int latents, bool diagonal) {
   using namespace convention;
-  require(shape.rank >= 1 && shape.rank <= RING_MAX_RANK, "ring: rank out of range");
-  require(shape.features >= 1 && shape.features <= RING_MAX_FEATURES, "ring: features out of range");
-  require(shape.render_hidden >= 1 && shape.render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
-  require(shape.modulation_hidden >= 0 && shape.modulation_hidden <= RING_MAX_HIDDEN,
-        "ring: modulation_hidden out of range");
-  require(shape.nodes >= 2 && shape.nodes <= RING_MAX_NODES && shape.view_nodes >= 2 &&
-            shape.view_nodes <= RING_MAX_NODES,
-        "ring: nodes out of range");
-  require(shape.latents >= 0 && shape.latents <= RING_MAX_LATENTS, "ring: latents out of range");
-  return shape;
+  require(rank >= 1 && rank <= RING_MAX_RANK, "ring: rank out of range");
+  require(features >= 1 && features <= RING_MAX_FEATURES, "ring: features out of range");
+  require(render_hidden >= 1 && render_hidden <= RING_MAX_HIDDEN, "ring: render_hidden out of range");
+  require(modulation_hidden >= 0 && modulation_hidden <= RING_MAX_HIDDEN, "ring: modulation_hidden out of range");
+  require(nodes >= 2 && nodes <= RING_MAX_NODES && view_nodes >= 2 && view_nodes <= RING_MAX_NODES,
+          "ring: nodes out of range");
+  require(latents >= 0 && latents <= RING_MAX_LATENTS, "ring: latents out of range");
+  return {rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents, diagonal};
 }
 
 std::vector<std::size_t> parameter_sizes(const RingShape& shape) {
@@ -165,22 +162,14 @@ class LazyRing : public LazyColors {
 
 void bind_ring(nb::module_& module) {
   nb::class_<RingShape>(module, "RingShape", "Sizes of a light field; modulation_hidden 0: without light modulation.")
-      .def("__init__", [](RingShape* self, int rank, int features, int render_hidden, int modulation_hidden, int nodes,
-                          int view_nodes, int latents, bool diagonal) {
-        new (self) RingShape(checked(
-            {rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents, diagonal}));
-      }, nb::kw_only(), nb::arg("rank"), nb::arg("features"), nb::arg("render_hidden"), nb::arg("modulation_hidden"),
-         nb::arg("nodes"), nb::arg("view_nodes"), nb::arg("latents"), nb::arg("diagonal"));
-  module.def("ring_forward", &forward, nb::arg("shape"), nb::arg("parameters"),
-             nb::arg("means"), nb::arg("base"), nb::arg("latents"),
-             nb::arg("visible"), nb::arg("camera"), nb::arg("box"), nb::arg("color"),
-             nb::arg("residual") = nb::none(), nb::arg("modulation") = nb::none(),
+      .def(nb::new_(&shape_from), nb::kw_only(), "rank"_a, "features"_a, "render_hidden"_a, "modulation_hidden"_a,
+           "nodes"_a, "view_nodes"_a, "latents"_a, "diagonal"_a);
+  module.def("ring_forward", &forward, "shape"_a, "parameters"_a, "means"_a, "base"_a, "latents"_a, "visible"_a,
+             "camera"_a, "box"_a, "color"_a, "residual"_a = nb::none(), "modulation"_a = nb::none(),
              "Colours of the visible rows by the light field.");
-  module.def("ring_backward", &backward, nb::arg("shape"), nb::arg("parameters"),
-             nb::arg("means"), nb::arg("base"), nb::arg("latents"),
-             nb::arg("visible"), nb::arg("camera"), nb::arg("box"), nb::arg("color"), nb::arg("color_gradient"),
-             nb::arg("share"), nb::arg("gradients"), nb::arg("base_gradient"),
-             nb::arg("latents_gradient"), nb::arg("workspace"),
+  module.def("ring_backward", &backward, "shape"_a, "parameters"_a, "means"_a, "base"_a, "latents"_a, "visible"_a,
+             "camera"_a, "box"_a, "color"_a, "color_gradient"_a, "share"_a, "gradients"_a, "base_gradient"_a,
+             "latents_gradient"_a, "workspace"_a,
              "Gradients of all parameters, of the base colours' logits and of the latents; by a share of the rows, "
              "importance-sampled.");
   nb::class_<LazyRing, LazyColors>(module, "LazyRing",
@@ -188,9 +177,8 @@ void bind_ring(nb::module_& module) {
                                    "where they are kept, a backward pass may follow.")
       .def(nb::init<const RingShape&, std::vector<Input>, Input, Input, Input, const Camera&, Box,
                     std::optional<Array>>(),
-           nb::arg("shape"), nb::arg("parameters"), nb::arg("means"), nb::arg("base"), nb::arg("latents"),
-           nb::arg("camera"), nb::arg("box"), nb::arg("colors") = nb::none());
-  module.def("ring_workspace", &workspace, nb::arg("shape"), nb::arg("visible_count"),
+           "shape"_a, "parameters"_a, "means"_a, "base"_a, "latents"_a, "camera"_a, "box"_a, "colors"_a = nb::none());
+  module.def("ring_workspace", &workspace, "shape"_a, "visible_count"_a,
              "Floats of workspace that ring_backward needs.");
 }
 

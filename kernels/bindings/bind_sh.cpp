@@ -10,8 +10,6 @@
 #include "simd/dispatch.hpp"
 #include "step/sh.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -78,18 +76,17 @@ std::size_t rest_adam(const Points& means, const Camera& camera, int degree, con
 }  // namespace
 
 void bind_sh(nb::module_& module) {
-  module.def("sh_slopes", &slope_count, nb::arg("rows"), "Floats that sh_colors leaves for sh_gradient.");
-  module.def("sh_colors", &colors, nb::arg("means"), nb::arg("constant"), nb::arg("rest"), nb::arg("camera"),
-             nb::arg("degree"), nb::arg("colors"), nb::arg("slopes").none() = nb::none(),
+  module.def("sh_slopes", &slope_count, "rows"_a, "Floats that sh_colors leaves for sh_gradient.");
+  module.def("sh_colors", &colors, "means"_a, "constant"_a, "rest"_a, "camera"_a, "degree"_a, "colors"_a,
+             "slopes"_a.none() = nb::none(),
              "Fill colors [N 3], clamped at black (a clamped one is -0), towards the camera.");
-  module.def("sh_gradient", &gradient, nb::arg("upstream"), nb::arg("colors"), nb::arg("slopes"), nb::arg("by_means"),
-             nb::arg("by_constant"), nb::arg("add"),
+  module.def("sh_gradient", &gradient, "upstream"_a, "colors"_a, "slopes"_a, "by_means"_a, "by_constant"_a,
+             "add"_a,
              "Fill by_constant with the gradient of sh_colors; by_means too, or add to it.");
-  module.def("sh_rest_gradient", &rest_gradient, nb::arg("means"), nb::arg("camera"), nb::arg("degree"),
-             nb::arg("by_constant"), nb::arg("by_rest"),
+  module.def("sh_rest_gradient", &rest_gradient, "means"_a, "camera"_a, "degree"_a, "by_constant"_a, "by_rest"_a,
              "Fill by_rest from what sh_gradient left in by_constant; zero above the degree.");
-  module.def("sh_rest_adam", &rest_adam, nb::arg("means"), nb::arg("camera"), nb::arg("degree"),
-             nb::arg("by_constant"), nb::arg("rest"), nb::arg("mean"), nb::arg("square"), nb::arg("step"),
+  module.def("sh_rest_adam", &rest_adam, "means"_a, "camera"_a, "degree"_a, "by_constant"_a, "rest"_a, "mean"_a,
+             "square"_a, "step"_a,
              "adam of rest with the gradient of sh_rest_gradient, in place.");
 }
 

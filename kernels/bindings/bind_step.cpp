@@ -12,8 +12,6 @@
 #include "step/adam.hpp"
 #include "step/screen_gradient.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -57,14 +55,13 @@ void add_screen_gradient(Input gradient, Input radii, float scale_x, float scale
 }  // namespace
 
 void bind_step(nb::module_& module) {
-  module.def("adam", &adam_step, nb::arg("values"), nb::arg("gradients"),
-             nb::arg("means"), nb::arg("squares"), nb::arg("steps"),
-             nb::arg("radii").none() = nb::none(),
+  module.def("adam", &adam_step, "values"_a, "gradients"_a, "means"_a, "squares"_a, "steps"_a,
+             "radii"_a.none() = nb::none(),
              "One Adam update of many parameters in place; steps are (rate, beta1, beta2, epsilon, number of the "
              "update). With radii [N 2] only the rows that were drawn are updated. Elements of which any would not be "
              "finite stay as they are; returns how many.");
-  module.def("accumulate_screen_gradient", &add_screen_gradient, nb::arg("gradient"), nb::arg("radii"),
-             nb::arg("scale_x"), nb::arg("scale_y"), nb::arg("total"), nb::arg("views"),
+  module.def("accumulate_screen_gradient", &add_screen_gradient, "gradient"_a, "radii"_a, "scale_x"_a,
+             "scale_y"_a, "total"_a, "views"_a,
              "Add the length of each drawn row's screen-space gradient to total, and 1 to views, in place.");
 }
 

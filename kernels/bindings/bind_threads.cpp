@@ -10,8 +10,6 @@
 #include "simd/dispatch.hpp"
 #include "simd/peak.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 
 namespace {
@@ -36,15 +34,15 @@ bool keep_freed_memory() {
 }  // namespace
 
 void bind_threads(nb::module_& module) {
-  module.def("set_threads", &set_threads, nb::arg("count"), "Threads for all kernels; 0 means every core.");
+  module.def("set_threads", &set_threads, "count"_a, "Threads for all kernels; 0 means every core.");
   module.def("threads", &threads, "Threads that kernels use.");
-  module.def("set_memory", &set_memory, nb::arg("bytes"),
+  module.def("set_memory", &set_memory, "bytes"_a,
              "The memory that this process may have, of which one buffer may take half; 0 means the machine's.");
   module.def("largest_buffer", &largest_buffer, "Bytes that one buffer may have.");
   module.def("keep_freed_memory", &keep_freed_memory,
              "For the rest of this process freed arrays up to 32 MB stay with it, half a gigabyte in all, instead of "
              "going back to the system. Returns whether the C library can do so.");
-  module.def("multiply_adds", &run_multiply_adds, nb::arg("rounds"), nb::arg("sums"),
+  module.def("multiply_adds", &run_multiply_adds, "rounds"_a, "sums"_a,
              "x <- x / 2 + 1 in registers for n numbers that begin with 0 to n - 1, as fast as it goes; once for each "
              "element of sums, which receives the sum of the ends. Returns the floating-point operations done.");
 }

@@ -5,8 +5,6 @@
 #include "raster/visibility.hpp"
 #include "simd/dispatch.hpp"
 
-namespace nb = nanobind;
-
 namespace ringlight {
 namespace {
 
@@ -40,14 +38,13 @@ void mask_gradient(Input logits, Input upstream, Array gradient) {
 }  // namespace
 
 void bind_visibility(nb::module_& module) {
-  module.def("drawable_rows", &drawable, nb::arg("means"), nb::arg("log_scales"),
-             nb::arg("opacity_logits"), nb::arg("camera"), nb::arg("rows"), nb::kw_only(),
-             nb::arg("reach_sigmas"), nb::arg("reach_pixels"), nb::arg("slope_margin"), nb::arg("faintest_logit"),
+  module.def("drawable_rows", &drawable, "means"_a, "log_scales"_a, "opacity_logits"_a, "camera"_a, "rows"_a,
+             nb::kw_only(), "reach_sigmas"_a, "reach_pixels"_a, "slope_margin"_a, "faintest_logit"_a,
              "Lists the rows that may be drawn; returns how many.");
-  module.def("straight_through", &mask, nb::arg("logits"), nb::arg("threshold"),
-             nb::arg("factor"), "One where sigmoid(logit) > threshold, else zero.");
-  module.def("straight_through_gradient", &mask_gradient, nb::arg("logits"),
-             nb::arg("upstream"), nb::arg("gradient"), "The sigmoid's gradient.");
+  module.def("straight_through", &mask, "logits"_a, "threshold"_a, "factor"_a,
+             "One where sigmoid(logit) > threshold, else zero.");
+  module.def("straight_through_gradient", &mask_gradient, "logits"_a, "upstream"_a, "gradient"_a,
+             "The sigmoid's gradient.");
 }
 
 }  // namespace ringlight
