@@ -8,7 +8,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ringlight-installed
 BUILT_FROM := pyproject.toml constraints.txt CMakeLists.txt cmake/write_convention.py \
-	src/ringlight/rasterize/convention.py src/ringlight/core/kernel_limits.py $(wildcard kernels/*/*.*pp)
+	src/ringlight/rasterize/convention.py $(wildcard kernels/*/*.*pp) \
+	$(addprefix src/ringlight/core/,kernel_limits.py directions.py sh_basis.py)
 WORKERS ?= 2
 
 .PHONY: setup demo test lint bench unplug threads fuzz sanitize valgrind clean

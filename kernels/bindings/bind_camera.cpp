@@ -24,7 +24,6 @@ Camera camera_from(const Tensor<const float, 4, 4>& world_to_camera, const Tenso
 }  // namespace
 
 void bind_camera(nb::module_& module) {
-  module.attr("MAX_IMAGE_SIDE") = MAX_IMAGE_SIDE;
   nb::class_<Camera>(module, "Camera", "core.camera.Camera for the kernels; lengths on the image in pixels.")
       .def(nb::new_(&camera_from), nb::kw_only(), "world_to_camera"_a, "position"_a, "focal"_a, "center"_a, "width"_a,
            "height"_a);

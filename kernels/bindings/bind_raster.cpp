@@ -78,8 +78,9 @@ void forward(Workspace& workspace, const Table& table, const Camera& camera, con
              const LazyColors* lazy, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
              bool early_stop) {
   require(is_finite(camera), "rasterizer: the camera must be finite");
-  require(camera.width >= 1 && camera.height >= 1 && camera.width <= MAX_IMAGE_SIDE && camera.height <= MAX_IMAGE_SIDE,
-          "rasterizer: width and height must be 1 to 8192");
+  require(std::min(camera.width, camera.height) >= 1 &&
+              std::max(camera.width, camera.height) <= convention::MAX_IMAGE_SIDE,
+          "rasterizer: the image has no pixels, or too many on a side");
   const Splats splats = table.splats();
   const std::size_t channels = table.channels.shape(1);
   require(!lazy || (splats.channel_count == LAZY_CHANNELS && lazy->count == splats.count),

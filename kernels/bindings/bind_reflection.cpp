@@ -87,7 +87,7 @@ ReflectionView view_from(const Camera& camera, const Tensor<const float, 2, 3>& 
 template <class Image>
 void require_picture(const ReflectionView& view, const Image& image) {
   const Camera& camera = view.camera;
-  require(image.shape(1) <= MAX_IMAGE_SIDE && image.shape(2) <= MAX_IMAGE_SIDE, "reflection: the image is too large");
+  require(std::max(image.shape(1), image.shape(2)) <= convention::MAX_IMAGE_SIDE, "reflection: the image is too large");
   require(image.shape(1) == static_cast<std::size_t>(camera.height) &&
               image.shape(2) == static_cast<std::size_t>(camera.width),
           "reflection: the image is not of the camera's size");

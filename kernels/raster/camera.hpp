@@ -11,6 +11,4 @@ struct Camera {
   int width, height;
 };
 
-constexpr int MAX_IMAGE_SIDE = 8192;  // pixels
-
 }  // namespace ringlight

@@ -101,7 +101,7 @@ struct Placement {
 };
 inline constexpr std::uint32_t LISTED = 1u << 31, EVERY_TILE = ~0u;
 inline constexpr unsigned LISTED_TILES = 31;
-static_assert(MAX_IMAGE_SIDE / convention::TILE <= 256, "a Placement has 8 bits for each bound");
+static_assert(convention::MAX_IMAGE_SIDE / convention::TILE <= 256, "a Placement has 8 bits for each bound");
 
 // One record per Gaussian, one cache line. With d = pixel - centre, along = A dx + B dy, across = C dy:
 // log2(alpha) = LOG2_OPACITY - along^2 - across^2, a Cholesky form that no rounding can make indefinite.

@@ -26,9 +26,9 @@ static inline void apply(const Panels& layer, const float* from, float* terms, f
 
 // What a call prepares once: layers in the order of use, maps sewn, spheres' sizes.
 struct ReflectionTables {
-  Panels layers[REFLECTION_MAX_LAYERS];
-  float* maps[REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
-  float scale[REFLECTION_MAX_SHELLS];
+  Panels layers[convention::REFLECTION_MAX_LAYERS];
+  float* maps[convention::REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
+  float scale[convention::REFLECTION_MAX_SHELLS];
 };
 
 static inline ReflectionTables prepare(const ReflectionShape& shape, const ReflectionParameters<const float>& from,
@@ -58,10 +58,10 @@ static inline ReflectionTables prepare(const ReflectionShape& shape, const Refle
 struct ReflectionBatch {
   PixelLanes pixels[HALVES];
   Surface surfaces[HALVES];
-  Exit exits[HALVES][REFLECTION_MAX_SHELLS];
-  LevelPoints points[HALVES][REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
+  Exit exits[HALVES][convention::REFLECTION_MAX_SHELLS];
+  LevelPoints points[HALVES][convention::REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
   PlacePoints places[HALVES];
-  float *inputs, *hidden[REFLECTION_MAX_LAYERS - 1], *added;   // [n][GROUP]
+  float *inputs, *hidden[convention::REFLECTION_MAX_LAYERS - 1], *added;   // [n][GROUP]
   float *slopes_across, *slopes_down;           // [features][GROUP], or null in a pass without gradient
   float *factors, *plain;                       // of features, and these without; plain null as the slopes are
   float* terms;                                 // a layer's input as its multiply-adds take it

@@ -16,8 +16,6 @@
 
 namespace ringlight {
 
-constexpr int REFLECTION_MAX_SHELLS = 2, REFLECTION_MAX_LAYERS = 3;
-
 struct ReflectionShape {
   int hidden, layers;  // width of the hidden layers; layers of weights, at least 2
   int latents, shells, features;
@@ -48,12 +46,12 @@ static inline int network_inputs(const ReflectionShape& shape) { return directio
 template <class Float>
 struct ReflectionParameters {
   // [side side features], row j, column i for node (i, j)
-  Float* maps[REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
+  Float* maps[convention::REFLECTION_MAX_SHELLS][convention::REFLECTION_MAX_LEVELS];
   Float* sphere;                                              // [shells 4]: centre, log of the inverse radius; or null
   Float* axes;                                                // [3 nodes feature_count]; or null
   struct {
     Float *weight, *bias;  // [outputs inputs], [outputs]
-  } mlp[REFLECTION_MAX_LAYERS];
+  } mlp[convention::REFLECTION_MAX_LAYERS];
 };
 
 // Planes one after another. Values, or where gradients go; depth may be null without spheres and axes, and its gradient

@@ -16,7 +16,7 @@ struct ParameterSums {
   float* maps;              // all levels of all shells, one after another
   float* sphere;            // [shells 4] by lanes
   float* axes;              // as the parameters
-  LayerSums layers[REFLECTION_MAX_LAYERS];
+  LayerSums layers[convention::REFLECTION_MAX_LAYERS];
 };
 
 std::size_t maps_size(const ReflectionShape& shape) {
@@ -40,7 +40,7 @@ ParameterSums lay_out_sums(const ReflectionShape& shape, Arena& arena) {
 
 // The transposed layers: from the gradient of what a layer returned to that of what it was given.
 struct Transposed {
-  Panels layers[REFLECTION_MAX_LAYERS];
+  Panels layers[convention::REFLECTION_MAX_LAYERS];
 };
 
 Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParameters<const float>& from,
@@ -58,7 +58,7 @@ Transposed transpose_layers(const ReflectionShape& shape, const ReflectionParame
 
 // Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
 struct BatchGradient {
-  float *added, *hidden[REFLECTION_MAX_LAYERS - 1], *inputs, *factors, *rows;
+  float *added, *hidden[convention::REFLECTION_MAX_LAYERS - 1], *inputs, *factors, *rows;
   float* terms;  // a gradient as multiply-adds take it
 };
 

@@ -7,6 +7,7 @@
 #include "ring/cell_tables.isa.hpp"
 #include "ring/lane_matrices.isa.hpp"
 #include "ring/ring.hpp"
+#include "simd/octahedral.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
@@ -175,7 +176,7 @@ static inline void start(Batch& batch, const RingShape& shape, const RingScene& 
   gather_columns(batch, scene.latents, shape.latents, batch.latents);
   for (int half = 0; half < 2; half++) {
     const int first = half * LANES;
-    Vec offset[3], squared(0.f), extent(0.f);
+    Vec offset[3], squared(0.f);
     for (int c = 0; c < 3; c++) {
       float* base = batch.base + c * GROUP + first;
       store(base, sigmoid(load(base)));
@@ -185,18 +186,14 @@ static inline void start(Batch& batch, const RingShape& shape, const RingScene& 
       offset[c] = mean - Vec(scene.camera[c]);
       squared = fma(offset[c], offset[c], squared);
     }
-    const Vec inverse = Vec(1.f) / sqrt(max(squared, Vec(1e-24f)));  // core/directions.py: SMALLEST_LENGTH squared
+    const Vec inverse = Vec(1.f) / sqrt(max(squared, Vec(convention::SMALLEST_LENGTH * convention::SMALLEST_LENGTH)));
     for (int c = 0; c < 3; c++) {
       offset[c] = offset[c] * inverse;
       store(batch.inputs + c * GROUP + first, offset[c]);
-      extent = extent + abs(offset[c]);
     }
-    // The octahedral square: the lower hemisphere folds over the diagonals (core/directions.py).
-    const Vec flat = Vec(1.f) / max(extent, Vec(1e-12f)), x = offset[0] * flat, y = offset[1] * flat;
-    const Mask upper = ge(offset[2], Vec(0.f));
-    const auto sign = [](Vec a) { return select(ge(a, Vec(0.f)), Vec(1.f), Vec(-1.f)); };
-    locate(select(upper, x, (Vec(1.f) - abs(y)) * sign(x)), shape.view_nodes, batch.halves[half].across);
-    locate(select(upper, y, (Vec(1.f) - abs(x)) * sign(y)), shape.view_nodes, batch.halves[half].down);
+    const OctahedralPoint at = octahedral(offset);
+    locate(at.u, shape.view_nodes, batch.halves[half].across);
+    locate(at.v, shape.view_nodes, batch.halves[half].down);
   }
 }
 

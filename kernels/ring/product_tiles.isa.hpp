@@ -50,28 +50,19 @@ RINGLIGHT_INLINE Factor<Terms, Rank> by_columns_of(const Vec* tiles) {
   return factor;
 }
 
-// The transposed matrices by rows, and by columns.
-template <class Terms, int Rank>
-RINGLIGHT_INLINE Factor<Terms, Rank> transposed_by_rows_of(const Vec* tiles) {
+// The transposed matrices, by rows or by columns: each pair of the other factor, turned.
+template <bool ByRows, class Terms, int Rank>
+RINGLIGHT_INLINE Factor<Terms, Rank> transposed_of(const Vec* tiles) {
   constexpr int SIDE = TileUnit<Rank>::SIDE, PAIRS = Rank == TILE ? 1 : SIDE / 2;
-  const Factor<Terms, Rank> columns = by_columns_of<Terms, Rank>(tiles);
+  const Factor<Terms, Rank> other = ByRows ? by_columns_of<Terms, Rank>(tiles) : by_rows_of<Terms, Rank>(tiles);
   Factor<Terms, Rank> factor;
 #pragma GCC unroll 4
   for (int c = 0; c < SIDE; c++)
 #pragma GCC unroll 2
-    for (int m = 0; m < PAIRS; m++) factor.pairs[c * PAIRS + m] = columns.pairs[m * SIDE + c].turned();
-  return factor;
-}
-
-template <class Terms, int Rank>
-RINGLIGHT_INLINE Factor<Terms, Rank> transposed_by_columns_of(const Vec* tiles) {
-  constexpr int SIDE = TileUnit<Rank>::SIDE, PAIRS = Rank == TILE ? 1 : SIDE / 2;
-  const Factor<Terms, Rank> rows = by_rows_of<Terms, Rank>(tiles);
-  Factor<Terms, Rank> factor;
-#pragma GCC unroll 4
-  for (int c = 0; c < SIDE; c++)
-#pragma GCC unroll 2
-    for (int m = 0; m < PAIRS; m++) factor.pairs[m * SIDE + c] = rows.pairs[c * PAIRS + m].turned();
+    for (int m = 0; m < PAIRS; m++) {
+      const int row = c * PAIRS + m, column = m * SIDE + c;
+      factor.pairs[ByRows ? row : column] = other.pairs[ByRows ? column : row].turned();
+    }
   return factor;
 }
 
@@ -190,8 +181,8 @@ static inline void multiply_by(const GroupTables<Terms>& from, int head, Factor<
     read_unit<Terms, Rank>(from, head, unit, read);
     tile_product(products[unit], by_columns_of<Terms, Rank>(read), tiles);
     if constexpr (Keep) {
-      kept[unit].right[head - 1] = transposed_by_columns_of<Terms, Rank>(read);
-      if (head != VIEW) kept[unit].left[head] = transposed_by_rows_of<Terms, Rank>(tiles);
+      kept[unit].right[head - 1] = transposed_of<false, Terms, Rank>(read);
+      if (head != VIEW) kept[unit].left[head] = transposed_of<true, Terms, Rank>(tiles);
     }
     if (head != VIEW) {
       products[unit] = by_rows_of<Terms, Rank>(tiles);
@@ -218,7 +209,7 @@ static void multiply_tiles(Batch& batch, const RingShape& shape, const CellTable
     Vec read[Unit::FLOATS];
     read_unit<Terms, Rank>(from, 0, unit, read);
     products[unit] = by_rows_of<Terms, Rank>(read);
-    if constexpr (Keep) kept[unit].left[0] = transposed_by_rows_of<Terms, Rank>(read);
+    if constexpr (Keep) kept[unit].left[0] = transposed_of<true, Terms, Rank>(read);
   }
   multiply_by<Terms, Rank, Keep>(from, 1, products, kept);
   multiply_by<Terms, Rank, Keep>(from, 2, products, kept);

@@ -1,21 +1,16 @@
 // Directions from the camera and the harmonics' polynomials in them, LANES Gaussians at a time: each quantity of theirs
 // is one planar row of floats.
 #pragma once
+#include "convention.hpp"
 #include "simd/simd.isa.hpp"
 #include "step/sh.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr float SMALLEST_SQUARE = 1e-24f;  // square of core/directions.py's SMALLEST_LENGTH
+using namespace convention;  // norms of the polynomials below
 
-// Norms of the polynomials below, as in core/sh_basis.py.
-constexpr float GREY = 0.5f;
-constexpr float C0 = 0.28209479177387814f;
-constexpr float C1 = 0.4886025119029199f;
-constexpr float C2[] = {0.31539156525252005f, 1.0925484305920792f, 0.5462742152960396f};
-constexpr float C3[] = {0.3731763325901154f, 0.4570457994644658f, 1.445305721320277f, 0.5900435899266435f};
-
+constexpr float SMALLEST_SQUARE = SMALLEST_LENGTH * SMALLEST_LENGTH;
 constexpr int HARMONICS = 15;  // without the constant one
 
 using Lanes = float[LANES];

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
 from ringlight.errors import BackendError
 
 if TYPE_CHECKING:
@@ -54,10 +55,9 @@ class Camera:
         """
         from ringlight import _kernels
 
-        most = _kernels.MAX_IMAGE_SIDE
-        if not (1 <= self.width <= most and 1 <= self.height <= most):
+        if not (1 <= self.width <= MAX_IMAGE_SIDE and 1 <= self.height <= MAX_IMAGE_SIDE):
             raise BackendError(
-                f"the kernels draw images of 1 to {most} pixels a side, not {self.width} x {self.height}; "
+                f"the kernels draw images of 1 to {MAX_IMAGE_SIDE} pixels a side, not {self.width} x {self.height}; "
                 "downscale the camera"
             )
         self.refuse_if_not_finite()

@@ -6,8 +6,8 @@ from torch import Tensor
 
 from ringlight.core.gaussians import Gaussians
 
-# Below this length a direction is undefined; the zero vector maps to itself instead of NaN.
 SMALLEST_LENGTH = 1e-12
+"""Below this length a direction is undefined; the zero vector maps to itself instead of NaN."""
 
 
 def normalize(vectors: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3"]:

@@ -3,6 +3,9 @@
 Numbers alone: settings are checked by them before the compiled module, or torch, is imported.
 """
 
+MAX_IMAGE_SIDE = 8192
+"""Pixels."""
+
 RING_MAX_RANK = 32
 """Rows of a matrix of the ring."""
 RING_MAX_FEATURES = 64
@@ -16,6 +19,9 @@ RING_MAX_LATENTS = 16
 REFLECTION_MAX_HIDDEN = 128
 REFLECTION_MAX_LATENTS = 16
 REFLECTION_MAX_FEATURES = 16
+REFLECTION_MAX_SHELLS = 2
+REFLECTION_MAX_LAYERS = 3
+"""Of weights: one more than hidden layers."""
 REFLECTION_QUAD = 4
 """Features of a map are read in fours."""
 REFLECTION_MAX_LEVELS = 8

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ringlight.core.kernel_limits import REFLECTION_MAX_LAYERS
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
 
@@ -56,8 +57,8 @@ class ReflectionSettings:
     def __post_init__(self) -> None:
         if not self.levels:
             raise RecipeError("shader.levels is empty; give at least one side, such as 32")
-        if self.hidden_layers not in (1, 2):
-            raise RecipeError(f"shader.hidden_layers is {self.hidden_layers}; give 1 or 2")
+        if not 1 <= self.hidden_layers < REFLECTION_MAX_LAYERS:
+            raise RecipeError(f"shader.hidden_layers is {self.hidden_layers}; give 1 to {REFLECTION_MAX_LAYERS - 1}")
         for name, value in (("hidden", self.hidden), ("features", self.features), ("latents", self.latents)):
             least = 0 if name == "latents" else 1
             if not least <= value <= LARGEST[name]:
