@@ -138,8 +138,9 @@ def _train_all() -> None:
         camera, background = scene.train[0].camera, scene.background_color
         for want in Want:
             training.model.render(camera, background, want)
-        planes = training.model.render(camera, background, Want.GRADIENTS, ("alpha",))  # not shaded tile by tile
-        for gradient in planes.backward(torch.ones_like(planes.color), {}).values():
+        training.model.render(camera, background, Want.PICTURE, ("alpha",))  # whose shader cannot work tile by tile
+        drawn = training.model.render(camera, background, Want.GRADIENTS)
+        for gradient in drawn.backward(torch.ones_like(drawn.color), {}).values():
             dense(gradient)
 
 
