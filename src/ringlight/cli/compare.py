@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.parse import parse, refuse
-from ringlight.errors import OutputError, RecipeError
+from ringlight.errors import RecipeError
+from ringlight.files.atomic import refuse_existing
 
 if TYPE_CHECKING:
     from ringlight.measure.compare import Comparison
-    from ringlight.measure.report import Report
 
 
 @dataclass(frozen=True)
@@ -40,24 +40,6 @@ class CompareArguments:
     """Print the reports as JSON."""
 
 
-@dataclass(frozen=True)
-class LabelledReport:
-    """A run by the name it has in the table."""
-
-    label: str
-    report: "Report"
-
-
-@dataclass(frozen=True)
-class ComparisonRecord:
-    """What --json prints. ``sheet`` is the file of the contact sheet."""
-
-    baseline: str | None
-    runs: tuple[LabelledReport, ...]
-    sheet: str | None
-    notes: tuple[str, ...]
-
-
 def main(arguments: list[str]) -> int:
     """Compare; returns the exit code."""
     asked = parse(CompareArguments, "compare", arguments)
@@ -65,7 +47,11 @@ def main(arguments: list[str]) -> int:
         refuse("compare", "no runs are named; give the folders that 'ringlight train' wrote")
     if asked.json and asked.markdown:
         refuse("compare", "--json and --markdown cannot both be printed; choose one")
-    _check(asked)
+    # Refused before anything is read.
+    if asked.views < 1:
+        raise RecipeError(f"--views is {asked.views}; give at least 1")
+    if asked.sheet is not None:
+        refuse_existing(asked.sheet, asked.overwrite)
     from ringlight.measure.compare import compare
     from ringlight.runs.sheet import write_sheet
 
@@ -75,14 +61,6 @@ def main(arguments: list[str]) -> int:
         write_sheet(comparison.sheet, path)
     _print(asked, comparison, path)
     return 0
-
-
-def _check(asked: CompareArguments) -> None:
-    """What can be refused before anything is read."""
-    if asked.views < 1:
-        raise RecipeError(f"--views is {asked.views}; give at least 1")
-    if asked.sheet is not None and asked.sheet.exists() and not asked.overwrite:
-        raise OutputError(f"{asked.sheet}: exists already; give another name, or --overwrite to replace it")
 
 
 def _ordered(asked: CompareArguments) -> list[Path]:
@@ -99,8 +77,9 @@ def _print(asked: CompareArguments, comparison: "Comparison", sheet: Path | None
 
     table = comparison.table
     if asked.json:
-        runs = tuple(LabelledReport(label, report) for label, report in table.runs)
-        record = ComparisonRecord(table.baseline, runs, str(sheet) if sheet else None, comparison.notes)
+        runs = [{"label": label, "report": report} for label, report in table.runs]
+        written = str(sheet) if sheet else None
+        record = {"baseline": table.baseline, "runs": runs, "sheet": written, "notes": comparison.notes}
         sys.stdout.write(to_json(record))
         return
     if asked.markdown:

@@ -21,14 +21,6 @@ class DoctorArguments:
     """Print the findings as JSON."""
 
 
-@dataclass(frozen=True)
-class Diagnosis:
-    """All findings; ``healthy`` unless an essential one failed."""
-
-    healthy: bool
-    findings: "tuple[Finding, ...]"
-
-
 def main(arguments: list[str]) -> int:
     """Check; returns the exit code."""
     asked = parse(DoctorArguments, "doctor", arguments)
@@ -43,7 +35,7 @@ def main(arguments: list[str]) -> int:
             sys.stdout.flush()
     healthy = not any(finding.essential and finding.state != "ok" for finding in found)
     if asked.json:
-        sys.stdout.write(to_json(Diagnosis(healthy, tuple(found))))
+        sys.stdout.write(to_json({"healthy": healthy, "findings": found}))
     elif not healthy:
         sys.stderr.write("ringlight doctor: something essential is broken; follow the remedies above\n")
     return 0 if healthy else 1

@@ -1,7 +1,6 @@
 """What a study leaves behind: its table as markdown, CSV and JSON, and its curves as a picture."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.files.atomic import write_text
@@ -12,17 +11,6 @@ from ringlight.measure.study_table import ALL_SCENES, Label, Spread, StudyRow, S
 from ringlight.methods.studies import Variant
 from ringlight.runs.sheet import write_sheet
 from ringlight.runs.study import StudyRun
-
-
-@dataclass(frozen=True)
-class StudyRecord:
-    """The study as JSON: every row, and where each run lies."""
-
-    study: str
-    base: str
-    steps: int
-    rows: tuple[StudyRow, ...]
-    runs: tuple[str, ...]
 
 
 def study_table(variants: Sequence[Variant], runs: Sequence[StudyRun]) -> StudyTable:
@@ -40,7 +28,8 @@ def write_results(out: Path, study: str, base: str, runs: Sequence[StudyRun], ta
     """STUDY.md, STUDY.csv, STUDY.json and STUDY.png in the study's folder, in place of earlier ones. Raises
     OutputError."""
     steps = runs[0].variant.recipe.steps
-    record = StudyRecord(study, base, steps, table.rows, tuple(str(run.folder) for run in runs))
+    folders = [str(run.folder) for run in runs]
+    record = {"study": study, "base": base, "steps": steps, "rows": table.rows, "runs": folders}
     texts = {"md": table.markdown(), "csv": table.csv(), "json": to_json(record)}
     for suffix, text in texts.items():
         write_text(out / f"{study}.{suffix}", text)
