@@ -29,8 +29,6 @@ assert code == 0 and not loaded, (code, loaded)
 
 @pytest.mark.parametrize("words", QUESTIONS, ids=lambda words: " ".join(words) or "nothing")
 def test_help_loads_no_torch(words: list[str]) -> None:
-    if words and words[0] in VERBS:
-        _module_of(words[0])
     source = Path(importlib.import_module("ringlight").__file__ or "").parents[1]
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(source)!r})\n{PROBE}", *words]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
@@ -41,7 +39,7 @@ def test_help_loads_no_torch(words: list[str]) -> None:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_command_has_a_module_that_explains_it(verb: str) -> None:
-    module = importlib.import_module(f"ringlight.cli.{_module_of(verb)}")
+    module = importlib.import_module(f"ringlight.cli.{verb.replace('-', '_')}")
     assert callable(module.main)
     assert (module.__doc__ or "").startswith(f"``ringlight {verb}")
 
@@ -49,7 +47,7 @@ def test_every_command_has_a_module_that_explains_it(verb: str) -> None:
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--help"]) == 0
     shown = capsys.readouterr().out
-    assert all(f"  {verb} " in shown and VERBS[verb].help in shown for verb in VERBS)
+    assert all(f"  {verb} " in shown and VERBS[verb] in shown for verb in VERBS)
     assert max(map(len, shown.splitlines())) <= 120
 
 
@@ -105,9 +103,3 @@ def test_flags_that_decide_nothing_are_not_offered(capsys: pytest.CaptureFixture
 def _help_of(verb: str, capsys: pytest.CaptureFixture[str]) -> str:
     assert run([verb, "--help"]) == 0
     return capsys.readouterr().out
-
-
-def _module_of(verb: str) -> str:
-    module = VERBS[verb].module
-    assert importlib.util.find_spec(f"ringlight.cli.{module}") is not None, f"ringlight {verb} has no module"
-    return module

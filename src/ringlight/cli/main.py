@@ -10,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, NoReturn
@@ -23,28 +22,21 @@ WRONG_INPUT, WRONG_USAGE, INTERRUPTED = 1, 2, 130
 NO_MEMORY = "not enough memory; close other programs, or try --downscale 2 or a smaller --densify.max-gaussians"
 
 
-@dataclass(frozen=True)
-class Verb:
-    """A command: the module that runs it, and one line of help."""
-
-    module: str
-    help: str
-
-
 VERBS = {
-    "demo": Verb("demo", "train on a bundled scene and compare with 3DGS: start here"),
-    "train": Verb("train", "learn a scene from a folder of posed photographs"),
-    "eval": Verb("evaluate", "measure a model on held-out photographs"),
-    "render": Verb("render", "pictures or video: test views, an orbit, a path; base colour, residual, depth, ..."),
-    "compare": Verb("compare", "several runs in one table and one contact sheet"),
-    "study": Verb("study", "repeat the paper's ablations: the whole matrix, its table and curves"),
-    "info": Verb("info", "what a model file or run folder holds"),
-    "compress": Verb("compress", "write a model in about a third of the bytes, and say what that costs"),
-    "export": Verb("export", "write a file that other programs open"),
-    "bench": Verb("bench", "speed of the rasterizer, the colour field, a training step"),
-    "doctor": Verb("doctor", "check this machine and this installation"),
-    "fetch-lpips": Verb("fetch_lpips", "download the weights of the LPIPS measure"),
+    "demo": "train on a bundled scene and compare with 3DGS: start here",
+    "train": "learn a scene from a folder of posed photographs",
+    "eval": "measure a model on held-out photographs",
+    "render": "pictures or video: test views, an orbit, a path; base colour, residual, depth, ...",
+    "compare": "several runs in one table and one contact sheet",
+    "study": "repeat the paper's ablations: the whole matrix, its table and curves",
+    "info": "what a model file or run folder holds",
+    "compress": "write a model in about a third of the bytes, and say what that costs",
+    "export": "write a file that other programs open",
+    "bench": "speed of the rasterizer, the colour field, a training step",
+    "doctor": "check this machine and this installation",
+    "fetch-lpips": "download the weights of the LPIPS measure",
 }
+"""Each command with one line of help; the module that runs it has its name."""
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -62,16 +54,15 @@ def run(arguments: list[str]) -> int:
     if arguments[0] in ("-V", "--version"):
         sys.stdout.write(f"ringlight {__version__}\n")
         return 0
-    verb = VERBS.get(arguments[0])
-    if verb is None:
+    if arguments[0] not in VERBS:
         return _complain(f"no command is called {arguments[0]!r}; {_suggestion(arguments[0])}", WRONG_USAGE)
-    return _run_verb(verb, arguments[1:])
+    return _run_verb(arguments[0], arguments[1:])
 
 
-def _run_verb(verb: Verb, arguments: list[str]) -> int:
+def _run_verb(verb: str, arguments: list[str]) -> int:
     try:
         with _warnings_as_sentences():
-            return int(import_module(f"ringlight.cli.{verb.module}").main(arguments) or 0)
+            return int(import_module(f"ringlight.cli.{verb.replace('-', '_')}").main(arguments))
     except SystemExit as stop:
         # The parser of the command line ends so: 0 after --help, 2 after its own sentence.
         return int(stop.code or 0)
@@ -138,7 +129,7 @@ def _overview() -> str:
         "",
         "usage: ringlight COMMAND ...        (ringlight COMMAND --help explains one)",
         "",
-        *(f"  {name:{width}}  {verb.help}" for name, verb in VERBS.items()),
+        *(f"  {name:{width}}  {about}" for name, about in VERBS.items()),
         "",
         "first hour:",
         "  ringlight demo                                 two methods on a chrome toaster, side by side",
