@@ -65,7 +65,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _demo(asked: DemoArguments) -> "Demo":
-    from ringlight.runs.demo import Demo, Plan
+    from ringlight.runs.demo import Demo
     from ringlight.runs.folder import free_folder
 
     if asked.resume is not None:
@@ -73,7 +73,7 @@ def _demo(asked: DemoArguments) -> "Demo":
     if asked.steps < 1:
         raise RecipeError(f"--steps is {asked.steps}; give at least 1")
     out = asked.out or free_folder(Path("runs") / f"demo-{asked.scene}")
-    return Demo.create(out, Plan(asked.scene, asked.steps, asked.seed))
+    return Demo.create(out, asked.scene, asked.steps, asked.seed)
 
 
 def _show(demo: "Demo", quiet: bool) -> None:

@@ -1,7 +1,7 @@
 """The demo: two methods on one bundled scene, side by side below one folder."""
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ringlight.data.bundled import bundled_scene
@@ -22,28 +22,25 @@ SHEET_NAME = "contact_sheet.png"
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What one demo trains; kept as demo.json, so that it can go on after an interrupt."""
+class Demo:
+    """``folder`` holds demo.json, a run folder for each method, and the contact sheet.
 
+    demo.json keeps what is trained, so that the demo can go on after an interrupt.
+    """
+
+    folder: Path
     scene: str
     steps: int
     seed: int
 
-
-@dataclass(frozen=True)
-class Demo:
-    """``folder`` holds demo.json, a run folder for each method, and the contact sheet."""
-
-    folder: Path
-    plan: Plan
-
     @staticmethod
-    def create(folder: Path, plan: Plan) -> "Demo":
+    def create(folder: Path, scene: str, steps: int, seed: int) -> "Demo":
         """A new demo. Raises SceneError for an unknown scene, RunError if the folder holds anything."""
-        bundled_scene(plan.scene)
+        bundled_scene(scene)
         empty_folder(folder)
-        write_text(folder / PLAN_NAME, json.dumps(asdict(plan), indent=2) + "\n")
-        return Demo(folder, plan)
+        plan = {"scene": scene, "steps": steps, "seed": seed}
+        write_text(folder / PLAN_NAME, json.dumps(plan, indent=2) + "\n")
+        return Demo(folder, scene, steps, seed)
 
     @staticmethod
     def open(folder: Path) -> "Demo":
@@ -51,7 +48,7 @@ class Demo:
         path = folder / PLAN_NAME
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
-            return Demo(folder, Plan(str(values["scene"]), int(values["steps"]), int(values["seed"])))
+            return Demo(folder, str(values["scene"]), int(values["steps"]), int(values["seed"]))
         except FileNotFoundError:
             raise RunError(f"{folder}: holds no {PLAN_NAME}; start a demo with 'ringlight demo'") from None
         except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
@@ -71,18 +68,14 @@ class Demo:
     def session(self, method: str) -> Session | None:
         """The training of ``method``, from its start or from where it stopped; None if it has been measured."""
         folder = self.folder / method
-        if _is_measured(folder, self.plan.steps):
+        # eval measures runs that were stopped, too.
+        if (folder / REPORT_NAME).exists() and read_report(folder).iterations == self.steps:
             return None
         if (folder / RECORD_NAME).exists():
             return Session.resume(folder)
-        recipe = replace(method_named(method), steps=self.plan.steps)
-        scene = bundled_scene(self.plan.scene)
-        session = Session.start(folder, scene, method, recipe, SceneOptions(), self.plan.seed, "auto")
+        recipe = replace(method_named(method), steps=self.steps)
+        scene = bundled_scene(self.scene)
+        session = Session.start(folder, scene, method, recipe, SceneOptions(), self.seed, "auto")
         # From here on there is something to resume from, whatever happens.
         session.save()
         return session
-
-
-def _is_measured(run: Path, steps: int) -> bool:
-    """Whether there is a report, and of the last step: eval measures runs that were stopped too."""
-    return (run / REPORT_NAME).exists() and read_report(run).iterations == steps

@@ -43,28 +43,26 @@ class Clock:
     """Wall clock; a checkpoint knows of those before it."""
 
 
+@dataclass(eq=False)
 class Session:
     """Iterate over :meth:`steps` to train; stop asking to pause; :meth:`save` whenever you like.
 
     No other process can train the run until the session's ``lock`` is released, or the session is gone.
     """
 
-    def __init__(
-        self,
-        folder: RunFolder,
-        record: RunRecord,
-        scene: Scene,
-        training: Training,
-        clock: Clock,
-        lock: RunLock,
-        memory: PeakMemory,
-    ):
-        self.folder, self.record, self.scene = folder, record, scene
-        self.training, self.clock, self.lock = training, clock, lock
-        self.memory = memory
-        self.warnings: tuple[str, ...] = ()
-        self.decided: str | None = None
-        self._saved_at = self._good = -1  # steps of the last files, and of the last checkpoint
+    folder: RunFolder
+    record: RunRecord
+    scene: Scene
+    training: Training
+    clock: Clock
+    lock: RunLock
+    memory: PeakMemory
+    warnings: tuple[str, ...]
+    decided: str | None = None
+    _good: int = -1
+    """Step of the last checkpoint."""
+    _saved_at: int = -1
+    """Step of the last files, the model's among them."""
 
     @staticmethod
     def start(
@@ -79,9 +77,17 @@ class Session:
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
-        session = Session(folder, record, prepared.scene, prepared.training, Clock(), lock, memory)
-        session.warnings, session.decided = prepared.warnings, prepared.decided
-        return session
+        return Session(
+            folder,
+            record,
+            prepared.scene,
+            prepared.training,
+            Clock(),
+            lock,
+            memory,
+            prepared.warnings,
+            prepared.decided,
+        )
 
     @staticmethod
     def resume(path: Path) -> "Session":
@@ -121,9 +127,7 @@ class Session:
                 "photographs back as they were, or start again with --out NEW"
             )
         sweep(folder.path)
-        session = Session(folder, record, scene, training, clock, lock, memory)
-        session.warnings, session._good = warnings, training.step
-        return session
+        return Session(folder, record, scene, training, clock, lock, memory, warnings, _good=training.step)
 
     def steps(self) -> Iterator[Progress]:
         """The training steps that remain; the clock runs only while a step runs."""
