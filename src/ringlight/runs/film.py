@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
-from typing import Literal
 
 import numpy as np
 import torch
@@ -15,7 +14,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
 from ringlight.errors import ModelFileError, RecipeError, SceneError
 from ringlight.files.camera_paths import interpolated, orbit
-from ringlight.files.layer_pictures import check_layers, common_depth_range, layer_pictures
+from ringlight.files.layer_pictures import common_depth_range, layer_pictures
 from ringlight.files.video import save_image, write_video
 from ringlight.measure.picture_names import picture_name
 from ringlight.models.contract import Model
@@ -23,8 +22,6 @@ from ringlight.runs.folder import make_folder
 from ringlight.runs.opened import Opened
 
 Tell = Callable[[int, int], None]
-PathName = Literal["test", "train", "orbit", "interpolated"]
-
 
 FEWEST_DIGITS = 4
 """Of numbered frames, so that films of different length sort alike."""
@@ -42,18 +39,13 @@ class Film:
 
     def thinned(self, frames: int) -> "Film":
         """At most this many of the frames, spread evenly."""
-        if frames >= len(self.cameras):
-            return self
-        chosen = np.linspace(0, len(self.cameras) - 1, frames).round().astype(int).tolist()
+        last = len(self.cameras) - 1
+        chosen = np.linspace(0, last, min(frames, last + 1)).round().astype(int).tolist()
         return Film(tuple(self.cameras[i] for i in chosen), tuple(self.names[i] for i in chosen))
 
     def zoomed(self, factor: float) -> "Film":
         """Focal lengths ``factor`` times as long: below 1 shows more of what is around, above 1 less."""
-        if factor == 1:
-            return self
-        cameras = [
-            replace(camera, focal=(camera.focal[0] * factor, camera.focal[1] * factor)) for camera in self.cameras
-        ]
+        cameras = (replace(c, focal=(c.focal[0] * factor, c.focal[1] * factor)) for c in self.cameras)
         return replace(self, cameras=tuple(cameras))
 
     def resized(self, width: int | None, scale: float | None) -> "Film":
@@ -74,7 +66,7 @@ def film_of_views(scene: Scene) -> Film:
     return Film(tuple(view.camera for view in scene.test), _file_names([view.name for view in scene.test]))
 
 
-def film_from_training(opened: Opened, path: PathName, frames: int) -> Film:
+def film_from_training(opened: Opened, path: str, frames: int) -> Film:
     """A path made from the training cameras that the model file holds. Raises ModelFileError if it holds none."""
     cameras = opened.stored.cameras
     if not cameras:
@@ -95,11 +87,9 @@ def render_film(
 ) -> list[Path]:
     """One picture a frame and layer, ``folder/LAYER/NAME.png``; returns the layers' folders.
 
-    The model is asked for all layers of a frame at once. Raises RecipeError before anything is written if the model
-    lacks a layer, OutputError where a picture cannot be written.
+    The model, which has the layers, is asked for all of a frame at once. Raises OutputError where a picture cannot be
+    written.
     """
-    first = film.cameras[0]
-    check_layers(model, first, layers)
     near_far = common_depth_range(model, film.cameras) if "depth" in layers else (0.0, 1.0)
     folders = {layer: make_folder(folder / layer) for layer in layers}
     for done, (camera, name) in enumerate(zip(film.cameras, film.names, strict=True), 1):
@@ -109,18 +99,16 @@ def render_film(
     return list(folders.values())
 
 
-def film_to_video(pictures: Path, names: Sequence[str], fps: float, tell: Tell) -> Path:
+def film_to_video(pictures: Path, names: Sequence[str], fps: float, tell: Tell) -> None:
     """The pictures of one folder as ``FOLDER.mp4`` beside it. Raises BackendError without the video extra."""
-    target = pictures.with_name(f"{pictures.name}.mp4")
-    write_video(target, _read_all([pictures / name for name in names], tell), fps)
-    return target
 
+    def frames() -> Iterator[Float[Tensor, "H W 3"]]:
+        for done, name in enumerate(names, 1):
+            with Image.open(pictures / name) as picture:
+                yield torch.from_numpy(np.array(picture.convert("RGB"))).float() / 255
+            tell(done, len(names))
 
-def _read_all(paths: Sequence[Path], tell: Tell) -> Iterator[Float[Tensor, "H W 3"]]:
-    for done, path in enumerate(paths, 1):
-        with Image.open(path) as picture:
-            yield torch.from_numpy(np.array(picture.convert("RGB"))).float() / 255
-        tell(done, len(paths))
+    write_video(pictures.with_name(f"{pictures.name}.mp4"), frames(), fps)
 
 
 def _file_names(views: Sequence[str]) -> tuple[str, ...]:
