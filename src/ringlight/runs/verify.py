@@ -112,12 +112,10 @@ def _interrupted(training: Training, fresh: Training, scene: Scene, steps: int) 
 def _compared(circumstances: str, outcome: _Outcome, first: _Outcome) -> Trial:
     pairs = enumerate(zip(outcome.losses, first.losses, strict=True), start=1)
     step = next((step for step, (loss, wanted) in pairs if loss != wanted), None)
-    names = sorted(outcome.state.keys() | first.state.keys())
-    differing = tuple(name for name in names if not _same_bits(outcome.state.get(name), first.state.get(name)))
-    return Trial(circumstances, digest_of(outcome.state), step, differing)
+    differing = {name for name, _ in _digests(outcome.state) ^ _digests(first.state)}
+    return Trial(circumstances, digest_of(outcome.state), step, tuple(sorted(differing)))
 
 
-def _same_bits(one: Tensor | None, other: Tensor | None) -> bool:
-    if one is None or other is None:
-        return False
-    return digest_of({"": one}) == digest_of({"": other})
+def _digests(state: Mapping[str, Tensor]) -> set[tuple[str, str]]:
+    """Each tensor's name and hash."""
+    return {(name, digest_of({name: tensor})) for name, tensor in state.items()}
