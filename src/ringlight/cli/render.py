@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from ringlight.cli.arguments import Device, MaybeFolder, ModelPath
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
+from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def _film(asked: RenderArguments, opened: "Opened") -> "Film":
     from ringlight.runs.opened import scene_of
 
     if asked.path == "test":
-        film = film_of_views(scene_of(opened, asked.scene))
+        film = film_of_views(scene_of(opened, asked.scene, SceneOptions()))
     else:
         film = film_from_training(opened, asked.path, asked.frames or FRAMES)
     return film.thinned(asked.frames or len(film.cameras)).zoomed(asked.zoom).resized(asked.width, asked.scale)

@@ -1,6 +1,5 @@
 """A trained model in a third of the bytes: packed, looked at, written as one model file."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,15 +18,13 @@ from ringlight.files.packed import pack_tensors, unpack_tensors
 from ringlight.measure import metrics
 from ringlight.methods.store import CAMERAS_PREFIX, StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.models.contract import Model
-from ringlight.runs.finish import psnr_of_views
+from ringlight.runs.finish import Tell, psnr_of_views
 from ringlight.runs.opened import Opened, recorded_scene
 
 SUFFIX = ".safetensors"
 
 MOST_PICTURES = 5
 """Training cameras from which the packed model is held against the model: well under a second each."""
-
-Tell = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -69,7 +66,7 @@ def check_target(path: Path, overwrite: bool) -> None:
 
 
 @torch.no_grad()
-def compress(opened: Opened, path: Path, scene: Scene | None = None, tell: Tell | None = None) -> Compressed:
+def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Compressed:
     """Write the packed model; with a ``scene``, its test views say what packing costs.
 
     ``tell`` hears (pictures done, pictures in all). Raises SceneError for a scene without test views, RunError for a
@@ -119,22 +116,15 @@ def _picture_loss(before: StoredModel, after: StoredModel) -> list[float]:
     """PSNR of the two models against each other, dB, over white, from a few training cameras."""
     count = min(len(before.cameras), MOST_PICTURES)
     cameras = [before.cameras[index * len(before.cameras) // count] for index in range(count)]
-    pairs = ((_picture(after.model, camera), _picture(before.model, camera)) for camera in cameras)
-    return [metrics.psnr(ours, truth) for ours, truth in pairs]
+
+    def picture(model: Model, camera: Camera) -> torch.Tensor:
+        return model.render(camera, torch.ones(3), Want.PICTURE).color.clamp(0, 1)
+
+    return [metrics.psnr(picture(after.model, camera), picture(before.model, camera)) for camera in cameras]
 
 
-def _picture(model: Model, camera: Camera) -> torch.Tensor:
-    return model.render(camera, torch.ones(3), Want.PICTURE).color.clamp(0, 1)
-
-
-def _test_loss(before: Model, after: Model, scene: Scene, tell: Tell | None) -> tuple[float, float]:
+def _test_loss(before: Model, after: Model, scene: Scene, tell: Tell) -> tuple[float, float]:
     """PSNR of both models on the test views, which are rendered twice."""
-
-    def measured(model: Model, done_before: int) -> float:
-        def progress(done: int, views: int) -> None:
-            if tell is not None:
-                tell(done_before + done, 2 * views)
-
-        return psnr_of_views(model, scene, progress)
-
-    return measured(before, 0), measured(after, len(scene.test))
+    views = len(scene.test)
+    psnr_before = psnr_of_views(before, scene, lambda done, _: tell(done, 2 * views))
+    return psnr_before, psnr_of_views(after, scene, lambda done, _: tell(views + done, 2 * views))

@@ -47,15 +47,16 @@ def open_model(path: Path, device: str | None = None) -> Opened:
     return Opened(file, run, load_model(file, rasterizer_for(device) if device else host_rasterizer()))
 
 
-def scene_of(opened: Opened, asked: Path | None = None, options: SceneOptions | None = None) -> Scene:
+def scene_of(opened: Opened, asked: Path | None, options: SceneOptions) -> Scene:
     """The scene at ``asked``, or without it the one that the model was trained on, read as it was read then.
 
     A model knows its background: black stays black unless ``options`` say otherwise. Raises RecipeError for ``options``
     without ``asked``, RunError if there is no scene to go by, SceneError if it cannot be read.
     """
-    options = options or SceneOptions()
     if asked is not None:
-        return load_scene(asked, _with_background(options, opened.stored.header.scene.background))
+        if options.background == "auto" and opened.stored.header.scene.background == "black":
+            options = replace(options, background="black")
+        return load_scene(asked, options)
     named = opened.file if opened.run is None else opened.run.path
     if options != SceneOptions():
         raise RecipeError(f"{named}: its scene is read as in training; to read it otherwise name its folder")
@@ -73,9 +74,3 @@ def recorded_scene(opened: Opened) -> tuple[Path, SceneOptions]:
         return record.scene, record.options
     facts = opened.stored.header.scene
     return Path(facts.source), recipe_from_dict(SceneOptions, facts.options, f"{opened.file}: options")
-
-
-def _with_background(options: SceneOptions, trained_on: str) -> SceneOptions:
-    if options.background == "auto" and trained_on == "black":
-        return replace(options, background="black")
-    return options

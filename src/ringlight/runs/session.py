@@ -71,23 +71,12 @@ class Session:
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
         _check(recipe.steps, seed)
         memory = PeakMemory()
-        scene = load_scene(scene_path, options)
-        prepared = prepare_run(scene, recipe, seed, device)
-        record = RunRecord(preset, prepared.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
+        run = prepare_run(load_scene(scene_path, options), recipe, seed, device)
+        record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
-        return Session(
-            folder,
-            record,
-            prepared.scene,
-            prepared.training,
-            Clock(),
-            lock,
-            memory,
-            prepared.warnings,
-            prepared.decided,
-        )
+        return Session(folder, record, run.scene, run.training, Clock(), lock, memory, run.warnings, run.decided)
 
     @staticmethod
     def resume(path: Path) -> "Session":
