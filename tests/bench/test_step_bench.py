@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
+from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
 from ringlight.bench.stopwatch import STAGES, Stopwatch
 from ringlight.bench.timing import WARMUP_ROUNDS, Budget
 from ringlight.bench.workload import Size
@@ -23,7 +23,7 @@ def subject(method):
 @pytest.mark.parametrize("method", ["3dgs", "ringlight-ring", "ringlight-mirror"])
 def test_who_is_watched_does_what_it_does_alone(method):
     alone, watched = subject(method), subject(method)
-    watch = Stopwatch(watched.training)
+    watch = Stopwatch(watched.training, watched.model)
     for each in (alone, watched):
         next(train(each.training))
     watch.end_round()
@@ -36,7 +36,7 @@ def test_every_watch_sees_its_own_training_alone():
     """Trainings that take turns share a rasterizer."""
     rasterize = rasterizer_for("cpu")
     one, other = (subject_of_workload("3dgs", METHODS["3dgs"], TINY, rasterize) for _ in range(2))
-    busy, idle = Stopwatch(one.training), Stopwatch(other.training)
+    busy, idle = Stopwatch(one.training, one.model), Stopwatch(other.training, other.model)
     for _ in range(WARMUP_ROUNDS + 1):
         next(train(one.training))
         busy.end_round()
@@ -73,12 +73,11 @@ def test_another_rasterizer_has_the_same_stages(circumstances):
 
 
 def subject_of_photographs(method="3dgs", **asked):
-    photographs = Photographs(bundled_scene("toaster"), **asked)
-    return subject_of_scene(method, METHODS[method], photographs, rasterizer_for("cpu"), 0)
+    return subject_of_scene(method, METHODS[method], bundled_scene("toaster"), rasterizer_for("cpu"), 0, **asked)
 
 
 def test_photographs_can_be_stepped_on_too():
-    assert subject_of_photographs(after=1).step == 2
+    assert subject_of_photographs(after=1).training.step == 1
     assert subject_of_photographs(steps=7).training.steps == 7
     with pytest.raises(RecipeError, match="--after is 7; the run has 7 steps"):
         subject_of_photographs(after=7, steps=7)

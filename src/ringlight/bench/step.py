@@ -1,7 +1,7 @@
 """Speed of a whole training step, and of its stages: what Python and torch add to the kernels."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -54,22 +54,16 @@ class StepBench:
 
 @dataclass(frozen=True)
 class Subject:
-    """A training at some point of its run; ``step`` is the one that gets repeated."""
+    """A training at some point of its run; the step that comes next is the one that gets repeated."""
 
     method: str
     scene: str
     training: Training
-    step: int
 
     @property
     def model(self) -> SplatModel:
         """What is trained."""
         return splats_of(self.training, self.method)
-
-    @property
-    def batch(self) -> ImageBatch:
-        """The photograph of the step."""
-        return cast(ImageBatch, self.training.batches.at(self.step))
 
 
 def splats_of(training: Training, method: str) -> SplatModel:
@@ -97,58 +91,56 @@ def subject_of_workload(method: str, recipe: Recipe, size: Size, rasterize: Rast
         if name in shown:
             buffer.copy_(shown[name])
     training.step = min(SCHEDULED_STEP, recipe.steps) - 1
-    return Subject(method, f"workload {size.name}", training, training.step + 1)
-
-
-@dataclass(frozen=True)
-class Photographs:
-    """A training on photographs, as far as it goes before its step is timed.
-
-    ``after`` steps are done of a run of ``steps`` (0: the method's own); with ``gaussians`` density control ends with
-    no more than so many and nothing is dropped, so that methods that grow to the bound have equally many.
-    """
-
-    path: Path
-    after: int = 0
-    steps: int = 0
-    gaussians: int = 0
+    return Subject(method, f"workload {size.name}", training)
 
 
 def subject_of_scene(
-    method: str, recipe: Recipe, photographs: Photographs, rasterize: Rasterizer, seed: int
+    method: str,
+    recipe: Recipe,
+    photographs: Path,
+    rasterize: Rasterizer,
+    seed: int,
+    *,
+    after: int = 0,
+    steps: int = 0,
+    gaussians: int = 0,
 ) -> Subject:
-    """The method on photographs. Raises SceneError, and RecipeError, also for more Gaussians than the bound."""
-    if photographs.steps:
-        recipe = dataclasses.replace(recipe, steps=photographs.steps)
-    if not 0 <= photographs.after < recipe.steps:
-        raise RecipeError(f"--after is {photographs.after}; the run has {recipe.steps} steps: give less")
-    scene = load_scene(photographs.path, SceneOptions())
+    """The method on photographs, when ``after`` steps are done of a run of ``steps`` (0: the method's own).
+
+    With ``gaussians`` density control ends with no more than so many and nothing is dropped, so that methods that grow
+    to the bound have equally many. Raises SceneError, and RecipeError, also for more Gaussians than the bound.
+    """
+    if steps:
+        recipe = dataclasses.replace(recipe, steps=steps)
+    if after >= recipe.steps:
+        raise RecipeError(f"--after is {after}; the run has {recipe.steps} steps: give less")
+    scene = load_scene(photographs, SceneOptions())
     settled, _ = recipe.settled(scene, rasterize, seed)
-    if photographs.gaussians:
-        settled = settled.ending_with(photographs.gaussians, dropping=False)
+    if gaussians:
+        settled = settled.ending_with(gaussians, dropping=False)
     training = settled.build(scene, rasterize, seed)
-    for _ in islice(train(training), photographs.after):
+    for _ in islice(train(training), after):
         pass
     count = len(splats_of(training, method))
-    if photographs.gaussians and count > photographs.gaussians:
+    if gaussians and count > gaussians:
         raise RecipeError(
-            f"{method} has {count:,} Gaussians after {photographs.after} steps, more than --gaussians "
-            f"{photographs.gaussians}; give a later --after, or more"
+            f"{method} has {count:,} Gaussians after {after} steps, more than --gaussians {gaussians}; "
+            "give a later --after, or more"
         )
-    where = f"{scene.name} after {photographs.after} steps of {recipe.steps}"
-    return Subject(method, where, training, training.step + 1)
+    return Subject(method, f"{scene.name} after {after} steps of {recipe.steps}", training)
 
 
 def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) -> StepBench:
     """Repeat one step of each, whole and cut into stages, all in turns; everything is put back before each round, off
     the clock. ``budget`` is each method's. Raises RecipeError where methods are given photographs of different sizes,
     as at the beginning of a run of 3dgs."""
-    cameras = [subject.batch.camera for subject in subjects]
+    trainings = [subject.training for subject in subjects]
+    cameras = [cast(ImageBatch, each.batches.at(each.step + 1)).camera for each in trainings]
     images = [f"{camera.width}x{camera.height}" for camera in cameras]
     if len(set(images)) > 1:
         sizes = ", ".join(f"{subject.method} {image}" for subject, image in zip(subjects, images, strict=True))
         raise RecipeError(f"photographs are of different sizes at that step ({sizes}); give a later --after")
-    watches = [Stopwatch(subject.training) for subject in subjects]
+    watches = [Stopwatch(subject.training, subject.model) for subject in subjects]
     contestants = {s.method: _contestant(s, watch) for s, watch in zip(subjects, watches, strict=True)}
     timings = interleaved(contestants, Budget(budget.rounds, budget.seconds * len(subjects)))
     first = subjects[0]
@@ -169,10 +161,6 @@ def _contestant(subject: Subject, watch: Stopwatch) -> Contestant:
         next(train(subject.training))
         watch.end_round()
 
-    return Contestant({WHOLE: one_step}, _snapshot(subject.training))
-
-
-def _snapshot(training: Training) -> Callable[[], None]:
-    """What puts the training back to where it is now: parameters, moments, counters, and the step."""
-    kept = {name: tensor.detach().clone() for name, tensor in training.state().items()}
-    return lambda: training.restore(kept)
+    # Parameters, moments, counters, and the step.
+    kept = {name: tensor.detach().clone() for name, tensor in subject.training.state().items()}
+    return Contestant({WHOLE: one_step}, prepare=lambda: subject.training.restore(kept))

@@ -8,6 +8,7 @@ from typing import Any
 
 from ringlight.bench.timing import WARMUP_ROUNDS, Timing, timing_of, wait_for_gpu
 from ringlight.fit.train import Training
+from ringlight.models.splats import SplatModel
 
 STAGES = (
     "photograph and loss",
@@ -26,7 +27,7 @@ STAGES = (
 class Stopwatch:
     """Watches one training from its making on. The parts run as ever; only the clock is read around them."""
 
-    def __init__(self, training: Training):
+    def __init__(self, training: Training, model: SplatModel):
         self._seconds: dict[str, tuple[float, float]] = {}
         self._rounds: list[dict[str, tuple[float, float]]] = []
         self._watch(training.batches, "at", "photograph and loss")
@@ -34,12 +35,10 @@ class Stopwatch:
         self._watch(training.optimizer, "step", "adam")
         for strategy in training.strategies:
             self._watch(strategy, "update", "strategies")
-        model = training.model.splats()
-        if model is not None:  # nothing else has these seams
-            self._watch(model.color, "emit", "colour forward", "colour backward")
-            model.rasterize = copy.copy(model.rasterize)  # which other trainings may use too
-            self._watch(model.rasterize, "draw", "raster forward", "raster backward")
-            self._watch(model.shader, "shade", "shade forward", "shade backward")
+        self._watch(model.color, "emit", "colour forward", "colour backward")
+        model.rasterize = copy.copy(model.rasterize)  # which other trainings may use too
+        self._watch(model.rasterize, "draw", "raster forward", "raster backward")
+        self._watch(model.shader, "shade", "shade forward", "shade backward")
 
     def end_round(self) -> None:
         """A step has been done."""

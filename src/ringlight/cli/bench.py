@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from ringlight.bench.timing import Budget
 from ringlight.cli.arguments import Device
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
@@ -16,7 +17,6 @@ from ringlight.methods.table import method_named
 if TYPE_CHECKING:
     from ringlight.bench.record import Circumstances
     from ringlight.bench.tables import Record
-    from ringlight.bench.timing import Budget
     from ringlight.rasterize.contract import Rasterizer
 
 
@@ -38,10 +38,8 @@ class Common:
     """Write the record to benchmarks/results/SAVE.json; an earlier one is replaced."""
 
     @property
-    def budget(self) -> "Budget":
+    def budget(self) -> Budget:
         """Of each size, or of each of those that take turns."""
-        from ringlight.bench.timing import Budget
-
         return Budget(self.rounds, self.seconds)
 
 
@@ -135,7 +133,7 @@ class StepArguments:
 
     def measured(self, now: "Circumstances") -> "Record":
         """The record of what was asked for."""
-        from ringlight.bench.step import Photographs, bench_step, subject_of_scene, subject_of_workload
+        from ringlight.bench.step import bench_step, subject_of_scene, subject_of_workload
         from ringlight.bench.workload import Size
 
         recipes = {name: method_named(name) for name in self.methods}
@@ -144,8 +142,8 @@ class StepArguments:
             size = Size.parse(self.size)
             subjects = [subject_of_workload(name, recipes[name], size, rasterize, seed) for name in recipes]
         else:
-            photographs = Photographs(self.scene, self.after, self.steps, self.gaussians)
-            subjects = [subject_of_scene(name, recipes[name], photographs, rasterize, seed) for name in recipes]
+            run = {"after": self.after, "steps": self.steps, "gaussians": self.gaussians}
+            subjects = [subject_of_scene(name, recipes[name], self.scene, rasterize, seed, **run) for name in recipes]
         return bench_step(subjects, self.common.budget, now)
 
 
@@ -200,7 +198,12 @@ def main(arguments: list[str]) -> int:
         result_path(common.save)
     use_threads(common.threads)
     if not isinstance(asked, StepArguments | FpsArguments):
-        _let_torch_compete()
+        import torch
+
+        from ringlight import _kernels
+
+        # As many threads for torch as for the kernels beside it; training gives it one.
+        torch.set_num_threads(_kernels.threads())
     now = circumstances(datetime.datetime.now(datetime.timezone.utc).date().isoformat())
     record = asked.measured(now)
     if common.json:
@@ -210,15 +213,6 @@ def main(arguments: list[str]) -> int:
     if common.save is not None:
         sys.stderr.write(f"written to {save_result(record, common.save)}\n")
     return 0
-
-
-def _let_torch_compete() -> None:
-    """As many threads for torch as for the kernels beside it; training gives it one."""
-    import torch
-
-    from ringlight import _kernels
-
-    torch.set_num_threads(_kernels.threads())
 
 
 def _rasterizer(device: Device) -> "Rasterizer":
