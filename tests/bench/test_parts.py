@@ -18,7 +18,7 @@ CPU = torch.device("cpu")
 
 def test_each_part_gives_a_row_for_each_size():
     sizes = [Size(64, 24), Size(128, 17)]
-    rows = bench_parts(list(PARTS), sizes, ONCE)
+    rows = bench_parts(list(PARTS), sizes, ONCE, 0, CPU)
     assert [(row.size, row.part) for row in rows] == [(size, name) for size in sizes for name in PARTS]
     for row in rows:
         assert row.both.wall_ms > 0
@@ -29,7 +29,7 @@ def test_each_part_gives_a_row_for_each_size():
 
 
 def test_references_agree_with_what_they_are_timed_beside():
-    rows = bench_parts(["reflection", "reflection-wide", "photometric"], [Size(1, 40)], ONCE)
+    rows = bench_parts(["reflection", "reflection-wide", "photometric"], [Size(1, 40)], ONCE, 0, CPU)
     for row in rows:
         assert [other.name for other in row.beside] == ["reference"]
         assert row.largest_difference < 1e-4
@@ -72,4 +72,4 @@ def test_torchs_step_is_ours(fused):
 
 def test_unknown_parts_are_refused_by_name():
     with pytest.raises(RecipeError, match=r"'shiny'; known: harmonics, ring"):
-        bench_parts(["shiny"], [Size(10, 8)], ONCE)
+        bench_parts(["shiny"], [Size(10, 8)], ONCE, 0, CPU)

@@ -58,17 +58,16 @@ class PartsBench:
 
 
 def bench_parts(
-    names: Sequence[str], sizes: Sequence[Size], budget: Budget, seed: int = 0, device: torch.device | None = None
+    names: Sequence[str], sizes: Sequence[Size], budget: Budget, seed: int, device: torch.device
 ) -> tuple[PartRow, ...]:
     """Time the named parts at each size; all parts of a size take turns, and ``budget`` is each one's.
 
-    ``device`` is the CPU unless given. Raises RecipeError for an unknown part.
+    Raises RecipeError for an unknown part.
     """
     unknown = [name for name in names if name not in PARTS]
     if unknown:
         raise RecipeError(f"no part is called {unknown[0]!r}; known: {', '.join(PARTS)}")
-    there = device or torch.device("cpu")
-    return tuple(row for size in sizes for row in _rows(names, size, budget, seed, there))
+    return tuple(row for size in sizes for row in _rows(names, size, budget, seed, device))
 
 
 def _rows(names: Sequence[str], size: Size, budget: Budget, seed: int, device: torch.device) -> list[PartRow]:

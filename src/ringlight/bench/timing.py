@@ -41,8 +41,8 @@ class Contestant:
 class Budget:
     """Rounds wanted, and the seconds after which no further round begins (one is always timed)."""
 
-    rounds: int = 20
-    seconds: float = 5.0
+    rounds: int
+    seconds: float
 
 
 Name = TypeVar("Name", bound=Hashable)
@@ -50,7 +50,7 @@ Name = TypeVar("Name", bound=Hashable)
 
 def interleaved(contestants: Mapping[Name, Contestant], budget: Budget) -> dict[Name, dict[str, Timing]]:
     """Time every stage of every contestant, in turns; each also gets :data:`TOTAL`, the sum of its stages."""
-    records: dict[Name, list[list[tuple[float, float]]]] = {name: [] for name in contestants}
+    records: dict[Name, list[dict[str, tuple[float, float]]]] = {name: [] for name in contestants}
     for _ in range(WARMUP_ROUNDS):
         for contestant in contestants.values():
             _round(contestant)
@@ -68,11 +68,14 @@ def interleaved(contestants: Mapping[Name, Contestant], budget: Budget) -> dict[
     finally:
         if collecting:
             gc.enable()
-    return {name: _timings(list(contestants[name].stages), records[name]) for name in contestants}
+    return {
+        name: {stage: timing_of([each[stage] for each in rounds]) for stage in rounds[0]}
+        for name, rounds in records.items()
+    }
 
 
-def _round(contestant: Contestant) -> list[tuple[float, float]]:
-    """Wall and CPU seconds of each stage, once."""
+def _round(contestant: Contestant) -> dict[str, tuple[float, float]]:
+    """Wall and CPU seconds of each stage and of all, once."""
     contestant.prepare()
     wait_for_gpu()
     marks = [(time.perf_counter(), time.process_time())]
@@ -80,7 +83,8 @@ def _round(contestant: Contestant) -> list[tuple[float, float]]:
         stage()
         wait_for_gpu()
         marks.append((time.perf_counter(), time.process_time()))
-    return [(after[0] - before[0], after[1] - before[1]) for before, after in pairwise(marks)]
+    spans = zip((*contestant.stages, TOTAL), (*pairwise(marks), (marks[0], marks[-1])), strict=True)
+    return {stage: (after[0] - before[0], after[1] - before[1]) for stage, (before, after) in spans}
 
 
 def wait_for_gpu() -> None:
@@ -88,12 +92,6 @@ def wait_for_gpu() -> None:
     torch = sys.modules.get("torch")
     if torch is not None and torch.cuda.is_initialized():
         torch.cuda.synchronize()
-
-
-def _timings(names: Sequence[str], rounds: Sequence[Sequence[tuple[float, float]]]) -> dict[str, Timing]:
-    timings = {name: timing_of([each[index] for each in rounds]) for index, name in enumerate(names)}
-    sums = [(sum(wall for wall, _ in each), sum(cpu for _, cpu in each)) for each in rounds]
-    return timings | {TOTAL: timing_of(sums)}
 
 
 def timing_of(seconds: Sequence[tuple[float, float]]) -> Timing:
