@@ -1,21 +1,21 @@
 """The flags that a record becomes on the command line, to tell a person what a word should have been."""
 
-import dataclasses
+from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any, get_args, get_type_hints
 
 
 def flags_of(record: Any, in_pairs: bool = False) -> set[str]:
-    """``--steps``, ``--light.mask``, ...: of a record with its settings, or of a class of records with defaults.
+    """``--steps``, ``--light.mask``, ...: of a class of records.
 
     ``in_pairs``: what is on or off has a flag for each, ``--light.no-mask`` too.
     """
     flags = set()
-    hints = get_type_hints(record if isinstance(record, type) else type(record))
-    for field in dataclasses.fields(record):
-        name, value, kind = field.name.replace("_", "-"), _value(record, field), hints[field.name]
-        if dataclasses.is_dataclass(value):
-            flags |= {f"--{name}.{inner.removeprefix('--')}" for inner in flags_of(value, in_pairs)}
+    hints = get_type_hints(record)
+    for field in fields(record):
+        name, kind = field.name.replace("_", "-"), hints[field.name]
+        if is_dataclass(kind):
+            flags |= {f"--{name}.{inner.removeprefix('--')}" for inner in flags_of(kind, in_pairs)}
             continue
         flags.add(f"--{name}")
         if in_pairs and bool in (kind, *get_args(kind)):
@@ -33,9 +33,3 @@ def near(flag: str, flags: set[str]) -> str | None:
     tail = flag.removeprefix("--")
     longer = [known for known in sorted(flags) if known.startswith(flag) or known.split(".")[-1] == tail]
     return next(iter(longer or get_close_matches(flag, sorted(flags), n=1)), None)
-
-
-def _value(record: Any, field: "dataclasses.Field[Any]") -> Any:
-    if not isinstance(record, type):
-        return getattr(record, field.name)
-    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()

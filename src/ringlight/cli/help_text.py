@@ -33,13 +33,10 @@ def _optional(info: PrimitiveTypeInfo) -> "PrimitiveConstructorSpec[Any] | None"
     spec = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(inner[0], set(info.markers)))
     if not isinstance(spec, PrimitiveConstructorSpec):
         return None
-    return PrimitiveConstructorSpec(
-        nargs=spec.nargs,
-        metavar=spec.metavar,
-        instance_from_str=spec.instance_from_str,
+    return replace(
+        spec,
         is_instance=lambda value: value is None or spec.is_instance(value),
         str_from_instance=lambda value: ["None"] if value is None else spec.str_from_instance(value),
-        choices=spec.choices,
     )
 
 

@@ -63,7 +63,7 @@ class ResumeArguments:
 
 RESUMED = {"--resume"} | flags_of(RunOptions)
 OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(RunOptions) | flags_of(SceneOptions) | {"--help"}
-KNOWN = OF_ANY_METHOD.union(*(flags_of(recipe, in_pairs=True) for recipe in METHODS.values()))
+KNOWN = OF_ANY_METHOD.union(*(flags_of(type(recipe), in_pairs=True) for recipe in METHODS.values()))
 """Flags of all methods."""
 
 
@@ -142,10 +142,10 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
 def _refuse_flags_of_other_methods(arguments: list[str]) -> None:
     """The parser would not say all methods that a flag belongs to."""
     named = [word for word in arguments if word in METHODS]  # a folder may be called like a method
-    own = OF_ANY_METHOD.union(*(flags_of(METHODS[name], in_pairs=True) for name in named))
+    own = OF_ANY_METHOD.union(*(flags_of(type(METHODS[name]), in_pairs=True) for name in named))
     for flag in flags_in(arguments):
         if named and flag not in own:
-            owners = [name for name, recipe in METHODS.items() if flag in flags_of(recipe, in_pairs=True)]
+            owners = [name for name, recipe in METHODS.items() if flag in flags_of(type(recipe), in_pairs=True)]
             refuse("train", f"{flag} is no setting of {named[-1]}; give it to {' or '.join(owners)}")
 
 
