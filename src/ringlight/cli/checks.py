@@ -15,11 +15,7 @@ from typing import Literal
 from ringlight import __version__
 from ringlight.errors import RinglightError
 
-OLDEST_PYTHON = (3, 10)
 OLDEST_TORCH = (2, 5)
-
-EXTRAS = {"av": ("video", "films as mp4")}
-"""Optional libraries that some command uses: the extra that installs each, and what it is for."""
 
 LITTLE_SPACE = 2e9
 """Bytes; a run of a real scene with its checkpoint and pictures takes up to about one gigabyte."""
@@ -41,22 +37,15 @@ class Finding:
 
 def findings() -> Iterator[Finding]:
     """All checks, in the order in which one builds on the other; takes about a second, mostly to load torch."""
-    yield _python()
+    yield Finding("Python", "ok", f"{platform.python_version()} at {sys.executable}, ringlight {__version__}")
     yield _kernels()
     yield _torch()
     yield _openmp()
     yield _self_test()
     yield from _lpips()
-    yield from (_extra(library) for library in EXTRAS)
+    yield _films()
     yield from _gpu()
     yield _disk()
-
-
-def _python() -> Finding:
-    detail = f"{platform.python_version()} at {sys.executable}, ringlight {__version__}"
-    if sys.version_info < OLDEST_PYTHON:
-        return Finding("Python", "problem", detail, "install Python 3.10 or newer", essential=True)
-    return Finding("Python", "ok", detail)
 
 
 def _kernels() -> Finding:
@@ -102,7 +91,6 @@ def _openmp() -> Finding:
 
 def _self_test() -> Finding:
     """A picture and its gradient by the fast rasterizer, against the reference."""
-    remedy = "report this with the output of 'ringlight doctor --json'; until then use --device reference"
     try:
         difference = _difference_of_rasterizers()
     except ImportError as error:
@@ -113,6 +101,7 @@ def _self_test() -> Finding:
     # Written so that a difference that is not a number fails.
     if not difference < AGREEMENT:
         detail = f"picture or gradient of a small scene differ from the reference by {difference:.0e}"
+        remedy = "report this with the output of 'ringlight doctor --json'; until then use --device reference"
         return Finding("self test", "problem", detail, remedy, essential=True)
     return Finding("self test", "ok", detail)
 
@@ -181,23 +170,21 @@ def _lpips() -> Iterator[Finding]:
             yield Finding(f"LPIPS {net}", "ok", "weights are here")
 
 
-def _extra(library: str) -> Finding:
-    extra, purpose = EXTRAS[library]
-    if importlib.util.find_spec(library) is None:
-        return Finding(library, "missing", f"optional: {purpose}", f'pip install "ringlight[{extra}]"')
+def _films() -> Finding:
+    if importlib.util.find_spec("av") is None:
+        return Finding("av", "missing", "optional: films as mp4", 'pip install "ringlight[video]"')
     try:
-        number = version(library)
+        number = version("av")
     except PackageNotFoundError:
         number = "of unknown version"
-    return Finding(library, "ok", f"{number}: {purpose}")
+    return Finding("av", "ok", f"{number}: films as mp4")
 
 
 def _disk() -> Finding:
     here = Path.cwd()
     free = shutil.disk_usage(here).free
     detail = f"{free / 1e9:.1f} GB free in {here}"
-    writable = os.access(here, os.W_OK)
-    if not writable:
+    if not os.access(here, os.W_OK):
         return Finding("disk", "problem", f"{here} cannot be written to", "change to a folder of yours or use --out")
     if free < LITTLE_SPACE:
         return Finding("disk", "problem", detail, "free some space or use --out on another disk")
