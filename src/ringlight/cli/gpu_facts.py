@@ -59,8 +59,9 @@ def gather() -> GpuFacts:
 
     torch_cuda, gpu, capability = _torch()
     nvcc = _nvcc()
-    compiler = os.environ.get("CXX") or next((name for name in ("c++", "g++") if shutil.which(name)), None)
-    gcc = _answer([compiler, "-dumpfullversion"]) if compiler and shutil.which(compiler) else None
+    wanted = os.environ.get("CXX")
+    compiler = next(filter(shutil.which, [wanted] if wanted else ["c++", "g++"]), None)
+    gcc = _answer([compiler, "-dumpfullversion"]) if compiler else None
     return GpuFacts(
         driver=shutil.which("nvidia-smi") is not None and _answer(["nvidia-smi", "-L"]) is not None,
         torch_cuda=torch_cuda,
@@ -71,7 +72,7 @@ def gather() -> GpuFacts:
         built=is_built(),
         nvcc=version_in(_answer([nvcc, "--version"]) or "") if nvcc else None,
         architectures=frozenset((_answer([nvcc, "--list-gpu-arch"]) or "").split() if nvcc else ()),
-        compiler=compiler if compiler and shutil.which(compiler) else None,
+        compiler=compiler,
         gcc=int(gcc.split(".")[0]) if gcc and gcc.split(".")[0].strip().isdigit() else None,
         ninja=shutil.which("ninja") is not None,
         ninja_beside=(Path(sys.executable).parent / "ninja").exists(),
@@ -108,10 +109,8 @@ def _gsplat() -> str | None:
 def _nvcc() -> str | None:
     """Where torch would look: CUDA_HOME, then PATH, then the usual folder."""
     home = os.environ.get("CUDA_HOME") or os.environ.get("CUDA_PATH")
-    named = [Path(home) / "bin" / "nvcc"] if home else []
-    found = next((str(path) for path in named if path.is_file()), None) or shutil.which("nvcc")
-    usual = Path("/usr/local/cuda/bin/nvcc")
-    return found or (str(usual) if usual.is_file() else None)
+    places = [f"{home}/bin/nvcc"] if home else []
+    return next(filter(None, map(shutil.which, [*places, "nvcc", "/usr/local/cuda/bin/nvcc"])), None)
 
 
 def _answer(command: list[str]) -> str | None:

@@ -87,8 +87,8 @@ class _Meter:
 
     def line(self, progress: Progress) -> str:
         now = psnr(progress.prediction.color.clamp(0, 1), progress.truth)
-        kept = SMOOTHING if math.isfinite(self.decibels) else 0.0
-        self.decibels = (kept * self.decibels if kept else 0.0) + (1 - kept) * now
+        smoothed = SMOOTHING * self.decibels + (1 - SMOOTHING) * now
+        self.decibels = smoothed if math.isfinite(self.decibels) else now
         self._time(progress.step, self.session.clock.wall)
         count, size = self.session.training.model.rendering_size()
         return f"{self.rate:6.1f} it/s  {self.decibels:5.2f} dB  {count}  {size / 1e6:.2f} MB"

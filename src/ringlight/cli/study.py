@@ -67,7 +67,10 @@ def main(arguments: list[str]) -> int:
     asked = parse(StudyArguments, "study", arguments)
     if not asked.scenes:
         refuse("study", "no scene is named; give folders of photographs, or toaster or carpaint")
-    _check(asked)
+    for name in ("seeds", "steps"):
+        value = getattr(asked, name)
+        if value is not None and value < 1:
+            raise RecipeError(f"--{name} is {value}; give at least 1")
     from ringlight.methods.studies import study_named
 
     variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))
@@ -84,13 +87,6 @@ def main(arguments: list[str]) -> int:
         return INTERRUPTED
     _show(asked, out, variants, runs)
     return 0
-
-
-def _check(asked: StudyArguments) -> None:
-    for name in ("seeds", "steps"):
-        value = getattr(asked, name)
-        if value is not None and value < 1:
-            raise RecipeError(f"--{name} is {value}; give at least 1")
 
 
 def _chosen(asked: StudyArguments, variants: "tuple[Variant, ...]") -> "tuple[Variant, ...]":

@@ -14,7 +14,7 @@ from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.run_training import RunOptions, check_steps, train_and_measure
-from ringlight.cli.verifying import check_verify, verify_run
+from ringlight.cli.verifying import verify_run
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe
@@ -92,7 +92,6 @@ def _start(arguments: list[str]) -> int:
     use_threads(asked.running.threads)
     tell_of_build(asked.device)
     if asked.verify is not None:
-        check_verify(asked.verify, recipe.steps)
         return verify_run(asked.scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
     out = asked.out or free_folder(Path("runs") / f"{asked.scene.resolve().name}-{preset}")
     session = Session.start(out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device)

@@ -12,14 +12,13 @@ MOST_NAMED = 5
 """Tensors that a line names."""
 
 
-def check_verify(steps: int, planned: int) -> None:
-    """Raises RecipeError for a number of steps that cannot be compared."""
-    if not 2 <= steps <= planned:
-        raise RecipeError(f"--verify is {steps}; give 2 to {planned} steps, which is how many this run has")
-
-
 def verify_run(scene_path: Path, options: SceneOptions, recipe: Recipe, seed: int, device: str, steps: int) -> int:
-    """Print one line a trial on standard output; the exit code is 1 where any differs from the first."""
+    """Print one line a trial on standard output; the exit code is 1 where any differs from the first.
+
+    Raises RecipeError for a number of steps that cannot be compared.
+    """
+    if not 2 <= steps <= recipe.steps:
+        raise RecipeError(f"--verify is {steps}; give 2 to {recipe.steps} steps, which is how many this run has")
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene
     from ringlight.runs.limits import prepare_run

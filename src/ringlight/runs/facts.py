@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ringlight.errors import ModelFileError, RunError
 from ringlight.files.model_file import ModelHeader, read_model_file
 from ringlight.files.packed import bytes_stored
 from ringlight.files.tensor_file import NAMES, read_metadata
-from ringlight.measure.report import Report, read_report
+from ringlight.measure.report import read_report
 from ringlight.measure.size import bytes_by_part
 from ringlight.methods.store import CAMERAS_PREFIX
 from ringlight.runs.folder import RunFolder
@@ -28,9 +27,16 @@ class TensorFacts:
     bytes_stored: int
 
 
+HEADLINE = ("psnr", "ssim_same", "lpips_alex", "train_seconds", "fps")
+"""What a run's facts repeat of its report."""
+
+
 @dataclass(frozen=True)
 class RunFacts:
-    """What lies around the model in a run folder. ``problems``: missing or damaged files, one sentence each."""
+    """What lies around the model in a run folder, and the command that goes on with it, unless it has ended or cannot.
+
+    ``problems``: missing or damaged files, one sentence each.
+    """
 
     folder: str
     scene: str | None
@@ -108,28 +114,17 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
             has_checkpoint = True
         except ModelFileError as error:
             problems.append(str(error))
+    can_go_on = record is not None and has_checkpoint and not _has_ended(record, header)
     return RunFacts(
         folder=str(run.path),
         scene=str(record.scene) if record else None,
         seed=record.seed if record else None,
         device=record.device if record else None,
         has_checkpoint=has_checkpoint,
-        resume=_resume(run, record, header, has_checkpoint),
+        resume=f"ringlight train --resume {run.path}" if can_go_on else None,
         problems=tuple(problems),
-        **_headline(report),
+        **{name: getattr(report, name, None) for name in HEADLINE},
     )
-
-
-def _headline(report: Report | None) -> dict[str, Any]:
-    names = ("psnr", "ssim_same", "lpips_alex", "train_seconds", "fps")
-    return {name: getattr(report, name) if report else None for name in names}
-
-
-def _resume(run: RunFolder, record: RunRecord | None, header: ModelHeader, has_checkpoint: bool) -> str | None:
-    """The command that goes on with the run; None where it has ended or cannot."""
-    if record is None or not has_checkpoint or _has_ended(record, header):
-        return None
-    return f"ringlight train --resume {run.path}"
 
 
 def _has_ended(record: RunRecord | None, header: ModelHeader) -> bool:

@@ -134,9 +134,8 @@ def known_facts(opened: Opened) -> TrainingFacts:
     """What a model's file and its run folder still know of its training; a damaged report or checkpoint is skipped."""
     header, run = opened.stored.header, opened.run
     planned, size = header.recipe.get("steps"), opened.file.stat().st_size
-    facts = TrainingFacts(header.preset, header.method, iterations=header.step, bytes_file=size)
-    if isinstance(planned, int):
-        facts = replace(facts, planned=planned)
+    planned = planned if isinstance(planned, int) else None
+    facts = TrainingFacts(header.preset, header.method, iterations=header.step, planned=planned, bytes_file=size)
     if run is None:
         return facts
     return replace(facts, seed=RunRecord.read(run.path).seed, **_costs(run))
