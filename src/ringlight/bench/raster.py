@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from typing import cast
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.bench.flops import Pairs
@@ -72,8 +70,10 @@ class OneView:
         self.emission = Emission({"values": work.size.channels}, work.channels.to(there, copy=True))
         self.camera, self.rasterize = work.camera, rasterize
         self.background = torch.ones(work.size.channels)
-        # Planar memory, as the losses give it.
-        self.upstream = image_gradient(work.size, seed).to(there).permute(1, 2, 0)
+        # A random dL/dimage of the size that a mean over pixels has; planar memory, as the losses give it.
+        shape = (work.size.channels, work.size.pixels, work.size.pixels)
+        upstream = torch.randn(shape, generator=generator(seed, 0, "image gradient")) / work.size.pixels**2
+        self.upstream = upstream.to(there).permute(1, 2, 0)
 
     def forward(self) -> None:
         self.raster = self.rasterize.draw(
@@ -95,12 +95,6 @@ class OneView:
 def bench_raster(sizes: Sequence[Size], rasterize: Rasterizer, budget: Budget, seed: int = 0) -> tuple[RasterRow, ...]:
     """Time every size."""
     return tuple(_row(size, rasterize, budget, seed) for size in sizes)
-
-
-def image_gradient(size: Size, seed: int = 0) -> Float[Tensor, "C H W"]:
-    """A random dL/dimage of the size that a mean over pixels has."""
-    shape = (size.channels, size.pixels, size.pixels)
-    return torch.randn(shape, generator=generator(seed, 0, "image gradient")) / (size.pixels * size.pixels)
 
 
 def _row(size: Size, rasterize: Rasterizer, budget: Budget, seed: int) -> RasterRow:

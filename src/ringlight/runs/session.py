@@ -69,7 +69,10 @@ class Session:
         out: Path, scene_path: Path, preset: str, recipe: Recipe, options: SceneOptions, seed: int, device: str
     ) -> "Session":
         """A new run. Everything that can be wrong with the request is found before the folder is made."""
-        _check(recipe.steps, seed)
+        if recipe.steps < 1:
+            raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
+        if not 0 <= seed <= LARGEST_SEED:
+            raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
         memory = PeakMemory()
         run = prepare_run(load_scene(scene_path, options), recipe, seed, device)
         record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
@@ -196,10 +199,3 @@ class Saver:
             # So that with the next, and one when the run ends, its share is kept in the time since the run began.
             due = (self.spent + 2 * (self.last - begun)) / LARGEST_SAVE_SHARE
             self.pause = min(max(SAVE_SECONDS, self.begun + due - self.last), LONGEST_PAUSE)
-
-
-def _check(steps: int, seed: int) -> None:
-    if steps < 1:
-        raise RecipeError(f"--steps is {steps}; give at least 1")
-    if not 0 <= seed <= LARGEST_SEED:
-        raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")

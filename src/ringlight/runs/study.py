@@ -76,9 +76,7 @@ class StudyRun:
         recipe, other = self.variant.recipe, self.variant.as_many_as
         if other is None:
             return recipe
-        folder = self.folder.parents[1] / other / self.folder.name
-        count = read_report(folder).counted
-        return recipe.ending_with(count)
+        return recipe.ending_with(read_report(self.folder.parents[1] / other / self.folder.name).counted)
 
 
 def runs_of_study(
