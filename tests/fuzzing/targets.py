@@ -29,6 +29,7 @@ from ringlight.errors import RinglightError
 from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.fit.train import Training
+from ringlight.measure.json_record import to_json
 from ringlight.measure.report import REPORT_NAME, read_report
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.methods.table import METHODS
@@ -193,7 +194,7 @@ def demo_plan() -> Target:
 
 
 def report() -> Target:
-    few, many = (sample_report(images=sample_report().images * n).to_json().encode() for n in (1, 5000))
+    few, many = (to_json(sample_report(images=sample_report().images * n)).encode() for n in (1, 5000))
     return Target([(0, few)], _reading(REPORT_NAME, lambda path: read_report(path.parent)), [(0, many)])
 
 

@@ -8,6 +8,7 @@ from samples import picture, sample_report
 
 from ringlight.errors import RunError
 from ringlight.measure.compare import compare
+from ringlight.measure.json_record import to_json
 from ringlight.measure.lpips import weights_missing, weights_path
 from ringlight.measure.picture_names import RENDERS, TRUTHS, picture_name
 from ringlight.measure.report import ImageScore
@@ -29,7 +30,7 @@ def make_run(tmp_path):
         folder = tmp_path / name
         folder.mkdir(parents=True)
         report = sample_report(**({"images": IMAGES} | changes))
-        (folder / "report.json").write_text(report.to_json(), encoding="utf-8")
+        (folder / "report.json").write_text(to_json(report), encoding="utf-8")
         for index, view in enumerate(VIEWS if pictures else ()):
             save(folder / RENDERS / picture_name(view), picture(seed=zlib.crc32(f"{name} {view}".encode()) % 1000))
             save(folder / TRUTHS / picture_name(view), picture(seed=truth_seed + index))

@@ -13,6 +13,7 @@ from ringlight.core.scene import View
 from ringlight.errors import SceneError
 from ringlight.measure import evaluate as module
 from ringlight.measure.evaluate import evaluate, resolution
+from ringlight.measure.json_record import from_json, to_json
 from ringlight.measure.report import Report
 
 WHITE = torch.ones(3)
@@ -142,7 +143,7 @@ def test_the_scores_are_fields_of_a_report():
     scores = evaluate(constant(0.5), [view()], WHITE)
     report = Report(**(vars(sample_report()) | vars(scores)))
     assert report.psnr == scores.psnr
-    assert Report.from_json(report.to_json()) == report
+    assert from_json(Report, to_json(report), "here.json") == report
 
 
 def test_resolution_in_words():

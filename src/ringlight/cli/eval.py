@@ -51,6 +51,7 @@ def main(arguments: list[str]) -> int:
     from rich.console import Console
 
     from ringlight.cli.threads import use_threads
+    from ringlight.measure.json_record import to_json
     from ringlight.measure.table import ResultsTable
     from ringlight.runs.opened import open_model
 
@@ -59,7 +60,7 @@ def main(arguments: list[str]) -> int:
     opened = open_model(asked.model, asked.device)
     report = _measured(asked, opened)
     if asked.json:
-        sys.stdout.write(report.to_json())
+        sys.stdout.write(to_json(report))
     else:
         Console().print(ResultsTable([(report.preset, report)]))
     return 0

@@ -161,9 +161,10 @@ def _train(session: "Session", options: RunOptions) -> int:
 def _print(report: "Report", options: RunOptions) -> None:
     from rich.console import Console
 
+    from ringlight.measure.json_record import to_json
     from ringlight.measure.table import ResultsTable
 
     if options.json:
-        sys.stdout.write(report.to_json())
+        sys.stdout.write(to_json(report))
     else:
         Console().print(ResultsTable([(report.preset, report)]))

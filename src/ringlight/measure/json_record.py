@@ -7,8 +7,8 @@ They are written as the strings "inf", "-inf" and "nan"; null means that somethi
 import json
 import math
 import types
-from collections.abc import Callable
-from dataclasses import MISSING, Field, fields, is_dataclass
+from contextlib import suppress
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from ringlight.errors import RunError
@@ -17,7 +17,8 @@ Record = TypeVar("Record")
 
 REMEDY = "measure the run again with 'ringlight eval'"
 
-NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
+NON_FINITE = ("inf", "-inf", "nan")
+"""As Python writes and reads them."""
 
 
 def to_json(record: object) -> str:
@@ -51,7 +52,7 @@ def _encode(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
         return [_encode(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
-        return "nan" if math.isnan(value) else ("inf" if value > 0 else "-inf")
+        return str(value)
     return value
 
 
@@ -66,11 +67,11 @@ def _decode(kind: Any, value: Any, name: str, source: str) -> Any:
         return {key: _decode(get_args(kind)[1], item, f"{name}.{key}", source) for key, item in value.items()}
     if get_origin(kind) is tuple and isinstance(value, list):
         return tuple(_decode(get_args(kind)[0], item, f"{name}[{i}]", source) for i, item in enumerate(value))
-    if kind in SCALARS:
-        try:
-            return SCALARS[kind](value)
-        except (TypeError, OverflowError):
-            pass
+    if kind in (str, int) and type(value) is kind:  # bool is an int in Python, but true is no count
+        return value
+    if kind is float and (value in NON_FINITE or type(value) in (int, float)):
+        with suppress(OverflowError):  # an integer of more than 308 digits
+            return float(value)
     wanted = getattr(kind, "__name__", str(kind))
     raise RunError(f"{source}: {name} is not of type {wanted}; {REMEDY}")
 
@@ -81,34 +82,6 @@ def _decode_record(kind: Any, value: dict[str, Any], name: str, source: str) -> 
     for field in fields(kind):
         if field.name in value:
             found[field.name] = _decode(hints[field.name], value[field.name], field.name, source)
-        elif _is_required(field):
+        elif field.default is MISSING and field.default_factory is MISSING:
             raise RunError(f"{source}: '{field.name}' is missing in {name}; {REMEDY}")
     return kind(**found)
-
-
-def _is_required(field: Field[Any]) -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, str):
-        return value
-    raise TypeError
-
-
-def _whole(value: Any) -> int:
-    # bool is an int in Python, but true is no count.
-    if isinstance(value, int) and not isinstance(value, bool):
-        return value
-    raise TypeError
-
-
-def _real(value: Any) -> float:
-    if isinstance(value, str) and value in NON_FINITE:
-        return NON_FINITE[value]
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value)
-    raise TypeError
-
-
-SCALARS: dict[type, Callable[[Any], Any]] = {str: _text, int: _whole, float: _real}

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.errors import RunError
-from ringlight.measure import json_record
+from ringlight.measure.json_record import from_json
 from ringlight.measure.machine import Machine
 
 REPORT_NAME = "report.json"
@@ -97,19 +97,6 @@ class Report:
     machine: Machine
     images: tuple[ImageScore, ...]
 
-    def to_json(self) -> str:
-        """Valid JSON; infinite numbers are the strings "inf" and "-inf", undefined ones "nan"."""
-        return json_record.to_json(self)
-
-    @staticmethod
-    def from_json(text: str, source: str = REPORT_NAME) -> "Report":
-        """The report that ``to_json`` wrote, by this version or a newer one.
-
-        Raises:
-            RunError: not JSON, or a field is missing or of another type; ``source`` is the name used in the sentence.
-        """
-        return json_record.from_json(Report, text, source)
-
 
 def read_report(run: Path) -> Report:
     """The report of a run folder.
@@ -130,7 +117,7 @@ def read_report(run: Path) -> Report:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RunError(f"{path}: cannot be read ({error}); make a new one with 'ringlight eval {run}'") from None
-    return Report.from_json(text, str(path))
+    return from_json(Report, text, str(path))
 
 
 def folders_with(file: str, folder: Path) -> str:

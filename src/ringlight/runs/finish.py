@@ -19,6 +19,7 @@ from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
 from ringlight.files.video import save_image
 from ringlight.measure.evaluate import Keep, Scores, evaluate
+from ringlight.measure.json_record import to_json
 from ringlight.measure.lpips import Net
 from ringlight.measure.machine import machine, source_commit
 from ringlight.measure.picture_names import picture_name
@@ -127,7 +128,7 @@ def complete_report(session: Session) -> Report | None:
 
 def write_report(path: Path, report: Report) -> None:
     """Write report.json, all or nothing. Raises OutputError."""
-    write_text(path, report.to_json())
+    write_text(path, to_json(report))
 
 
 def known_facts(opened: Opened) -> TrainingFacts:
