@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import correlate1d
 from scipy.signal import convolve2d
 
-from ringlight.measure.metrics import mean_squared_error, psnr, psnr_pooled, psnr_u8, ssim_same, ssim_valid
+from ringlight.measure.metrics import mean_squared_error, psnr, psnr_pooled, psnr_u8, ssim_same_and_valid
 
 WEIGHTS = np.exp(-(np.arange(-5, 6) ** 2) / (2 * 1.5**2))
 WEIGHTS /= WEIGHTS.sum()
@@ -39,8 +39,9 @@ def ssim_by_scipy(image: torch.Tensor, truth: torch.Tensor) -> np.ndarray:
 def test_ssim_is_that_of_scipy(height, width, seed):
     image, truth = pair(height, width, seed)
     expected = ssim_by_scipy(image, truth)
-    assert ssim_same(image, truth) == pytest.approx(expected.mean(), abs=2e-6)
-    assert ssim_valid(image, truth) == pytest.approx(expected[5:-5, 5:-5].mean(), abs=1e-5)
+    same, valid = ssim_same_and_valid(image, truth)
+    assert same == pytest.approx(expected.mean(), abs=2e-6)
+    assert valid == pytest.approx(expected[5:-5, 5:-5].mean(), abs=1e-5)
 
 
 def test_valid_means_the_windows_inside_the_image():
@@ -52,7 +53,7 @@ def test_valid_means_the_windows_inside_the_image():
         mx, my, xx, yy, xy = (convolve2d(a, window, mode="valid") for a in (x, y, x * x, y * y, x * y))
         structure = (2 * (xy - mx * my) + 9e-4) / (xx - mx**2 + yy - my**2 + 9e-4)
         scores.append(((2 * mx * my + 1e-4) / (mx**2 + my**2 + 1e-4) * structure).mean())
-    assert ssim_valid(image, truth) == pytest.approx(np.mean(scores), abs=1e-5)
+    assert ssim_same_and_valid(image, truth)[1] == pytest.approx(np.mean(scores), abs=1e-5)
 
 
 @given(seed=st.integers(0, 2**31))
@@ -71,14 +72,13 @@ def test_equal_images_are_perfect():
     assert psnr(truth, truth) == math.inf
     assert psnr_u8(truth, truth) == math.inf
     assert psnr_pooled([0.0, 0.0]) == math.inf
-    assert ssim_same(truth, truth) == 1
-    assert ssim_valid(truth, truth) == 1
+    assert ssim_same_and_valid(truth, truth) == (1, 1)
 
 
 def test_renderings_are_clamped():
     image, truth = pair(12, 12, seed=3)
     wild = image + torch.where(image == 1, 5.0, 0.0) - torch.where(image == 0, 5.0, 0.0)
-    for metric in (psnr, psnr_u8, ssim_same, ssim_valid):
+    for metric in (psnr, psnr_u8, ssim_same_and_valid):
         assert metric(wild, truth) == metric(image, truth)
 
 
@@ -89,18 +89,19 @@ def test_pooled_psnr_is_below_the_mean():
 
 
 def test_pooling_nothing_is_refused():
-    with pytest.raises(ValueError, match="no images"):
+    with pytest.raises(ValueError, match="at least one"):
         psnr_pooled([])
 
 
 def test_an_image_below_the_window_has_no_valid_ssim():
     image, truth = pair(10, 30, seed=5)
-    assert math.isnan(ssim_valid(image, truth))
-    assert math.isfinite(ssim_same(image, truth))
+    same, valid = ssim_same_and_valid(image, truth)
+    assert math.isnan(valid)
+    assert math.isfinite(same)
 
 
 def test_memory_layout_does_not_matter():
     image, truth = pair(25, 18, seed=6)
     planar = image.permute(2, 0, 1).contiguous().permute(1, 2, 0)
-    assert ssim_same(planar, truth) == ssim_same(image, truth)
+    assert ssim_same_and_valid(planar, truth) == ssim_same_and_valid(image, truth)
     assert psnr(planar, truth) == pytest.approx(psnr(image, truth))

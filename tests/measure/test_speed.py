@@ -1,6 +1,5 @@
 """Speed: what is timed, how often, and that a slow back end gets its number."""
 
-import pytest
 import torch
 
 from ringlight.core.camera import Camera
@@ -28,8 +27,6 @@ def test_all_cameras_are_timed_after_warming_up():
     assert render.calls == 1 + (2 + 3) * 4
     assert not render.with_gradients
     assert rate.fps > 0
-    assert rate.wall_seconds * rate.fps == pytest.approx(1)
-    assert rate.cpu_seconds >= 0
     assert "4 views of 8x6" in rate.note
     assert "3 passes" in rate.note
 
@@ -42,5 +39,5 @@ def test_one_pass_is_timed_however_slow():
 
 
 def test_the_machine_has_some_speed():
-    assert peak_gflops(repeats=1) > 0
-    assert copy_bandwidth(repeats=1) > 0
+    assert peak_gflops() > 0
+    assert copy_bandwidth() > 0

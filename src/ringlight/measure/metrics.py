@@ -6,6 +6,7 @@ writers of JSON must say so in their own way. Everything is computed on the CPU.
 
 import math
 from collections.abc import Sequence
+from statistics import fmean
 
 import torch
 from jaxtyping import Float
@@ -39,34 +40,19 @@ def psnr_u8(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "*pixels 3"]
 
 
 def psnr_pooled(errors: Sequence[float]) -> float:
-    """PSNR in dB of the mean of all images' mean squared errors: never above the mean of their PSNRs.
-
-    Raises:
-        ValueError: there are no images.
-    """
-    if not errors:
-        raise ValueError("the pooled PSNR of no images is undefined; give at least one mean squared error")
-    return _decibel(math.fsum(errors) / len(errors))
+    """PSNR in dB of the mean of all images' mean squared errors (one or more): never above the mean of their PSNRs."""
+    return _decibel(fmean(errors))
 
 
 def ssim_same_and_valid(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> tuple[float, float]:
-    """Both conventions of structural similarity from one map; see :func:`ssim_same` and :func:`ssim_valid`."""
+    """Structural similarity by both conventions, from one map.
+
+    Same: over every pixel, zeros beyond the border, as 3DGS. Valid: where the window fits into the image, as the NeRF
+    papers; NaN for an image that is smaller than the window, 11 pixels.
+    """
     similarity = _ssim_map(image, truth)
     inner = slice(WINDOW_REACH, -WINDOW_REACH)
     return similarity.mean().item(), similarity[:, inner, inner].mean().item()
-
-
-def ssim_same(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
-    """Structural similarity over every pixel, zeros beyond the border: the convention of 3DGS."""
-    return ssim_same_and_valid(image, truth)[0]
-
-
-def ssim_valid(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
-    """Structural similarity where the window fits into the image: the convention of the NeRF papers.
-
-    NaN for an image that is smaller than the window, 11 pixels.
-    """
-    return ssim_same_and_valid(image, truth)[1]
 
 
 def _decibel(squared_error: float) -> float:

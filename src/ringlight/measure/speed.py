@@ -1,6 +1,7 @@
 """Speed: frames per second of a render call, and what this machine can do at best."""
 
 import time
+import timeit
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,11 +29,9 @@ REPEATS = 15
 
 @dataclass(frozen=True)
 class FrameRate:
-    """How fast a model shows pictures; ``note`` says what was timed. Seconds are medians over passes, per frame."""
+    """How fast a model shows pictures; ``note`` says what was timed."""
 
     fps: float
-    wall_seconds: float
-    cpu_seconds: float
     note: str
 
 
@@ -50,45 +49,44 @@ def frames_per_second(
     CUDA work is waited for before each reading of the clock. There must be at least one camera.
     """
     begun = time.perf_counter()
-    times: list[tuple[float, float]] = []
+    times: list[float] = []
     with torch.no_grad():
         device = render(cameras[0]).color.device
         for _ in range(warmup_passes):
             _one_pass(render, cameras, device)
         while not times or (len(times) < passes and time.perf_counter() - begun < max_seconds):
             times.append(_one_pass(render, cameras, device))
-    wall, cpu = (median(column) / len(cameras) for column in zip(*times, strict=True))
     sizes = sorted({(camera.width, camera.height) for camera in cameras})
     size = " to ".join(dict.fromkeys(f"{width}x{height}" for width, height in (sizes[0], sizes[-1])))
     note = (
         f"render call only, {len(cameras)} views of {size}, one at a time, median of {len(times)} passes "
         f"after {warmup_passes} to warm up, on {device_name(device)}"
     )
-    return FrameRate(1 / wall, wall, cpu, note)
+    return FrameRate(len(cameras) / median(times), note)
 
 
-def fma_gflops(repeats: int = REPEATS) -> float:
+def fma_gflops() -> float:
     """GFLOP/s of fused multiply-adds in registers, on the kernels' threads and instruction set, fastest of all."""
     sums = torch.empty(8 * _kernels.threads(), dtype=torch.float32, device="cpu")
     done = _kernels.multiply_adds(1, sums) * FMA_ROUNDS
-    return done / _best_seconds(lambda: _kernels.multiply_adds(FMA_ROUNDS, sums), repeats) / 1e9
+    return done / _best_seconds(lambda: _kernels.multiply_adds(FMA_ROUNDS, sums)) / 1e9
 
 
-def peak_gflops(repeats: int = REPEATS) -> float:
+def peak_gflops() -> float:
     """GFLOP/s of torch's float32 matrix product (1024 cubed) on this machine's CPU, fastest of all."""
     a, b = torch.ones(MATRIX_SIDE, MATRIX_SIDE), torch.ones(MATRIX_SIDE, MATRIX_SIDE)
     out = torch.empty_like(a)
     with torch_threads(_kernels.threads()):
-        seconds = _best_seconds(lambda: torch.mm(a, b, out=out), repeats)
+        seconds = _best_seconds(lambda: torch.mm(a, b, out=out))
     return 2 * MATRIX_SIDE**3 / seconds / 1e9
 
 
-def copy_bandwidth(repeats: int = REPEATS) -> float:
+def copy_bandwidth() -> float:
     """GB/s of a copy within main memory, bytes read plus bytes written, fastest of all."""
     source = torch.ones(COPY_BYTES // 4)
     target = torch.empty_like(source)
     with torch_threads(_kernels.threads()):
-        return 2 * COPY_BYTES / _best_seconds(lambda: target.copy_(source), repeats) / 1e9
+        return 2 * COPY_BYTES / _best_seconds(lambda: target.copy_(source)) / 1e9
 
 
 @contextmanager
@@ -102,16 +100,14 @@ def torch_threads(count: int) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def _one_pass(
-    render: Callable[[Camera], Rendering], cameras: Sequence[Camera], device: torch.device
-) -> tuple[float, float]:
-    """Wall and CPU seconds for all cameras once."""
+def _one_pass(render: Callable[[Camera], Rendering], cameras: Sequence[Camera], device: torch.device) -> float:
+    """Seconds for all cameras once."""
     _wait_for(device)
-    wall, cpu = time.perf_counter(), time.process_time()
+    begun = time.perf_counter()
     for camera in cameras:
         render(camera)
     _wait_for(device)
-    return max(time.perf_counter() - wall, 1e-9), time.process_time() - cpu
+    return max(time.perf_counter() - begun, 1e-9)
 
 
 def _wait_for(device: torch.device) -> None:
@@ -126,11 +122,5 @@ def device_name(device: torch.device) -> str:
     return f"the CPU ({_kernels.threads()} threads)"
 
 
-def _best_seconds(work: Callable[[], object], repeats: int) -> float:
-    work()
-    seconds = []
-    for _ in range(repeats):
-        begun = time.perf_counter()
-        work()
-        seconds.append(time.perf_counter() - begun)
-    return min(seconds)
+def _best_seconds(work: Callable[[], object]) -> float:
+    return min(timeit.repeat(work, repeat=REPEATS + 1, number=1)[1:])  # the first warms up
