@@ -65,13 +65,6 @@ def test_an_orbit_finds_the_circle_it_was_shown() -> None:
     assert closing == pytest.approx(largest_step(path), rel=1e-3)
 
 
-def test_part_of_an_orbit_spans_the_angle_asked_for() -> None:
-    path = orbit(ring(12, torch.zeros(3)), 10, degrees=90.0)
-    a, b = path[0].position[:2], path[-1].position[:2]
-    angle = math.degrees(math.acos((a @ b / a.norm() / b.norm()).item()))
-    assert angle == pytest.approx(81, abs=0.1)
-
-
 @pytest.mark.parametrize(
     "cameras",
     [
@@ -90,10 +83,10 @@ def test_an_orbit_of_awkward_cameras_is_still_a_path(cameras: list[Camera]) -> N
 
 
 @settings(max_examples=25, deadline=None)
-@given(count=st.integers(2, 7), extra=st.integers(0, 60), closed=st.booleans(), seed=st.integers(0, 99))
-def test_a_flight_shows_every_camera_and_stays_rigid(count: int, extra: int, closed: bool, seed: int) -> None:
+@given(count=st.integers(2, 7), extra=st.integers(0, 60), seed=st.integers(0, 99))
+def test_a_flight_shows_every_camera_and_stays_rigid(count: int, extra: int, seed: int) -> None:
     cameras = random_cameras(count, seed)
-    path = interpolated(cameras, count + extra, closed)
+    path = interpolated(cameras, count + extra)
     assert len(path) == count + extra
     assert_rigid(path)
     for camera in cameras:
@@ -103,18 +96,15 @@ def test_a_flight_shows_every_camera_and_stays_rigid(count: int, extra: int, clo
     assert all(min(focals) <= frame.focal[0] <= max(focals) for frame in path)
 
 
-@pytest.mark.parametrize("closed", [False, True])
-def test_a_flight_is_continuous_and_about_evenly_fast(closed: bool) -> None:
+def test_a_flight_is_continuous_and_about_evenly_fast() -> None:
     cameras = ring(8, torch.zeros(3))
-    path = interpolated(cameras, 400, closed)
-    length = 2 * math.pi * 3 * (8 if closed else 7) / 8
+    path = interpolated(cameras, 400)
+    length = 2 * math.pi * 3 * 7 / 8
     assert largest_step(path) < 1.5 * length / 400
     # Smooth: the direction of travel never jumps, at the cameras either.
     steps = torch.stack([b.position - a.position for a, b in pairwise(path)])
     steps = torch.nn.functional.normalize(steps, dim=1)
     assert (steps[1:] * steps[:-1]).sum(1).min() > 0.99
-    if closed:
-        assert (path[0].position - path[-1].position).norm().item() < 1.5 * length / 400
 
 
 def test_the_order_is_the_nearest_neighbours() -> None:
@@ -137,10 +127,3 @@ def test_pictures_of_other_sizes_are_brought_to_the_first_one() -> None:
     path = interpolated([first, second.resized(128, 96)], 5)
     assert {(camera.width, camera.height) for camera in path} == {(64, 48)}
     assert path[-1].focal == pytest.approx(first.focal)
-
-
-def test_nothing_to_show_is_a_mistake_of_the_caller() -> None:
-    with pytest.raises(ValueError, match="at least one"):
-        orbit([], 10)
-    with pytest.raises(ValueError, match="at least one"):
-        interpolated(ring(3, torch.zeros(3)), 0)

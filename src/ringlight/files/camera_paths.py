@@ -23,13 +23,12 @@ CENTRIPETAL = 0.5
 """Exponent of the knots' distances: no cusps and no loops within a segment (Yuksel et al. 2011)."""
 
 
-def orbit(cameras: Sequence[Camera], frames: int, degrees: float = 360.0) -> list[Camera]:
-    """A level circle round the subject of ``cameras``, beginning nearest the first; closed when ``degrees`` is 360.
+def orbit(cameras: Sequence[Camera], frames: int) -> list[Camera]:
+    """A level circle round the subject of ``cameras`` (one or more), beginning nearest the first.
 
     Up is the cameras' average up; the centre is the point nearest to all optical axes; radius and height are the
     cameras' medians; the intrinsics are those of the camera with the median field of view.
     """
-    _check(cameras, frames)
     positions = np.stack([_position(camera) for camera in cameras])
     forwards = np.stack([_rotation(camera)[2] for camera in cameras])
     up = _average_up(cameras, positions)
@@ -43,21 +42,20 @@ def orbit(cameras: Sequence[Camera], frames: int, degrees: float = 360.0) -> lis
     start = _unit_or(spokes[0], _any_perpendicular(up), SMALLEST_LENGTH * size)
     side = np.cross(up, start)
     like = sorted(cameras, key=lambda camera: camera.width / camera.focal[0])[len(cameras) // 2]
-    angles = np.radians(degrees) * np.arange(frames) / frames
+    angles = 2 * np.pi * np.arange(frames) / frames
     return [
         _looking_at(center + height * up + radius * (math.cos(a) * start + math.sin(a) * side), center, up, like)
         for a in angles
     ]
 
 
-def interpolated(cameras: Sequence[Camera], frames: int, closed: bool = False) -> list[Camera]:
-    """A smooth flight through ``cameras``, from the first to the nearest not yet visited, and so on.
+def interpolated(cameras: Sequence[Camera], frames: int) -> list[Camera]:
+    """A smooth flight through ``cameras`` (one or more), from the first to the nearest not yet visited, and so on.
 
     Positions follow a centripetal Catmull-Rom curve, rotations and intrinsics are interpolated from camera to camera
     (rotations by slerp). Every camera is one of the frames, frames are spread by distance; where there are fewer
     frames than cameras, some cameras are left out. The picture size is the first camera's.
     """
-    _check(cameras, frames)
     first = cameras[0]
     knots = [camera.resized(first.width, first.height) for camera in cameras]
     knots = [knots[i] for i in _tour(np.stack([_position(camera) for camera in knots]))]
@@ -65,21 +63,14 @@ def interpolated(cameras: Sequence[Camera], frames: int, closed: bool = False) -
         return [knots[i] for i in np.linspace(0, len(knots) - 1, frames).round().astype(int)]
     if len(knots) == 1:
         return knots * frames
-    stops = [*knots, knots[0]] if closed else knots
-    positions = np.stack([_position(camera) for camera in stops])
-    # An open path also shows its last camera; a closed one ends one frame before the first.
-    counts = _shares(np.linalg.norm(np.diff(positions, axis=0), axis=1), frames - (not closed))
+    positions = np.stack([_position(camera) for camera in knots])
+    counts = _shares(np.linalg.norm(np.diff(positions, axis=0), axis=1), frames - 1)
     path = [
-        _between(stops, positions, segment, step / count, closed)
+        _between(knots, positions, segment, step / count)
         for segment, count in enumerate(counts)
         for step in range(count)
     ]
-    return path if closed else [*path, stops[-1]]
-
-
-def _check(cameras: Sequence[Camera], frames: int) -> None:
-    if not cameras or frames < 1:
-        raise ValueError("a camera path needs at least one camera and one frame")
+    return [*path, knots[-1]]
 
 
 def _rotation(camera: Camera) -> Array:
@@ -151,7 +142,7 @@ def _shares(lengths: Array, frames: int) -> list[int]:
     return [1 + int(n) for n in np.diff(reached, prepend=0)]
 
 
-def _between(stops: Sequence[Camera], positions: Array, segment: int, t: float, closed: bool) -> Camera:
+def _between(stops: Sequence[Camera], positions: Array, segment: int, t: float) -> Camera:
     """The camera at share ``t`` in [0, 1) of the way from stop ``segment`` to the next."""
     before, after = stops[segment], stops[segment + 1]
     if t == 0:
@@ -163,22 +154,18 @@ def _between(stops: Sequence[Camera], positions: Array, segment: int, t: float, 
         focal=_mixed(before.focal, after.focal, t),
         center=_mixed(before.center, after.center, t),
     )
-    return _posed(rotation, _catmull_rom(_four_points(positions, segment, closed), t), like)
+    return _posed(rotation, _catmull_rom(_four_points(positions, segment), t), like)
 
 
 def _mixed(a: tuple[float, float], b: tuple[float, float], t: float) -> tuple[float, float]:
     return (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]))
 
 
-def _four_points(positions: Array, segment: int, closed: bool) -> Array:
-    """The segment's ends and their neighbours; beyond an open end the curve goes on straight."""
-    last = len(positions) - 1
+def _four_points(positions: Array, segment: int) -> Array:
+    """The segment's ends and their neighbours; beyond the path's ends the curve goes on straight."""
     a, b = positions[segment], positions[segment + 1]
-    if closed:
-        # The last stop repeats the first, so the ring of distinct stops has ``last`` members.
-        return np.stack([positions[(segment - 1) % last], a, b, positions[(segment + 2) % last]])
     before = positions[segment - 1] if segment > 0 else 2 * a - b
-    after = positions[segment + 2] if segment + 2 <= last else 2 * b - a
+    after = positions[segment + 2] if segment + 2 < len(positions) else 2 * b - a
     return np.stack([before, a, b, after])
 
 

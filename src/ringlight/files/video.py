@@ -52,21 +52,17 @@ def save_image(path: Path, image: Float[Tensor, "H W c"]) -> None:
         Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels).save(file, kind, **QUALITY[kind])
 
 
-def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float = 30.0) -> int:
-    """An mp4 (H.264, yuv420p, plays everywhere), all or nothing; returns the number of frames.
+def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float) -> None:
+    """An mp4 (H.264, yuv420p, plays everywhere), all or nothing.
 
     Frames of one size, at least one, consumed one at a time; an odd side is padded by repeating the last row or
     column, because yuv420p shares colour between two. Raises OutputError, and BackendError without the video extra.
     """
     library = video_library()
     pictures = (_even(to_8bit(frame)) for frame in frames)
-    first = next(pictures, None)
-    if first is None:
-        raise OutputError(f"{path}: cannot be written: the film has no frames; ask for at least one")
+    first = next(pictures)
     with written_atomically(path) as file:
-        film, count = _encoded(library, _of_one_size(path, chain([first], pictures), first.shape), first.shape, fps)
-        file.write(film)
-    return count
+        file.write(_encoded(library, _of_one_size(path, chain([first], pictures), first.shape), first.shape, fps))
 
 
 def video_library() -> ModuleType:
@@ -94,10 +90,10 @@ def _of_one_size(
 
 def _encoded(
     av: ModuleType, pictures: Iterable[UInt8[np.ndarray, "H W 3"]], shape: tuple[int, ...], fps: float
-) -> tuple[memoryview, int]:
-    """The film's bytes and number of frames. In memory, because PyAV prints and drops errors of a file it writes to."""
+) -> memoryview:
+    """The film's bytes. In memory, because PyAV prints and drops errors of a file it writes to."""
     rate = Fraction(fps).limit_denominator(1001)
-    count, file = 0, BytesIO()
+    file = BytesIO()
     with av.open(file, "w", format="mp4") as container:
         stream = container.add_stream("libx264", rate=rate, options={"crf": CONSTANT_RATE_FACTOR, "preset": "medium"})
         stream.height, stream.width, stream.pix_fmt = shape[0], shape[1], "yuv420p"
@@ -108,6 +104,5 @@ def _encoded(
             frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
             frame = frame.reformat(format="yuv420p", dst_colorspace=BT709, dst_color_range=LIMITED_RANGE)
             container.mux(stream.encode(frame))
-            count += 1
         container.mux(stream.encode(None))
-    return file.getbuffer(), count
+    return file.getbuffer()
