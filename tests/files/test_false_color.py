@@ -7,9 +7,8 @@ from ringlight.files.false_color import (
     FARTHEST_GRAY,
     depth_picture,
     depth_range,
-    normal_picture,
-    residual_picture,
-    scalar_picture,
+    gray_picture,
+    signed_picture,
 )
 
 
@@ -37,7 +36,7 @@ def test_floaters_and_thin_pixels_do_not_set_the_scale() -> None:
 def test_an_empty_picture_is_black() -> None:
     empty = torch.zeros(4, 5, 1)
     assert depth_range(empty, empty) == (0.0, 1.0)
-    assert (depth_picture(empty, empty) == 0).all()
+    assert (depth_picture(empty, empty, (0.0, 1.0)) == 0).all()
 
 
 def test_a_picture_larger_than_a_quantile_may_be() -> None:
@@ -48,7 +47,6 @@ def test_a_picture_larger_than_a_quantile_may_be() -> None:
 
 def test_signed_values_sit_around_middle_gray() -> None:
     values = torch.tensor([[[-1.0, 0.0, 1.0]]])
-    assert normal_picture(values).tolist() == [[[0.0, 0.5, 1.0]]]
-    assert residual_picture(values / 4).tolist() == [[[0.375, 0.5, 0.625]]]
-    assert residual_picture(values, gain=5.0).tolist() == [[[0.0, 0.5, 1.0]]]
-    assert scalar_picture(torch.tensor([[[0.25]]])).tolist() == [[[0.25, 0.25, 0.25]]]
+    assert signed_picture(values / 4).tolist() == [[[0.375, 0.5, 0.625]]]
+    assert signed_picture(5 * values).tolist() == [[[0.0, 0.5, 1.0]]]
+    assert gray_picture(torch.tensor([[[0.25]]])).tolist() == [[[0.25, 0.25, 0.25]]]

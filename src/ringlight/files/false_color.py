@@ -16,23 +16,21 @@ COVERED = 0.5
 MOST_SAMPLES = 1 << 20
 """torch.quantile refuses more than 16 million values; a regular subset serves."""
 
-Range = tuple[float, float]
-
 
 def depth_picture(
-    depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"], near_far: Range | None = None
+    depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"], near_far: tuple[float, float]
 ) -> Float[Tensor, "H W 3"]:
     """Depth of the surface (camera z, world units) as gray: near white, far dark, nothing black.
 
-    ``near_far`` fixes the scale, so that the pictures of a film agree; else it is :func:`depth_range`.
+    ``near_far`` is the scale, one for all pictures of a film; see :func:`depth_range`.
     """
-    near, far = near_far or depth_range(depth, alpha)
+    near, far = near_far
     share = ((depth - near) / max(far - near, 1e-12)).clamp(0, 1)
     gray = (1 - share * (1 - FARTHEST_GRAY)) * alpha.clamp(0, 1)
-    return scalar_picture(gray)
+    return gray_picture(gray)
 
 
-def depth_range(depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"]) -> Range:
+def depth_range(depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"]) -> tuple[float, float]:
     """Near and far of the covered pixels, world units, without the outer 2 percent; (0, 1) for an empty picture."""
     distances = depth[alpha >= COVERED]
     distances = distances[distances.isfinite()]
@@ -43,16 +41,11 @@ def depth_range(depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"]) ->
     return (near, far)
 
 
-def normal_picture(normals: Float[Tensor, "H W 3"]) -> Float[Tensor, "H W 3"]:
-    """World normals in [-1, 1] as colour: x red, y green, z blue, zero middle gray."""
-    return (0.5 + 0.5 * normals).clamp(0, 1)
+def signed_picture(values: Float[Tensor, "H W 3"]) -> Float[Tensor, "H W 3"]:
+    """Signed colours, or directions with x red, y green and z blue, in [-1, 1] around middle gray."""
+    return (0.5 + 0.5 * values).clamp(0, 1)
 
 
-def residual_picture(difference: Float[Tensor, "H W 3"], gain: float = 1.0) -> Float[Tensor, "H W 3"]:
-    """A signed colour in [-1, 1] times ``gain`` around middle gray."""
-    return (0.5 + 0.5 * gain * difference).clamp(0, 1)
-
-
-def scalar_picture(values: Float[Tensor, "H W 1"]) -> Float[Tensor, "H W 3"]:
+def gray_picture(values: Float[Tensor, "H W 1"]) -> Float[Tensor, "H W 3"]:
     """One value in [0, 1] as gray."""
     return values.clamp(0, 1).expand(-1, -1, 3)
