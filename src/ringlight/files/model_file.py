@@ -85,7 +85,13 @@ def write_model_file(path: Path, tensors: Mapping[str, Tensor] | Packed, header:
 def read_model_file(path: Path) -> ModelFile:
     """Tensors and header. Raises ModelFileError for a file that is cut, damaged, newer, or no model of ours."""
     # The header first: a newer format may place its tensors in a way that this program would call damage.
-    metadata = _metadata_of(path)
+    metadata = read_metadata(path)
+    if metadata.get("program") != PROGRAM:
+        raise ModelFileError(
+            f"{path}: is a safetensors file, but not a ringlight model; name a model.safetensors "
+            "written by 'ringlight train'"
+        )
+    _refuse_newer(path, metadata)
     header = _header_from(path, metadata)
     packing = {name: str(kind) for name, kind in _object(path, metadata, "packing").items()}
     stored = Packed(read_tensors(path).tensors, packing)
@@ -94,23 +100,6 @@ def read_model_file(path: Path) -> ModelFile:
     except ModelFileError as error:
         raise ModelFileError(f"{path}: the file is damaged: {error}; {REMEDY}") from None
     return ModelFile(tensors, header, stored)
-
-
-def read_model_header(path: Path) -> ModelHeader:
-    """The header alone, without reading the tensors. Raises as :func:`read_model_file`."""
-    return _header_from(path, _metadata_of(path))
-
-
-def _metadata_of(path: Path) -> dict[str, str]:
-    """The metadata of a model file that this version reads."""
-    metadata = read_metadata(path)
-    if metadata.get("program") != PROGRAM:
-        raise ModelFileError(
-            f"{path}: is a safetensors file, but not a ringlight model; name a model.safetensors "
-            "written by 'ringlight train'"
-        )
-    _refuse_newer(path, metadata)
-    return metadata
 
 
 def _metadata_from(header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
@@ -137,22 +126,18 @@ def _refuse_newer(path: Path, metadata: dict[str, str]) -> None:
 
 def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
     """Raises ModelFileError that names the first field that is missing or not what it should be."""
-    texts = {name: _text(path, metadata, name) for name in ("method", "preset", "created", "noun")}
-    objects = {name: _object(path, metadata, name) for name in ("recipe", "scene", "metrics", "versions", "storage")}
-    numbers = {name: _number(path, metadata, name) for name in ("step", "counted")}
-    versions = {name: str(version) for name, version in objects["versions"].items()}
     return ModelHeader(
-        method=texts["method"],
-        preset=texts["preset"],
-        recipe=objects["recipe"],
-        step=numbers["step"],
-        scene=_scene_from(path, objects["scene"]),
-        metrics=objects["metrics"],
-        versions=versions,
-        created=texts["created"],
-        counted=numbers["counted"],
-        noun=texts["noun"],
-        storage=objects["storage"],
+        method=_text(path, metadata, "method"),
+        preset=_text(path, metadata, "preset"),
+        recipe=_object(path, metadata, "recipe"),
+        step=_number(path, metadata, "step"),
+        scene=_scene_from(path, _object(path, metadata, "scene")),
+        metrics=_object(path, metadata, "metrics"),
+        versions={name: str(version) for name, version in _object(path, metadata, "versions").items()},
+        created=_text(path, metadata, "created"),
+        counted=_number(path, metadata, "counted"),
+        noun=_text(path, metadata, "noun"),
+        storage=_object(path, metadata, "storage"),
     )
 
 
