@@ -7,10 +7,10 @@ not read. A model with points but without observations is fine.
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ringlight.core.scene import PointCloud, Scene
+from ringlight.core.scene import Scene
 from ringlight.data import colmap_binary, colmap_text
 from ringlight.data.capture import Capture, Frame, hold_out, scene_from
-from ringlight.data.colmap_model import ColmapCamera, ColmapImage, pinhole
+from ringlight.data.colmap_model import ColmapImage, pinhole
 from ringlight.data.folder import image_inside, require_none_missing
 from ringlight.data.images import read_header
 from ringlight.data.intrinsics import Intrinsics
@@ -32,15 +32,6 @@ class SubModel:
     suffix: str
     images: list[ColmapImage]
 
-    def cameras(self) -> dict[int, ColmapCamera]:
-        """Cameras by id."""
-        return READERS[self.suffix].read_cameras(self.folder / f"cameras{self.suffix}")
-
-    def points(self) -> PointCloud | None:
-        """The points, or None where their file is missing."""
-        path = self.folder / f"points3D{self.suffix}"
-        return READERS[self.suffix].read_points(path) if path.is_file() else None
-
 
 def recognises(folder: Path) -> bool:
     """Whether the folder holds a COLMAP model."""
@@ -53,7 +44,10 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     Raises:
         SceneError: damaged files, images that are missing or outside the folder, a lens that is not a pinhole.
     """
-    models = [_sub_model(path) for path in _model_folders(folder)]
+    models = [
+        SubModel(path, suffix, READERS[suffix].read_images(path / f"images{suffix}"))
+        for path, suffix in _model_folders(folder)
+    ]
     model = max(models, key=lambda candidate: len(candidate.images))
     if not model.images:
         raise SceneError(f"{model.folder}: registers no images; run the mapper with more overlapping photographs")
@@ -61,7 +55,9 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     images, options = _image_folder(folder, options)
     frames = _frames(model, images, folder)
     train, test, split = hold_out(frames, options.holdout_every, model.folder)
-    capture = Capture("colmap", train, test, model.points(), (*notes, split, f"photographs: {images.name}"))
+    path = model.folder / f"points3D{model.suffix}"
+    points = READERS[model.suffix].read_points(path) if path.is_file() else None
+    capture = Capture("colmap", train, test, points, (*notes, split, f"photographs: {images.name}"))
     return scene_from(capture, folder, options)
 
 
@@ -70,17 +66,8 @@ def _model_folders(folder: Path) -> list[tuple[Path, str]]:
     if not sparse.is_dir():
         return []
     candidates = [sparse, *sorted(path for path in sparse.iterdir() if path.is_dir())]
-    found = []
-    for path in candidates:
-        suffix = next((suffix for suffix in READERS if (path / f"cameras{suffix}").is_file()), None)
-        if suffix is not None:
-            found.append((path, suffix))
-    return found
-
-
-def _sub_model(found: tuple[Path, str]) -> SubModel:
-    folder, suffix = found
-    return SubModel(folder, suffix, READERS[suffix].read_images(folder / f"images{suffix}"))
+    suffixes = [next((one for one in READERS if (path / f"cameras{one}").is_file()), None) for path in candidates]
+    return [(path, suffix) for path, suffix in zip(candidates, suffixes, strict=True) if suffix]
 
 
 def _model_note(models: list[SubModel], chosen: SubModel) -> tuple[str, ...]:
@@ -123,7 +110,7 @@ def _frames(model: SubModel, images: Path, folder: Path) -> list[Frame]:
 def _lenses(model: SubModel, images: Path, folder: Path) -> dict[int, Intrinsics]:
     """The pinholes that the images use; a camera of no image may be of any kind."""
     source = model.folder / f"cameras{model.suffix}"
-    cameras = model.cameras()
+    cameras = READERS[model.suffix].read_cameras(source)
     remedy = (
         f"undistort with: colmap image_undistorter --image_path {images} --input_path {model.folder} "
         f"--output_path {folder / 'undistorted'}, and train on {folder / 'undistorted'}"

@@ -68,16 +68,13 @@ def _records(path: Path, parse: Callable[[str], Record], lines_each: int = 1) ->
         if pass_over:
             pass_over -= 1
         elif line.strip() and not line.startswith("#"):
-            records.append(_parsed(line, parse, f"{path}, line {number}"))
+            try:
+                records.append(parse(line))
+            except (ValueError, OverflowError) as error:
+                where, shown = f"{path}, line {number}", line[:60].strip()
+                raise SceneError(f"{where}: cannot be read ({shown!r}); copy or export the file again") from error
             pass_over = lines_each - 1
     stated = STATED_COUNT.search(text)
     if stated is not None and int(stated[1]) != len(records):
         raise SceneError(f"{path}: says that it holds {stated[1]} records but holds {len(records)}; copy it again")
     return records
-
-
-def _parsed(line: str, parse: Callable[[str], Record], where: str) -> Record:
-    try:
-        return parse(line)
-    except (ValueError, OverflowError) as error:
-        raise SceneError(f"{where}: cannot be read ({line[:60].strip()!r}); copy or export the file again") from error

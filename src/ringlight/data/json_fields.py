@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +14,8 @@ from ringlight.errors import SceneError
 
 Fields = Mapping[str, Any]
 """One JSON object."""
+
+Default = TypeVar("Default", float, None)
 
 
 def read_object(path: Path) -> Fields:
@@ -32,15 +34,13 @@ def read_object(path: Path) -> Fields:
     return document
 
 
-def number(fields: Fields, name: str, where: str) -> float | None:
-    """The finite number called ``name``, or None where it is absent.
+def number(fields: Fields, name: str, where: str, otherwise: Default) -> float | Default:
+    """The finite number called ``name``, or ``otherwise`` where it is absent.
 
     Raises:
         SceneError: present, but not a finite number.
     """
-    if name not in fields:
-        return None
-    return finite(fields[name], f"{where}: {name!r}")
+    return finite(fields[name], f"{where}: {name!r}") if name in fields else otherwise
 
 
 def finite(value: object, what: str) -> float:

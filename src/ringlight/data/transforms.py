@@ -68,26 +68,20 @@ def read_intrinsics(fields: Fields, header: ImageHeader, where: str) -> Intrinsi
         SceneError: no focal length, a lens with distortion or another projection, unusable numbers.
     """
     _require_pinhole(fields, where)
-    width = _side(fields, "w", header.width, where)
-    height = _side(fields, "h", header.height, where)
+    width = number(fields, "w", where, float(header.width))
+    height = number(fields, "h", where, float(header.height))
     focal_x, focal_y = _focal(fields, "x", width, where), _focal(fields, "y", height, where)
     either = focal_x if focal_x is not None else focal_y
     if either is None:
         raise SceneError(f"{where} has neither 'fl_x' nor 'camera_angle_x'; export the cameras with a focal length")
     focal = (either if focal_x is None else focal_x, either if focal_y is None else focal_y)
-    center_x, center_y = number(fields, "cx", where), number(fields, "cy", where)
-    center = (width / 2 if center_x is None else center_x, height / 2 if center_y is None else center_y)
+    center = (number(fields, "cx", where, width / 2), number(fields, "cy", where, height / 2))
     return checked_intrinsics(focal, center, (width, height), where).on_image(header.width, header.height, where)
 
 
-def _side(fields: Fields, name: str, of_image: int, where: str) -> float:
-    stated = number(fields, name, where)
-    return float(of_image) if stated is None else stated
-
-
 def _focal(fields: Fields, axis: str, side: float, where: str) -> float | None:
-    focal = number(fields, f"fl_{axis}", where)
-    angle = number(fields, f"camera_angle_{axis}", where)
+    focal = number(fields, f"fl_{axis}", where, None)
+    angle = number(fields, f"camera_angle_{axis}", where, None)
     if focal is not None or angle is None:
         return focal
     if not 0 < angle < math.pi:
@@ -104,6 +98,6 @@ def _require_pinhole(fields: Fields, where: str) -> None:
     projection = next((key for key in OTHER_PROJECTIONS if fields.get(key)), None)
     if projection is not None:
         raise SceneError(f"{where} has a lens that is not a pinhole ({projection!r}); {remedy}")
-    bent = [name for name in DISTORTION if number(fields, name, where)]
+    bent = [name for name in DISTORTION if number(fields, name, where, None)]
     if bent:
         raise SceneError(f"{where} has a lens with distortion ({', '.join(bent)} not zero); {remedy}")
