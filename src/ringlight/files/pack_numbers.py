@@ -74,10 +74,7 @@ def unpack_rows(parts: Parts) -> Float[Tensor, "*shape"]:
 
 def _row_dimensions(shape: torch.Size) -> int:
     """Leading dimensions that number the rows."""
-    for count in range(len(shape) - 1, 0, -1):
-        if math.prod(shape[count:]) >= SHORTEST_ROW:
-            return count
-    return 0
+    return next((count for count in range(len(shape) - 1, 0, -1) if math.prod(shape[count:]) >= SHORTEST_ROW), 0)
 
 
 def pack_fixed(values: Float[Tensor, "N *column"], width: int) -> Parts:

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from ringlight.core.raw_bytes import FLOAT_BYTES
 from ringlight.measure.report import Report
+from ringlight.measure.table import markdown_row
 
 ALL_SCENES = "all scenes"
 
@@ -148,10 +149,9 @@ class StudyTable:
         """A GitHub table for each scene."""
         lines = []
         for scene in dict.fromkeys(row.scene for row in self.rows):
-            lines += [f"**{scene}**", "", _line(HEADINGS), _line([":--", ":--", *["--:"] * (len(HEADINGS) - 2)])]
-            shown = [_cells(row) for row in self.rows if row.scene == scene]
-            lines += [_line([text.replace("|", "\\|") for text in cells]) for cells in shown]
-            lines.append("")
+            rulers = [":--", ":--", *["--:"] * (len(HEADINGS) - 2)]
+            lines += [f"**{scene}**", "", markdown_row(HEADINGS), markdown_row(rulers)]
+            lines += [*(markdown_row(_cells(row)) for row in self.rows if row.scene == scene), ""]
         return "\n".join([*lines, NOTE.replace("*", "\\*"), ""])
 
     def csv(self) -> str:
@@ -200,7 +200,3 @@ def _written(spread: Spread, digits: int) -> str:
     if spread.deviation is None:
         return f"{spread.mean:.{digits}f}"
     return f"{spread.mean:.{digits}f} ± {spread.deviation:.{digits}f}"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"

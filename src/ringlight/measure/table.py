@@ -49,12 +49,10 @@ class ResultsTable:
         """All columns as a GitHub table, the best values of each scene in bold; ends with the notes."""
         grid = self._grid()
         lines = [
-            _markdown_line([column.title for column in grid.columns]),
-            _markdown_line([":--" if column.is_name else "--:" for column in grid.columns]),
+            markdown_row([column.title for column in grid.columns]),
+            markdown_row([":--" if column.is_name else "--:" for column in grid.columns]),
+            *(markdown_row([f"**{cell.text}**" if cell.best else cell.text for cell in row]) for row in grid.rows()),
         ]
-        for row in grid.rows():
-            texts = [cell.text.replace("|", "\\|") for cell in row]
-            lines.append(_markdown_line([f"**{t}**" if c.best else t for t, c in zip(texts, row, strict=True)]))
         return "\n".join([*lines, *(f"\n{note}" for note in self.notes())]) + "\n"
 
     def notes(self) -> tuple[str, ...]:
@@ -138,8 +136,9 @@ def _styled(cell: Cell, width: int) -> Text:
     return Text(text, style="bold green" if cell.best else "dim" if cell.text == MISSING else "")
 
 
-def _markdown_line(texts: list[str]) -> str:
-    return "| " + " | ".join(texts) + " |"
+def markdown_row(texts: Sequence[str]) -> str:
+    """A line of a GitHub table."""
+    return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"
 
 
 def _common_lpips(reports: Sequence[Report]) -> str | None:
