@@ -6,7 +6,7 @@ import pickle
 
 import torch
 
-from ringlight.core.camera import Camera
+from ringlight.core.camera import Camera, picture_sizes
 
 
 def looking_at_origin(distance: float = 4.0) -> Camera:
@@ -35,6 +35,12 @@ def test_resizing_keeps_the_field_of_view():
     fov = [2 * math.atan(c.width / 2 / c.focal[0]) for c in (camera, half)]
     assert math.isclose(*fov)
     assert half.center == (16.0, 12.0)
+
+
+def test_sizes_in_words():
+    wide, narrow = looking_at_origin(), looking_at_origin().resized(24, 20)
+    assert picture_sizes([wide, wide], "..") == "64x48"
+    assert picture_sizes([wide, narrow, wide], "..") == "24x20..64x48"
 
 
 def test_points_lie_in_the_pixels_whose_rays_meet_them():

@@ -12,7 +12,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.core.scene import View
 from ringlight.errors import SceneError
 from ringlight.measure import evaluate as module
-from ringlight.measure.evaluate import evaluate, resolution
+from ringlight.measure.evaluate import evaluate
 from ringlight.measure.json_record import from_json, to_json
 from ringlight.measure.report import Report
 
@@ -144,8 +144,3 @@ def test_the_scores_are_fields_of_a_report():
     report = Report(**(vars(sample_report()) | vars(scores)))
     assert report.psnr == scores.psnr
     assert from_json(Report, to_json(report), "here.json") == report
-
-
-def test_resolution_in_words():
-    assert resolution([view(), view()]) == "24x20"
-    assert resolution([view(width=30), view()]) == "24x20..30x20"

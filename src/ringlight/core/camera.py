@@ -3,6 +3,7 @@
 Conventions: OpenCV axes (x right, y down, z forward); pixel centres at ``.5``; depth is camera ``z``.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -115,3 +116,9 @@ class Camera:
             width=width,
             height=height,
         )
+
+
+def picture_sizes(cameras: Sequence[Camera], between: str) -> str:
+    """The size of all pictures in pixels, as "400x400", or the smallest and the largest with ``between`` in between."""
+    sizes = sorted({(camera.width, camera.height) for camera in cameras})
+    return between.join(dict.fromkeys(f"{width}x{height}" for width, height in (sizes[0], sizes[-1])))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from ringlight.core.camera import Camera
+from ringlight.core.camera import Camera, picture_sizes
 from ringlight.core.memory import machine_memory
 from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data.images import FILTER_NOTE, Photograph, PixelBudget, target_size
@@ -103,14 +103,8 @@ def _background(views: tuple[View, ...], options: SceneOptions) -> str:
 
 
 def _size_note(frames: Sequence[Frame], views: tuple[View, ...]) -> str:
-    before = _sizes([frame.camera for frame in frames])
-    after = _sizes([view.camera for view in views])
+    before = picture_sizes([frame.camera for frame in frames], " to ")
+    after = picture_sizes([view.camera for view in views], " to ")
     if before == after:
         return f"images: {after} pixels, as they are"
     return f"images: {before} pixels downscaled to {after} by {FILTER_NOTE}"
-
-
-def _sizes(cameras: list[Camera]) -> str:
-    sizes = sorted({(camera.width, camera.height) for camera in cameras})
-    widest = f"{sizes[-1][0]}x{sizes[-1][1]}"
-    return widest if len(sizes) == 1 else f"{sizes[0][0]}x{sizes[0][1]} to {widest}"

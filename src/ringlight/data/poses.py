@@ -3,6 +3,7 @@
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from ringlight.core.camera import Camera
 from ringlight.data.intrinsics import Intrinsics
@@ -53,16 +54,8 @@ def world_to_camera_from_quaternion(
     if not np.isfinite(numbers).all() or np.abs(translation).max() > MAX_COORDINATE or largest < 1e-6:
         raise SceneError(f"{where} has a pose that is not finite or has no direction; run the mapper again")
     # Divided first: squares of damaged numbers near 1e300 would leave the range of float64.
-    direction = quaternion / largest
-    w, x, y, z = direction / np.linalg.norm(direction)
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return rigid_matrix(rotation, translation)
+    w, x, y, z = quaternion / largest
+    return rigid_matrix(Rotation.from_quat([x, y, z, w]).as_matrix(), translation)
 
 
 def nearest_rotation(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"] | None:

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.core.camera import Camera
+from ringlight.core.camera import Camera, picture_sizes
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import View
 from ringlight.errors import SceneError
@@ -70,14 +70,8 @@ def evaluate(
             keep_images(view, image, truth)
         if progress is not None:
             progress(done, len(views))
-    return _means(tuple(images), metrics.psnr_pooled(squared_errors), resolution(views), note)
-
-
-def resolution(views: Sequence[View]) -> str:
-    """Width and height of the views in pixels: "400x400", or the smallest and the largest, "976x541..980x545"."""
-    sizes = sorted({(view.camera.width, view.camera.height) for view in views})
-    first, last = (f"{width}x{height}" for width, height in (sizes[0], sizes[-1]))
-    return first if first == last else f"{first}..{last}"
+    size = picture_sizes([view.camera for view in views], "..")
+    return _means(tuple(images), metrics.psnr_pooled(squared_errors), size, note)
 
 
 def _score(

@@ -10,7 +10,7 @@ from statistics import median
 import torch
 
 from ringlight import _kernels
-from ringlight.core.camera import Camera
+from ringlight.core.camera import Camera, picture_sizes
 from ringlight.core.rendering import Rendering
 
 MATRIX_SIDE = 1024
@@ -56,11 +56,9 @@ def frames_per_second(
             _one_pass(render, cameras, device)
         while not times or (len(times) < passes and time.perf_counter() - begun < max_seconds):
             times.append(_one_pass(render, cameras, device))
-    sizes = sorted({(camera.width, camera.height) for camera in cameras})
-    size = " to ".join(dict.fromkeys(f"{width}x{height}" for width, height in (sizes[0], sizes[-1])))
     note = (
-        f"render call only, {len(cameras)} views of {size}, one at a time, median of {len(times)} passes "
-        f"after {warmup_passes} to warm up, on {device_name(device)}"
+        f"render call only, {len(cameras)} views of {picture_sizes(cameras, ' to ')}, one at a time, "
+        f"median of {len(times)} passes after {warmup_passes} to warm up, on {device_name(device)}"
     )
     return FrameRate(len(cameras) / median(times), note)
 
