@@ -84,15 +84,6 @@ class _Place:
     end: int
 
 
-@dataclass(frozen=True)
-class _Header:
-    """Metadata with the checksum, the places in the order of the data, and the bytes that said so."""
-
-    metadata: dict[str, str]
-    places: dict[str, _Place]
-    encoded: bytes
-
-
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
     """Write all or nothing, with a checksum; equal content gives equal bytes. Raises OutputError."""
     # Wide types first, then by name: with the aligned start this keeps every tensor aligned to its own type.
@@ -122,25 +113,26 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[s
 def read_tensors(path: Path, *, checksum_required: bool = False) -> TensorFile:
     """The whole file. Raises ModelFileError for a file that is missing, cut, damaged or something else."""
     with _opened(path) as file:
-        header = _read_header(path, file)
-        stated = header.metadata.get(CHECKSUM)
-        blanked = header.encoded if stated is None else header.encoded.replace(_stated(stated), _stated(BLANK), 1)
-        summed = hashlib.blake2b(blanked, digest_size=CHECKSUM_BYTES)
-        tensors = {}
-        for name, place in header.places.items():
-            tensors[name] = _read_tensor(path, file, place)
-            summed.update(_bytes_of(tensors[name]))
+        metadata, places, encoded = _read_header(path, file)
+        tensors = {name: _read_tensor(path, file, place) for name, place in places.items()}
+    stated = metadata.pop(CHECKSUM, None)
     if stated is None and checksum_required:
         raise ModelFileError(f"{path}: the file is damaged: it has no checksum; {REMEDY}")
-    if stated is not None and stated != summed.hexdigest():
-        raise ModelFileError(f"{path}: the file is damaged: its checksum is another than that of its bytes; {REMEDY}")
-    return TensorFile(tensors, _shown(header.metadata))
+    if stated is not None:
+        blanked = encoded.replace(_stated(stated), _stated(BLANK), 1)
+        if stated != _checksum(blanked, map(_bytes_of, tensors.values())):
+            raise ModelFileError(
+                f"{path}: the file is damaged: its checksum is another than that of its bytes; {REMEDY}"
+            )
+    return TensorFile(tensors, metadata)
 
 
 def read_metadata(path: Path) -> dict[str, str]:
     """The strings alone, without reading the tensors; sizes are checked all the same, the checksum is not."""
     with _opened(path) as file:
-        return _shown(_read_header(path, file).metadata)
+        metadata, _, _ = _read_header(path, file)
+    metadata.pop(CHECKSUM, None)
+    return metadata
 
 
 def _checksum(encoded: bytes, values: Iterable[memoryview]) -> str:
@@ -154,10 +146,6 @@ def _checksum(encoded: bytes, values: Iterable[memoryview]) -> str:
 def _stated(checksum: str) -> bytes:
     """The checksum's entry as it stands in a header of ours."""
     return f'"{CHECKSUM}":"{checksum}"'.encode()
-
-
-def _shown(metadata: dict[str, str]) -> dict[str, str]:
-    return {name: text for name, text in metadata.items() if name != CHECKSUM}
 
 
 @contextmanager
@@ -187,8 +175,9 @@ def _read_tensor(path: Path, file: BinaryIO, place: _Place) -> Tensor:
     return tensor
 
 
-def _read_header(path: Path, file: BinaryIO) -> _Header:
-    """Leaves ``file`` at the first data byte."""
+def _read_header(path: Path, file: BinaryIO) -> tuple[dict[str, str], dict[str, _Place], bytes]:
+    """Metadata with the checksum, the places in the order of the data, and the bytes that said so; leaves ``file`` at
+    the first data byte."""
     size = file.seek(0, 2)
     file.seek(0)
     if size == 0:
@@ -213,7 +202,7 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
     if not all(map(_is_text, header)):
         raise ModelFileError(f"{path}: the file is damaged: a tensor's name is no text; {REMEDY}")
     places = {name: _place(path, name, entry) for name, entry in header.items()}
-    return _Header(metadata, _checked(path, places, size - 8 - length), encoded)
+    return metadata, _checked(path, places, size - 8 - length), encoded
 
 
 def _is_text(value: object) -> bool:
