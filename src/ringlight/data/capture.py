@@ -49,11 +49,8 @@ def hold_out(frames: Sequence[Frame], every: int, source: Path) -> tuple[list[Fr
         raise SceneError(f"{source}: {len(frames)} image is too few to hold one out for testing; add photographs")
     ordered = sorted(frames, key=lambda frame: frame.name)
     train = [frame for index, frame in enumerate(ordered) if index % every]
-    return (
-        train,
-        ordered[::every],
-        f"split: of the images sorted by name, each with index % {every} == 0 is a test image",
-    )
+    note = f"split: of the images sorted by name, each with index % {every} == 0 is a test image"
+    return train, ordered[::every], note
 
 
 def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
@@ -80,10 +77,8 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
 
 def _for_validation(capture: Capture, folder: Path) -> Capture:
     """Every 10th training view, from the first, in place of the test views."""
-    held, kept = (
-        capture.train[::VALIDATION_EVERY],
-        [frame for index, frame in enumerate(capture.train) if index % VALIDATION_EVERY],
-    )
+    held = capture.train[::VALIDATION_EVERY]
+    kept = [frame for index, frame in enumerate(capture.train) if index % VALIDATION_EVERY]
     if not kept:
         raise SceneError(f"{folder}: 1 training image is too few for --validate; add photographs")
     note = f"validation: each training image with index % {VALIDATION_EVERY} == 0 is measured, in place of test images"

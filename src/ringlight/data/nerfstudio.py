@@ -20,9 +20,6 @@ LOOKS_FOR = "transforms.json"
 DEFAULT_POINTS = "sparse_pc.ply"
 """Where nerfstudio keeps SfM points if the JSON does not say."""
 
-Split = tuple[list[Frame], list[Frame], str]
-"""Training frames, test frames, and the rule in words."""
-
 
 def recognises(folder: Path) -> bool:
     """Whether the folder holds a transforms.json."""
@@ -43,8 +40,8 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     return scene_from(Capture("nerfstudio", train, test, _points(document, file), (note,)), folder, options)
 
 
-def _listed_split(document: Fields, frames: list[Frame], file: Path) -> Split | None:
-    """The split that the file states: test images, or without them validation images, are kept from training."""
+def _listed_split(document: Fields, frames: list[Frame], file: Path) -> tuple[list[Frame], list[Frame], str] | None:
+    """As :func:`hold_out`, what the file states: test images, or else validation images, are kept from training."""
     train_names = texts(document, "train_filenames", str(file))
     test_key = "test_filenames" if "test_filenames" in document else "val_filenames"
     test_names = texts(document, test_key, str(file))

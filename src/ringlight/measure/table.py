@@ -102,13 +102,10 @@ class _Grid:
         scenes = [[[row[index] for index in kept] for row in rows] for rows in self.scenes]
         return _Grid([self.columns[index] for index in kept], scenes)
 
-    def widths(self) -> list[int]:
-        texts = [[column.title, *(row[i].text for row in self.rows())] for i, column in enumerate(self.columns)]
-        return [max(map(len, column)) for column in texts]
-
     def fitted(self, width: int) -> Table:
         """The table in ``width`` characters: names are cut first, then the least important columns go."""
-        widths = self.widths()
+        texts = [[column.title, *(row[i].text for row in self.rows())] for i, column in enumerate(self.columns)]
+        widths = [max(map(len, column)) for column in texts]
         excess = sum(widths) + GAP * (len(widths) - 1) - width
         for index in sorted(range(len(widths)), key=lambda i: -widths[i]):
             if self.columns[index].is_name:
