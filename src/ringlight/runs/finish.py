@@ -11,6 +11,7 @@ from torch import Tensor
 
 import ringlight
 from ringlight.core.camera import Camera
+from ringlight.core.raw_bytes import bytes_by_part
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene, View
 from ringlight.core.want import Want
@@ -24,7 +25,6 @@ from ringlight.measure.lpips import Net
 from ringlight.measure.machine import machine, source_commit
 from ringlight.measure.picture_names import picture_name
 from ringlight.measure.report import Report, read_report
-from ringlight.measure.size import bytes_by_part
 from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.table import method_of
 from ringlight.models.contract import Model

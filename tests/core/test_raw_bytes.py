@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from ringlight.measure.size import bytes_by_part
+from ringlight.core.raw_bytes import bytes_by_part
 
 
 def test_parts_are_counted_at_32_bit():
