@@ -19,6 +19,8 @@ MATRIX_SIDE = 1024
 COPY_BYTES = 128 * 2**20
 """Larger than the last-level cache of most processors, so that memory is measured."""
 
+PASSES, MAX_SECONDS = 3, 30.0
+"""Passes over the cameras that are timed; none is begun after so long, the one that warms up included."""
 
 FMA_ROUNDS = 20_000
 """Of each piece: a millisecond or less on any machine."""
@@ -35,30 +37,22 @@ class FrameRate:
     note: str
 
 
-def frames_per_second(
-    render: Callable[[Camera], Rendering],
-    cameras: Sequence[Camera],
-    *,
-    warmup_passes: int = 1,
-    passes: int = 3,
-    max_seconds: float = 30.0,
-) -> FrameRate:
+def frames_per_second(render: Callable[[Camera], Rendering], cameras: Sequence[Camera]) -> FrameRate:
     """Time the render call alone, all cameras one after the other, without gradients.
 
-    No pass is begun after ``max_seconds``, but one is always timed, so that a slow back end gets its number too.
+    No pass is begun after MAX_SECONDS, but one is always timed, so that a slow back end gets its number too.
     CUDA work is waited for before each reading of the clock. There must be at least one camera.
     """
     begun = time.perf_counter()
     times: list[float] = []
     with torch.no_grad():
         device = render(cameras[0]).color.device
-        for _ in range(warmup_passes):
-            _one_pass(render, cameras, device)
-        while not times or (len(times) < passes and time.perf_counter() - begun < max_seconds):
+        _one_pass(render, cameras, device)
+        while not times or (len(times) < PASSES and time.perf_counter() - begun < MAX_SECONDS):
             times.append(_one_pass(render, cameras, device))
     note = (
         f"render call only, {len(cameras)} views of {picture_sizes(cameras, ' to ')}, one at a time, "
-        f"median of {len(times)} passes after {warmup_passes} to warm up, on {device_name(device)}"
+        f"median of {len(times)} passes after 1 to warm up, on {device_name(device)}"
     )
     return FrameRate(len(cameras) / median(times), note)
 
