@@ -21,7 +21,6 @@ from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, Rate
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
 from torch_graph import channels, shaded
@@ -113,7 +112,7 @@ def test_visibility_mask(data: st.DataObject, count: int):
 def steps_of_adam(value: Tensor, gradients: list[Tensor]) -> tuple[Tensor, int]:
     mean, square, kept = torch.zeros_like(value), torch.zeros_like(value), 0
     for number, gradient in enumerate(gradients, 1):
-        kept += adam_([Update(value, gradient, mean, square, Adam(Rate.constant(0.01)), 0.01, number)])
+        kept += adam_([Update(value, gradient, mean, square, (0.01, 0.9, 0.999, 1e-15, number))])
     assert_finite(mean=mean, square=square)
     return value, kept
 

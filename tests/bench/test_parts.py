@@ -5,7 +5,7 @@ import torch
 
 from ringlight.bench import step_parts
 from ringlight.bench.parts import bench_parts
-from ringlight.bench.step_parts import BALL_RADIUS, GROUP, PARTS, torch_step
+from ringlight.bench.step_parts import BALL_RADIUS, BETAS, EPSILON, PARTS, RATE, torch_step
 from ringlight.bench.timing import Budget
 from ringlight.bench.workload import Size
 from ringlight.errors import RecipeError
@@ -65,7 +65,7 @@ def test_torchs_step_is_ours(fused):
     step()
     [theirs] = step.__self__.param_groups[0]["params"]
     ours = column.clone()
-    adam_([Update(ours, gradient, torch.zeros(7, 3), torch.zeros(7, 3), GROUP, GROUP.rate.start, 1)])
+    adam_([Update(ours, gradient, torch.zeros(7, 3), torch.zeros(7, 3), (RATE, *BETAS, EPSILON, 1))])
     torch.testing.assert_close(theirs.detach(), ours, rtol=0, atol=1e-6)
     assert torch.equal(column, torch.ones(7, 3))
 

@@ -13,7 +13,6 @@ from ringlight.core.gradients import Gradients, dense
 from ringlight.core.scene import PointCloud
 from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
-from ringlight.fit.rates import Adam, Rate
 from torch_graph import channels
 
 DEGREES = (0, 1, 2, 3)
@@ -177,11 +176,11 @@ def test_adam_by_factors_equals_adam_by_the_gradient_written_down(kernels, degre
     used = (degree + 1) ** 2 - 1
     moments = torch.rand(2, count, 15, 3, generator=torch.Generator().manual_seed(2))
     moments[:, :, used:] = 0  # as they are for harmonics that were never in use
-    group, rest = Adam(Rate.constant(0.01)), table.appearance["sh_rest"]
+    rest = table.appearance["sh_rest"]
     ends = []
     for gradient in (factors, factors.dense()):
         value, mean, square = rest.clone(), moments[0].clone(), moments[1].clone()
-        adam_([Update(value, gradient, mean, square, group, 0.01, 7)])
+        adam_([Update(value, gradient, mean, square, (0.01, 0.9, 0.999, 1e-15, 7))])
         ends.append((value, mean, square))
     assert all(torch.equal(a, b) for a, b in zip(*ends, strict=True))
     assert count == 0 or used == 0 or not torch.equal(ends[0][0], rest)

@@ -5,9 +5,8 @@ import torch
 
 from ringlight import _kernels
 from ringlight.fit.adam import Update, adam_, adam_reference_
-from ringlight.fit.rates import Adam, Rate
 
-GROUP = Adam(Rate.constant(0.01))
+BETAS, EPSILON = (0.9, 0.999), 1e-15
 ROWS = 3001
 SHAPES = ((ROWS, 3), (ROWS,), (ROWS, 15, 3), (ROWS, 4))
 
@@ -20,7 +19,8 @@ def parameters(seed: int) -> list[torch.Tensor]:
 def updates(values, gradients, moments, number: int = 1) -> list[Update]:
     rates = (0.01, 0.02, 0.005, 0.01)
     return [
-        Update(*arrays, GROUP, rate, number) for *arrays, rate in zip(values, gradients, *moments, rates, strict=True)
+        Update(*arrays, (rate, *BETAS, EPSILON, number))
+        for *arrays, rate in zip(values, gradients, *moments, rates, strict=True)
     ]
 
 
@@ -39,9 +39,9 @@ def test_kernel_and_reference_equal_torch():
     ours, references, torchs = parameters(0), parameters(0), [p.requires_grad_() for p in parameters(0)]
     moments, reference_moments = zeros(), zeros()
     judge = torch.optim.Adam(
-        [{"params": [p], "lr": u.rate} for p, u in zip(torchs, updates(ours, ours, moments), strict=True)],
-        betas=GROUP.betas,
-        eps=GROUP.epsilon,
+        [{"params": [p], "lr": u.step[0]} for p, u in zip(torchs, updates(ours, ours, moments), strict=True)],
+        betas=BETAS,
+        eps=EPSILON,
     )
     for number in range(1, 6):
         gradients = parameters(number)
@@ -94,7 +94,7 @@ def test_other_types_take_the_reference_and_gradients_may_be_strided():
     double, single = torch.ones(4, 3, dtype=torch.float64), torch.ones(4, 3)
     gradient = torch.arange(12.0).view(3, 4).T
     pair = [
-        Update(value, gradient.to(value), torch.zeros_like(value), torch.zeros_like(value), GROUP, 0.5, 1)
+        Update(value, gradient.to(value), torch.zeros_like(value), torch.zeros_like(value), (0.5, *BETAS, EPSILON, 1))
         for value in (double, single)
     ]
     adam_(pair)
@@ -111,7 +111,7 @@ def test_a_graph_that_needs_the_old_value_notices():
     value = torch.ones(3, requires_grad=True)
     later = (value * value).sum()
     with torch.no_grad():
-        adam_([Update(value, torch.ones(3), torch.zeros(3), torch.zeros(3), GROUP, 0.1, 1)])
+        adam_([Update(value, torch.ones(3), torch.zeros(3), torch.zeros(3), (0.1, *BETAS, EPSILON, 1))])
     with pytest.raises(RuntimeError, match="modified by an inplace operation"):
         later.backward()
 

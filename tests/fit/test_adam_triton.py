@@ -6,25 +6,24 @@ import torch
 import interpreted
 from ringlight.fit.adam import Update, adam_reference_
 from ringlight.fit.adam_triton import adam_by_triton_
-from ringlight.fit.rates import Adam, Rate
 
 SHAPES = ((700, 3), (700, 15, 3), (700,), (1,), (16, 9))
 
 
 def updates(shapes: tuple[tuple[int, ...], ...]) -> list[Update]:
     generator = torch.Generator().manual_seed(0)
-    group = Adam(Rate.constant(1e-2), epsilon=1e-12)
 
     def draw(shape: tuple[int, ...]) -> torch.Tensor:
         return torch.randn(shape, generator=generator).to(interpreted.DEVICE)
 
     return [
-        Update(draw(s), draw(s), draw(s), draw(s).abs(), group, 1e-2 / (n + 1), 7 * n + 1) for n, s in enumerate(shapes)
+        Update(draw(s), draw(s), draw(s), draw(s).abs(), (1e-2 / (n + 1), 0.9, 0.999, 1e-12, 7 * n + 1))
+        for n, s in enumerate(shapes)
     ]
 
 
 def copies(made: list[Update]) -> list[Update]:
-    return [Update(*(tensor.clone() for tensor in update[:4]), *update[4:]) for update in made]
+    return [Update(*(tensor.clone() for tensor in update[:4]), update.step) for update in made]
 
 
 def run(made: list[Update], radii: torch.Tensor | None = None) -> int:

@@ -15,7 +15,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.data.points import random_points
 from ringlight.data.shrunk import shrunk
 from ringlight.methods import reflection_trial as module
-from ringlight.methods.reflection_trial import FEWEST_VIEWS, SIDE, ReflectionTrial, reflection_trial
+from ringlight.methods.reflection_trial import FEWEST_VIEWS, SIDE, ReflectionTrial, chosen_shading, reflection_trial
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
@@ -89,7 +89,8 @@ def test_a_background_that_only_shrinking_makes_even_has_no_trial():
 
 
 def test_few_photographs_have_no_trial():
-    assert reflection_trial(tiny_scene(views=FEWEST_VIEWS - 1), rasterizer_for("auto"), 0, 5) is None
+    chosen = chosen_shading(tiny_scene(views=FEWEST_VIEWS - 1), rasterizer_for("auto"), 0, 5)
+    assert chosen == ("forward", f"fewer than {FEWEST_VIEWS} photographs")
 
 
 def test_the_trial_is_no_longer_than_the_run_and_repeats_itself():

@@ -1,14 +1,12 @@
 """How the light field's Adam bears the jumps that density control makes of its gradients is a setting."""
 
-import dataclasses
-
 import pytest
 import torch
 
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
-from ringlight.fit.rates import Rate
 from ringlight.methods.ringlight_ring import RingLightRingRecipe
+from tiny_scene import tiny_scene
 
 JUMP = 30.0
 """When opacities are reset the picture is all wrong at once."""
@@ -16,13 +14,13 @@ JUMP = 30.0
 
 def longest_step(recipe: RingLightRingRecipe) -> float:
     """After a jump of the gradients, in units of the rate."""
-    group = dataclasses.replace(recipe._groups(extent=1.0)["color.*"], rate=Rate.constant(1.0))
+    group = recipe.course(tiny_scene()).groups["color.*"]
     value, mean, square = torch.zeros(1), torch.zeros(1), torch.zeros(1)
     longest = 0.0
     for number in range(1, 1100):
         before = value.clone()
         gradient = torch.full((1,), JUMP if number > 1000 else 1.0)
-        adam_([Update(value, gradient, mean, square, group, 1.0, number)])
+        adam_([Update(value, gradient, mean, square, (1.0, *group.betas, group.epsilon, number))])
         longest = max(longest, (value - before).abs().item())
     return longest
 

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ringlight.color.by_torch import OPACITY_FACTOR, emitted_by_torch
-from ringlight.color.contract import Harmonics
+from ringlight.color.contract import ColorModel, Harmonics
 from ringlight.color.harmonics import SphericalHarmonics, sh_colors_reference
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
@@ -21,14 +20,10 @@ from ringlight.core.want import Want
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.methods.assembly import Course, Parts, assembled
-from ringlight.methods.grown import GrownByDensityControl
-from ringlight.models.splats import SplatModel
-from ringlight.rasterize.contract import Rasterizer
+from ringlight.methods.assembly import Course
+from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.shade.contract import Shader
 from ringlight.shade.passthrough import PassThrough
-
-if TYPE_CHECKING:
-    from ringlight.fit.train import Training
 
 FIRST_FACTOR = 3.0
 """The constant harmonic's coefficient times its value, at the start: the factor is sigmoid(3 C0), seven tenths."""
@@ -67,7 +62,7 @@ class DirectionalOpacity(nn.Module):
 
 
 @dataclass(frozen=True)
-class DirectionalOpacityRecipe(GrownByDensityControl):
+class DirectionalOpacityRecipe(SplatRecipe):
     """3DGS with an opacity that depends on the direction."""
 
     steps: int = 3000
@@ -75,23 +70,9 @@ class DirectionalOpacityRecipe(GrownByDensityControl):
     densify: DensifySettings = field(default_factory=DensifySettings)
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
 
-    def settled(self, scene: Scene, rasterize: Rasterizer, seed: int) -> "tuple[DirectionalOpacityRecipe, None]":
-        return self, None
+    def parts(self, box: Float[Tensor, "2 3"], seed: int = 0) -> tuple[ColorModel, Shader]:
+        return DirectionalOpacity(), PassThrough()
 
-    def parts(self) -> Parts:
-        return Parts(DirectionalOpacity(), PassThrough(), antialiased=False)
-
-    def model(self, box: Float[Tensor, "2 3"], rasterize: Rasterizer) -> SplatModel:
-        return self.parts().empty(rasterize)
-
-    def build(self, scene: Scene, rasterize: Rasterizer, seed: int) -> "Training":
+    def course(self, scene: Scene) -> Course:
         of_colors = {"columns.sh_dc": 2.5e-3, "columns.sh_rest": 1.25e-4, "columns.opacity_sh": 1e-2}
-        groups = {name: Adam(Rate.constant(rate)) for name, rate in of_colors.items()}
-        course = Course(
-            steps=self.steps,
-            groups=self.rates.groups(scene.extent) | groups,
-            loss=self.loss,
-            densify=self.densify,
-            unlocks={},
-        )
-        return assembled(self.parts(), course, scene.points, scene, rasterize, seed)
+        return Course(groups={name: Adam(Rate.constant(rate)) for name, rate in of_colors.items()})

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ringlight.color.by_torch import emitted_by_torch
-from ringlight.color.contract import Harmonics
+from ringlight.color.contract import ColorModel, Harmonics
 from ringlight.color.harmonics import SH_COLUMNS, SphericalHarmonics, sh_colors_reference
 from ringlight.core.camera import Camera
 from ringlight.core.directions import reflect, shortest_axes, view_directions
@@ -23,15 +22,11 @@ from ringlight.core.want import Want
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.methods.assembly import Course, Parts, assembled
-from ringlight.methods.grown import GrownByDensityControl
-from ringlight.models.splats import SplatModel
-from ringlight.rasterize.contract import Rasterizer
+from ringlight.methods.assembly import Course
+from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.shade.by_torch import shaded_by_torch
+from ringlight.shade.contract import Shader
 from ringlight.shade.covered import covered_pixels
-
-if TYPE_CHECKING:
-    from ringlight.fit.train import Training
 
 AXES = 3
 
@@ -122,7 +117,7 @@ class Environment(nn.Module):
 
 
 @dataclass(frozen=True)
-class EnvironmentRecipe(GrownByDensityControl):
+class EnvironmentRecipe(SplatRecipe):
     """Harmonics and what an environment reflects on them."""
 
     steps: int = 3000
@@ -132,23 +127,9 @@ class EnvironmentRecipe(GrownByDensityControl):
     densify: DensifySettings = field(default_factory=DensifySettings)
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
 
-    def settled(self, scene: Scene, rasterize: Rasterizer, seed: int) -> "tuple[EnvironmentRecipe, None]":
-        return self, None
+    def parts(self, box: Float[Tensor, "2 3"], seed: int = 0) -> tuple[ColorModel, Shader]:
+        return HarmonicsWithNormals(), Environment(self.side, seed)
 
-    def parts(self, seed: int = 0) -> Parts:
-        return Parts(HarmonicsWithNormals(), Environment(self.side, seed), antialiased=False)
-
-    def model(self, box: Float[Tensor, "2 3"], rasterize: Rasterizer) -> SplatModel:
-        return self.parts().empty(rasterize)
-
-    def build(self, scene: Scene, rasterize: Rasterizer, seed: int) -> "Training":
+    def course(self, scene: Scene) -> Course:
         of_colors = {"columns.sh_dc": 2.5e-3, "columns.sh_rest": 1.25e-4, "shader.faces": 1e-2}
-        groups = {name: Adam(Rate.constant(rate)) for name, rate in of_colors.items()}
-        course = Course(
-            steps=self.steps,
-            groups=self.rates.groups(scene.extent) | groups,
-            loss=self.loss,
-            densify=self.densify,
-            unlocks={},
-        )
-        return assembled(self.parts(seed), course, scene.points, scene, rasterize, seed)
+        return Course(groups={name: Adam(Rate.constant(rate)) for name, rate in of_colors.items()})

@@ -24,7 +24,6 @@ from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient, photometric_reference
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, Rate
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import OURS, PAPER
 from ringlight.models.splats import move
@@ -43,7 +42,7 @@ TABLE_WIDTHS = (3, 3, 4, 1, 3, 45)
 """Floats a row of the columns of ``3dgs``: centres, scales, rotations, opacities, constant and other harmonics."""
 WARM = 1000
 """The update that is repeated: far into a run, where both moments are warm."""
-GROUP = Adam(Rate.constant(1e-3))
+RATE, BETAS, EPSILON = 1e-3, (0.9, 0.999), 1e-15
 
 FORWARD, BACKWARD = "forward", "backward"
 
@@ -180,7 +179,7 @@ def adam_part(size: Size, seed: int, device: torch.device) -> Part:
     updates = []
     for column, gradient in zip(columns, gradients, strict=True):
         mean, square = torch.zeros_like(column), torch.zeros_like(column)
-        updates.append(Update(column.clone(), gradient, mean, square, GROUP, GROUP.rate.start, WARM))
+        updates.append(Update(column.clone(), gradient, mean, square, (RATE, *BETAS, EPSILON, WARM)))
     beside = {
         "torch fused": {TOTAL: torch_step(columns, gradients, fused=True)},
         "torch foreach": {TOTAL: torch_step(columns, gradients, fused=False)},
@@ -193,8 +192,7 @@ def torch_step(columns: Sequence[Tensor], gradients: Sequence[Tensor], *, fused:
     copies = [column.clone().requires_grad_() for column in columns]
     for copy, gradient in zip(copies, gradients, strict=True):
         copy.grad = gradient
-    rate, betas = GROUP.rate.start, GROUP.betas
-    return torch.optim.Adam(copies, rate, betas, GROUP.epsilon, fused=fused, foreach=not fused).step
+    return torch.optim.Adam(copies, RATE, BETAS, EPSILON, fused=fused, foreach=not fused).step
 
 
 PARTS: dict[str, Maker] = {

@@ -10,7 +10,6 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.core.gradients import AdamStep, Gradient, dense
 from ringlight.core.triton_kernels import runs_triton
-from ringlight.fit.rates import Adam
 
 
 class Update(NamedTuple):
@@ -20,15 +19,7 @@ class Update(NamedTuple):
     gradient: Gradient
     mean: Tensor
     square: Tensor
-    group: Adam
-    rate: float
-    number: int
-    """Counts this parameter's updates; the first is 1."""
-
-    @property
-    def step(self) -> AdamStep:
-        """As the kernels take it."""
-        return (self.rate, *self.group.betas, self.group.epsilon, self.number)
+    step: AdamStep
 
 
 def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) -> int:
@@ -40,69 +31,47 @@ def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) 
     """
     kept = 0
     native: list[tuple[Tensor, Tensor, Tensor, Tensor, AdamStep]] = []
+    on_gpu: list[tuple[Tensor, Tensor, Tensor, Tensor, AdamStep]] = []
     others: list[Update] = []
-    on_gpu: list[Update] = []
     for update in updates:
-        gradient = update.gradient
-        if runs_triton(update.value):
-            on_gpu.append(update)
-        elif not _runs_native(update.value):
+        value, gradient, mean, square, step = update
+        by_triton = runs_triton(value)
+        if not value.is_contiguous() or not (by_triton or (value.is_cpu and value.dtype == torch.float32)):
             others.append(update)
-        elif isinstance(gradient, Tensor):
-            native.append((update.value, gradient.contiguous(), update.mean, update.square, update.step))
-        elif radii is not None:
-            native.append((update.value, gradient.dense(), update.mean, update.square, update.step))
+        elif isinstance(gradient, Tensor) or radii is not None or by_triton:
+            (on_gpu if by_triton else native).append((value, dense(gradient).contiguous(), mean, square, step))
         else:
-            kept += gradient.adam_(update.value, update.mean, update.square, update.step)
-            torch.autograd.graph.increment_version(update.value)
+            kept += gradient.adam_(value, mean, square, step)
+            torch.autograd.graph.increment_version(value)
+    # Kernels write behind torch's back: a graph that still needs the old values must notice.
     if native:
         values, gradients, means, squares, steps = zip(*native, strict=True)
         kept += _kernels.adam(values, gradients, means, squares, steps, radii)
-        # The kernel writes behind torch's back: a graph that still needs the old values must notice.
         torch.autograd.graph.increment_version(values)
-    for update in others:
-        kept += adam_reference_(update, radii)
-    return kept + (_adam_on_gpu_(on_gpu, radii) if on_gpu else 0)
+    if on_gpu:
+        from ringlight.fit.adam_triton import adam_by_triton_
 
-
-def _adam_on_gpu_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None) -> int:
-    """All by one launch; a parameter whose memory is not contiguous by torch."""
-    from ringlight.fit.adam_triton import adam_by_triton_
-
-    kept, groups = 0, []
-    for update in updates:
-        tensors = (update.value, update.mean, update.square)
-        if not all(tensor.is_contiguous() for tensor in tensors):
-            kept += adam_reference_(update, radii)
-            continue
-        groups.append((update.value, dense(update.gradient).contiguous(), update.mean, update.square, update.step))
-    if groups:
-        kept += int(adam_by_triton_(groups, radii))
-        torch.autograd.graph.increment_version([group[0] for group in groups])
-    return kept
+        kept += int(adam_by_triton_(on_gpu, radii))
+        torch.autograd.graph.increment_version([value for value, *_ in on_gpu])
+    return kept + sum(adam_reference_(update, radii) for update in others)
 
 
 def adam_reference_(update: Update, radii: Float[Tensor, "N 2"] | None = None) -> int:
     """The reference of the kernel, for any device and type."""
-    value, gradient, mean, square, group, rate, number = update
-    gradient = dense(gradient)
-    beta1, beta2 = group.betas
+    value, gradient, mean, square, step = update
+    gradient, (rate, beta1, beta2, epsilon, number) = dense(gradient), step
     if radii is not None:
         drawn = (radii[:, 0] > 0).to(value.device).nonzero()[:, 0]
-        chosen = Update(value[drawn], gradient[drawn], mean[drawn], square[drawn], group, rate, number)
+        chosen = Update(value[drawn], gradient[drawn], mean[drawn], square[drawn], step)
         kept = adam_reference_(chosen)
         for whole, part in zip((value, mean, square), (chosen.value, chosen.mean, chosen.square), strict=True):
             whole[drawn] = part
         return kept
     new_mean = mean.lerp(gradient, 1 - beta1)
     new_square = (square * beta2).addcmul_(gradient, gradient, value=1 - beta2)
-    denominator = (new_square / (1 - beta2**number)).sqrt_().add_(group.epsilon)
+    denominator = (new_square / (1 - beta2**number)).sqrt_().add_(epsilon)
     new_value = value.addcdiv(new_mean, denominator, value=-rate / (1 - beta1**number))
     fine = new_mean.isfinite() & new_square.isfinite() & new_value.isfinite()
     for whole, part in zip((value, mean, square), (new_value, new_mean, new_square), strict=True):
         whole.copy_(torch.where(fine, part, whole))
     return int((~fine).sum())
-
-
-def _runs_native(value: Tensor) -> bool:
-    return value.is_cpu and value.dtype == torch.float32 and value.is_contiguous()

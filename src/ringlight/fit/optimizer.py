@@ -62,10 +62,8 @@ class Optimizer:
             group = self.groups[name]
             self._updates[name] += 1
             progress = (step - group.begins) / max(self.steps - group.begins, 1)
-            update = Update(
-                parameter, gradient, self._mean[name], self._square[name],
-                group, group.rate.at(progress), self._updates[name],
-            )  # fmt: skip
+            adam_step = (group.rate.at(progress), *group.betas, group.epsilon, self._updates[name])
+            update = Update(parameter, gradient, self._mean[name], self._square[name], adam_step)
             (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
             used[name] = gradient
         left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)

@@ -1,85 +1,79 @@
-"""From the parts of a method that splats Gaussians to its model and its training: what all such methods do alike."""
+"""From a recipe that splats Gaussians to its model and its training: what all such methods do alike."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
-from ringlight.color.contract import ColorModel
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.data.batches import ImageBatches
 from ringlight.fit.losses.photographs import PhotographLoss
 from ringlight.fit.optimizer import Optimizer
-from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam
 from ringlight.fit.regularizers.contract import Regularizer
 from ringlight.fit.strategies.contract import Strategy
-from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.strategies.density_control import density_control
+from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.fit.strategies.unlock import Unlock
 from ringlight.fit.train import Training
+from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.models.initial import INITIAL_OPACITY, gaussians_from_points
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
-from ringlight.shade.contract import Shader
-
-
-@dataclass(frozen=True)
-class Parts:
-    """What a picture is made with, but for the Gaussians."""
-
-    color: ColorModel
-    shader: Shader
-    antialiased: bool
-
-    def around(self, gaussians: Gaussians, rasterize: Rasterizer) -> SplatModel:
-        """The model of this table."""
-        return SplatModel(gaussians, self.color, self.shader, rasterize, RasterOptions(antialiased=self.antialiased))
-
-    def empty(self, rasterize: Rasterizer) -> SplatModel:
-        """The model without a Gaussian: what a file's tensors are loaded into."""
-        with torch.device("cpu"):  # whoever wants only shapes asks for the networks on torch's meta device
-            none = PointCloud(torch.zeros(0, 3), torch.zeros(0, 3))
-            table = Gaussians(none.positions, torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0))
-            columns = table.columns() | self.color.new_columns(none)
-        return self.around(Gaussians.from_columns(columns), rasterize)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """How the parts are trained. ``groups`` are Adam's by parameter name; ``unlocks`` are the buffers that begin at
-    zero, and what each becomes at which step; ``last`` comes after density control."""
+    """How a recipe's parts are trained, besides what all recipes have as settings.
 
-    steps: int
-    groups: Mapping[str, Adam]
-    loss: PhotometricLoss
-    densify: DensifySettings
-    unlocks: Mapping[str, Mapping[int, int]]
-    visible_only: bool = False
+    ``groups`` are Adam's by parameter name, but for the geometry; ``unlocks`` are the buffers that begin at zero, and
+    what each becomes at which step; ``last`` comes after density control.
+    """
+
+    groups: dict[str, Adam]
+    unlocks: Mapping[str, Mapping[int, int]] = field(default_factory=dict)
     opacity: float = INITIAL_OPACITY
     coarse_steps: int = 0
     last: tuple[Strategy, ...] = ()
     regularizers: Mapping[str, Regularizer] = field(default_factory=dict)
 
 
-def assembled(
-    parts: Parts, course: Course, points: PointCloud, scene: Scene, rasterize: Rasterizer, seed: int
-) -> Training:
-    """The model at its start, a Gaussian on each of the ``points``, and everything that trains it."""
-    model = parts.around(gaussians_from_points(points, parts.color, course.opacity), rasterize)
+def empty_model(recipe: SplatRecipe, box: Float[Tensor, "2 3"], rasterize: Rasterizer) -> SplatModel:
+    """The model without a Gaussian: what a file's tensors are loaded into."""
+    color, shader = recipe.parts(box)
+    with torch.device("cpu"):  # whoever wants only shapes asks for the networks on torch's meta device
+        none = PointCloud(torch.zeros(0, 3), torch.zeros(0, 3))
+        columns = color.new_columns(none)
+        table = Gaussians(none.positions, torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), columns)
+    return SplatModel(table, color, shader, rasterize, RasterOptions(antialiased=recipe.antialiased))
+
+
+def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: Rasterizer, seed: int) -> Training:
+    """The model at its start, a Gaussian on each of the ``points``, and everything that trains it.
+
+    Without a bound in its settings density control ends with as many Gaussians as the largest photograph has pixels.
+    """
+    course, (color, shader) = recipe.course(scene), recipe.parts(scene.box, seed)
+    table, options = gaussians_from_points(points, color, course.opacity), RasterOptions(antialiased=recipe.antialiased)
+    model = SplatModel(table, color, shader, rasterize, options)
     for buffer in course.unlocks:
         model.get_buffer(buffer).zero_()
+    steps, densify = recipe.steps, recipe.densify.within(scene.pixels)
+    groups = recipe.rates.groups(scene.extent) | course.groups
     return Training(
         model=model,
         batches=ImageBatches(scene, seed, course.coarse_steps),
-        loss=PhotographLoss(course.loss, rasterize.device),
-        optimizer=Optimizer(model, course.groups, course.steps, course.visible_only),
+        loss=PhotographLoss(recipe.loss, rasterize.device),
+        optimizer=Optimizer(model, groups, steps, recipe.visible_only),
         strategies=(
             *(Unlock(buffer, schedule) for buffer, schedule in course.unlocks.items()),
-            *density_control(course.densify, scene, course.steps, seed),
+            Densify(densify, scene.extent, steps, seed, white=scene.background == "white"),
+            DropLeast(densify, [view.camera for view in scene.train], steps),
             *course.last,
         ),
-        steps=course.steps,
+        steps=steps,
         regularizers=course.regularizers,
     )

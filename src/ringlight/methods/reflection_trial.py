@@ -85,10 +85,8 @@ def chosen_shading(
 
 
 def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int) -> ReflectionTrial | None:
-    """The trial, of at most ``most_steps``; None where photographs are too few, or have neither masks nor an even
-    background, so that no hull can be carved."""
-    if len(scene.train) < FEWEST_VIEWS:
-        return None
+    """The trial, of at most ``most_steps``; None where photographs have neither masks nor an even background, by which
+    a hull could be carved."""
     views = [_small(view) for view in scene.train]
     held = views[::HELD_OUT_EVERY]
     kept = tuple(view for index, view in enumerate(views) if index % HELD_OUT_EVERY)
@@ -104,7 +102,7 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
     harmonics = _psnr_after(_harmonics(points, small, mirror, rasterize, seed), held, behind)
     if not masks:  # a hull that is torn is worse than none, whatever is shaded on it
         harmonics = max(harmonics, _psnr_after(_harmonics(small.points, small, mirror, rasterize, seed), held, behind))
-    reflections = _psnr_after(mirror.build_on(points, small, rasterize, seed), held, behind)
+    reflections = _psnr_after(mirror.build_on_hull(points, small, rasterize, seed), held, behind)
     return ReflectionTrial(mirror.steps, harmonics, reflections)
 
 
@@ -125,7 +123,7 @@ def _harmonics(
         antialiased=mirror.antialiased,
         rates=mirror.rates,
     )
-    training = recipe.build(replace(scene, points=points), rasterize, seed)
+    training = recipe.build_on(points, scene, rasterize, seed)
     if points.normals is None:
         return training
     logits = training.model.get_parameter("columns.opacity_logits").detach()

@@ -15,18 +15,19 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.methods.grown import GrownByDensityControl
+from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
+    from ringlight.color.contract import ColorModel
     from ringlight.core.scene import PointCloud, Scene
     from ringlight.fit.train import Training
-    from ringlight.methods.assembly import Parts
-    from ringlight.models.splats import SplatModel
+    from ringlight.methods.assembly import Course
     from ringlight.rasterize.contract import Rasterizer
+    from ringlight.shade.contract import Shader
 
 FAST_SCALES = 2e-2
 """Learning rate of the log scales at the start: four times that of 3DGS, at which they end. What is far too large or
@@ -49,7 +50,7 @@ def most_gaussians(pixels: int) -> int:
 
 
 @dataclass(frozen=True)
-class RingLightMirrorRecipe(GrownByDensityControl):
+class RingLightMirrorRecipe(SplatRecipe):
     """Deferred reflection shading on an opaque surface: for mirrors, chrome and clear coats."""
 
     steps: int = 30_000
@@ -105,20 +106,11 @@ class RingLightMirrorRecipe(GrownByDensityControl):
         if not 0 < self.start_share <= 1:
             raise RecipeError(f"start_share is {self.start_share:g}; give a share above 0, at most 1")
 
-    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightMirrorRecipe, None]":
-        """As it is: nothing depends on the scene."""
-        return self, None
-
-    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "Parts":
-        """What a picture is made with, networks and maps as ``seed`` draws them."""
+    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.mirror import Mirror
-        from ringlight.methods.assembly import Parts
         from ringlight.shade.reflection import ReflectionShader
 
-        return Parts(Mirror(self.shader.latents, seed), ReflectionShader(self.shader, box, seed), self.antialiased)
-
-    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
-        return self.parts(box).empty(rasterize)
+        return Mirror(self.shader.latents, seed), ReflectionShader(self.shader, box, seed)
 
     def densify_on_hull(self, scene: "Scene") -> DensifySettings:
         """Density control of a subject that a hull cuts out."""
@@ -134,41 +126,33 @@ class RingLightMirrorRecipe(GrownByDensityControl):
 
         points = hull_points(scene, self.first_gaussians(scene), seed)
         if points is not None:
-            return self.build_on(points, scene, rasterize, seed)
-        whole_picture = dataclasses.replace(self, densify=self.densify.within(scene.pixels))
-        return whole_picture.build_on(own_points(scene), scene, rasterize, seed)
+            return self.build_on_hull(points, scene, rasterize, seed)
+        return self.build_on(own_points(scene), scene, rasterize, seed)
 
-    def build_on(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        """The same from a surface that is known already."""
-        from ringlight.methods.assembly import Course, assembled
+    def build_on_hull(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        """The same from points of a hull that cuts the subject out."""
+        bounded = dataclasses.replace(self, densify=self.densify_on_hull(scene))
+        return bounded.build_on(points, scene, rasterize, seed)
 
-        lit = {self._first_lit_step: 1}
-        course = Course(
-            steps=self.steps,
-            groups=self._groups(scene.extent),
-            loss=self.loss,
-            densify=self.densify_on_hull(scene),
-            unlocks={"shader.lit": lit},
-            visible_only=self.visible_only,
+    def course(self, scene: "Scene") -> "Course":
+        from ringlight.methods.assembly import Course
+
+        first_lit = max(int(self.warmup * self.steps), 1)
+
+        def lit(rate: float) -> Adam:
+            return Adam(Rate(rate, DECAY * rate), begins=first_lit)
+
+        return Course(
+            groups={
+                "columns.base": Adam(Rate.constant(self.base_rate)),
+                "columns.normals": lit(self.normals_rate),
+                "columns.latents": lit(self.latents_rate),
+                "shader.maps.*": lit(self.maps_rate),
+                "shader.mlp.*": lit(self.network_rate),
+                "shader.ring.*": lit(self.network_rate),
+                "shader.places.*": lit(self.axes_rate),
+                "shader.sphere": lit(self.sphere_rate),
+            },
+            unlocks={"shader.lit": {first_lit: 1}},
             opacity=self.opacity,
         )
-        return assembled(self.parts(scene.box, seed), course, points, scene, rasterize, seed)
-
-    @property
-    def _first_lit_step(self) -> int:
-        return max(int(self.warmup * self.steps), 1)
-
-    def _groups(self, extent: float) -> dict[str, Adam]:
-        def lit(rate: float) -> Adam:
-            return Adam(Rate(rate, DECAY * rate), begins=self._first_lit_step)
-
-        return self.rates.groups(extent) | {
-            "columns.base": Adam(Rate.constant(self.base_rate)),
-            "columns.normals": lit(self.normals_rate),
-            "columns.latents": lit(self.latents_rate),
-            "shader.maps.*": lit(self.maps_rate),
-            "shader.mlp.*": lit(self.network_rate),
-            "shader.ring.*": lit(self.network_rate),
-            "shader.places.*": lit(self.axes_rate),
-            "shader.sphere": lit(self.sphere_rate),
-        }

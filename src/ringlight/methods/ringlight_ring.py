@@ -16,19 +16,17 @@ from ringlight.fields.ring_settings import RingSettings
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.methods.grown import GrownByDensityControl
 from ringlight.methods.ringlight_mirror import FAST_SCALES
+from ringlight.methods.splat_recipe import SplatRecipe
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
+    from ringlight.color.contract import ColorModel
     from ringlight.core.scene import Scene
-    from ringlight.fit.regularizers.contract import Regularizer
-    from ringlight.fit.train import Training
-    from ringlight.methods.assembly import Parts
-    from ringlight.models.splats import SplatModel
-    from ringlight.rasterize.contract import Rasterizer
+    from ringlight.methods.assembly import Course
+    from ringlight.shade.contract import Shader
 
 PRUNE_ROUNDS = 15
 """Removals of faint and masked rows after densification: every 1000 steps of the paper's 30,000."""
@@ -50,7 +48,7 @@ small table: 0.3 dB over ten. Networks of width 32 and 16 take a tenth less time
 
 
 @dataclass(frozen=True)
-class RingLightRingRecipe(GrownByDensityControl):
+class RingLightRingRecipe(SplatRecipe):
     """RingLight-GS: Gaussians lit by one shared neural tensor-ring light field."""
 
     steps: int = 30_000
@@ -103,59 +101,32 @@ class RingLightRingRecipe(GrownByDensityControl):
         if not 0 < self.field_epsilon < math.inf:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
-    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightRingRecipe, None]":
-        """As it is: nothing depends on the scene."""
-        return self, None
-
-    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "Parts":
-        """What a picture is made with, networks as ``seed`` draws them."""
+    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.ringlight import RingLight
-        from ringlight.methods.assembly import Parts
         from ringlight.shade.passthrough import PassThrough
 
-        return Parts(RingLight(self.light, box, seed), PassThrough(), self.antialiased)
+        return RingLight(self.light, box, seed), PassThrough()
 
-    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
-        return self.parts(box).empty(rasterize)
-
-    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        from ringlight.fit.strategies.prune import Prune
-        from ringlight.methods.assembly import Course, assembled
-
-        last = self.densify.last_step(self.steps)
-        course = Course(
-            steps=self.steps,
-            groups=self._groups(scene.extent),
-            loss=self.loss,
-            densify=self.densify,
-            unlocks={"color.lit": {self._first_lit_step: 1}},
-            visible_only=self.visible_only,
-            last=(Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),),
-            regularizers=self._regularizers(),
-        )
-        return assembled(self.parts(scene.box, seed), course, scene.points, scene, rasterize, seed)
-
-    @property
-    def _first_lit_step(self) -> int:
-        return max(int(self.warmup * self.steps), 1) if self.light.base_color else 1
-
-    def _groups(self, extent: float) -> dict[str, Adam]:
-        lit = self._first_lit_step
-        rate, betas = Rate(self.field_rate, self.field_rate_end), (0.9, self.field_beta2)
-        light = Adam(rate, betas, self.field_epsilon, begins=lit)
-        return self.rates.groups(extent) | {
-            "columns.base": Adam(Rate.constant(self.base_rate)),
-            "columns.latents": Adam(Rate(self.latents_rate, self.latents_rate / 10), begins=lit),
-            "columns.mask_logits": Adam(Rate.constant(self.mask_rate)),
-            "color.*": light,
-        }
-
-    def _regularizers(self) -> "dict[str, Regularizer]":
+    def course(self, scene: "Scene") -> "Course":
         from ringlight.fit.regularizers.mean_mask import MeanMask
+        from ringlight.fit.strategies.prune import Prune
+        from ringlight.methods.assembly import Course
 
-        if not self.mask_penalty or not self.light.mask:
-            return {}
-        return {"mask": MeanMask(self.mask_penalty * self.loss.scale)}
+        first_lit = max(int(self.warmup * self.steps), 1) if self.light.base_color else 1
+        rate, betas = Rate(self.field_rate, self.field_rate_end), (0.9, self.field_beta2)
+        last = self.densify.last_step(self.steps)
+        penalized = self.mask_penalty and self.light.mask
+        return Course(
+            groups={
+                "columns.base": Adam(Rate.constant(self.base_rate)),
+                "columns.latents": Adam(Rate(self.latents_rate, self.latents_rate / 10), begins=first_lit),
+                "columns.mask_logits": Adam(Rate.constant(self.mask_rate)),
+                "color.*": Adam(rate, betas, self.field_epsilon, begins=first_lit),
+            },
+            unlocks={"color.lit": {first_lit: 1}},
+            last=(Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),),
+            regularizers={"mask": MeanMask(self.mask_penalty * self.loss.scale)} if penalized else {},
+        )
 
 
 PAPER = dataclasses.replace(

@@ -11,17 +11,16 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.methods.grown import GrownByDensityControl
+from ringlight.methods.splat_recipe import SplatRecipe
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
+    from ringlight.color.contract import ColorModel
     from ringlight.core.scene import Scene
-    from ringlight.fit.train import Training
-    from ringlight.methods.assembly import Parts
-    from ringlight.models.splats import SplatModel
-    from ringlight.rasterize.contract import Rasterizer
+    from ringlight.methods.assembly import Course
+    from ringlight.shade.contract import Shader
 
 DEGREE_SHARE = 7
 """In short runs the SH degree rises every seventh of the run, so that degree 3 has most of it to learn."""
@@ -32,7 +31,7 @@ them reached 20.38 dB and SSIM 0.854 on a toaster at 400 pixels, with 71 at each
 
 
 @dataclass(frozen=True)
-class ThreeDGSRecipe(GrownByDensityControl):
+class ThreeDGSRecipe(SplatRecipe):
     """3D Gaussian Splatting (Kerbl et al. 2023): colour as spherical harmonics of each Gaussian."""
 
     steps: int = 30_000
@@ -64,36 +63,21 @@ class ThreeDGSRecipe(GrownByDensityControl):
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
         check_rates(sh_rate=self.sh_rate, sh_rest_rate=self.sh_rest_rate)
 
-    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[ThreeDGSRecipe, None]":
-        """As it is: nothing depends on the scene."""
-        return self, None
-
-    def parts(self) -> "Parts":
-        """What a picture is made with."""
+    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.harmonics import SphericalHarmonics
-        from ringlight.methods.assembly import Parts
         from ringlight.shade.passthrough import PassThrough
 
-        return Parts(SphericalHarmonics(self.sh_degree), PassThrough(), self.antialiased)
+        return SphericalHarmonics(self.sh_degree), PassThrough()
 
-    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
-        return self.parts().empty(rasterize)
-
-    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        from ringlight.methods.assembly import Course, assembled
+    def course(self, scene: "Scene") -> "Course":
+        from ringlight.methods.assembly import Course
 
         every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
-        course = Course(
-            steps=self.steps,
-            groups=self.rates.groups(scene.extent)
-            | {
+        return Course(
+            groups={
                 "columns.sh_dc": Adam(Rate.constant(self.sh_rate)),
                 "columns.sh_rest": Adam(Rate.constant(self.sh_rest_rate)),
             },
-            loss=self.loss,
-            densify=self.densify,
             unlocks={"color.active_degree": {degree * every: degree for degree in range(1, self.sh_degree + 1)}},
-            visible_only=self.visible_only,
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
         )
-        return assembled(self.parts(), course, scene.points, scene, rasterize, seed)

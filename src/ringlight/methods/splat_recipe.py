@@ -1,0 +1,76 @@
+"""What recipes of methods that splat Gaussians have in common: a recipe says its parts and how they are trained."""
+
+from abc import ABC, abstractmethod
+from dataclasses import Field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from ringlight.fit.photometric import PhotometricLoss
+from ringlight.fit.rates import GaussianRates
+from ringlight.fit.strategies.densify_settings import DensifySettings
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.color.contract import ColorModel
+    from ringlight.core.scene import PointCloud, Scene
+    from ringlight.fit.train import Training
+    from ringlight.methods.assembly import Course
+    from ringlight.models.splats import SplatModel
+    from ringlight.rasterize.contract import Rasterizer
+    from ringlight.shade.contract import Shader
+
+Splats = TypeVar("Splats", bound="SplatRecipe")
+
+
+class SplatRecipe(ABC):
+    """Base of recipes whose Gaussians density control grows, and which leave nothing to the scene."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+    steps: int
+    antialiased: bool = False
+    visible_only: bool = False
+    rates: GaussianRates
+    densify: DensifySettings
+    loss: PhotometricLoss
+
+    @abstractmethod
+    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
+        """What a picture is made with, but for the Gaussians; networks and maps as ``seed`` draws them."""
+
+    @abstractmethod
+    def course(self, scene: "Scene") -> "Course":
+        """How these are trained."""
+
+    def settled(self: Splats, scene: "Scene", rasterize: "Rasterizer", seed: int) -> tuple[Splats, None]:
+        """As it is: nothing depends on the scene."""
+        return self, None
+
+    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        return self.build_on(scene.points, scene, rasterize, seed)
+
+    def build_on(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        """The same from these points."""
+        from ringlight.methods.assembly import assembled
+
+        return assembled(self, points, scene, rasterize, seed)
+
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "SplatModel":
+        from ringlight.methods.assembly import empty_model
+
+        return empty_model(self, box, rasterize)
+
+    @property
+    def most(self) -> int | None:
+        """How many Gaussians the user lets it end with; None where the photographs' pixels say so."""
+        return self.densify.max_gaussians or None
+
+    def ending_with(self: Splats, most: int | None, dropping: bool = True) -> Splats:
+        """The same with this for ``most``; not ``dropping``, what density control grows is kept."""
+        share = self.densify.drop_share if dropping else 0.0
+        return replace(self, densify=replace(self.densify, max_gaussians=most or 0, drop_share=share))
+
+    def never_above(self: Splats, most: int) -> Splats:
+        """The same with no more than ``most`` at any step: it ends with what is left of them once some are dropped."""
+        drops = bool(self.densify.drop_rounds(self.steps))
+        return self.ending_with(max(int(most * (1 - self.densify.drop_share)), 1) if drops else most)
