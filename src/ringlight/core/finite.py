@@ -1,7 +1,6 @@
 """Which numbers are not finite, in words."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -10,30 +9,21 @@ NAMED_ROWS = 3
 """Rows that a message names; of the others it gives the number."""
 
 
-@dataclass(frozen=True)
-class NotFinite:
-    """A tensor that holds a NaN or an infinity: its name, the first such value, and the rows that hold one."""
+def first_not_finite(tensors: Mapping[str, Tensor]) -> str | None:
+    """Says of the first tensor that holds a NaN or an infinity its name, the first such value, and which rows hold one.
 
-    name: str
-    value: float
-    rows: tuple[int, ...]
-
-    def __str__(self) -> str:
-        named = ", ".join(str(row) for row in self.rows[:NAMED_ROWS])
-        others = len(self.rows) - NAMED_ROWS
-        rows = f"row{'s' if len(self.rows) > 1 else ''} {named}" + (f" and {others} more" if others > 0 else "")
-        return f"{self.name} holds {self.value} in {rows}"
-
-
-def first_not_finite(tensors: Mapping[str, Tensor]) -> NotFinite | None:
-    """The first tensor that holds a NaN or an infinity; None where all numbers are finite. A scalar is one row."""
+    None where all numbers are finite. A scalar is one row.
+    """
     for name, tensor in tensors.items():
         if not tensor.is_floating_point() or _is_finite(tensor):
             continue
         values = tensor.detach().reshape(tensor.shape[0] if tensor.ndim else 1, -1)
         broken = ~values.isfinite()
         rows = broken.any(1).nonzero()[:, 0].tolist()
-        return NotFinite(name, values[rows[0]][broken[rows[0]]][0].item(), tuple(rows))
+        value = values[rows[0]][broken[rows[0]]][0].item()
+        named = ", ".join(str(row) for row in rows[:NAMED_ROWS])
+        others = f" and {len(rows) - NAMED_ROWS} more" if len(rows) > NAMED_ROWS else ""
+        return f"{name} holds {value} in row{'s' if len(rows) > 1 else ''} {named}{others}"
     return None
 
 
