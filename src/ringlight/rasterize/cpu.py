@@ -3,6 +3,8 @@
 The kernels take the table as stored and return gradients of the stored parameters, so one step costs two calls.
 """
 
+import contextlib
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -12,10 +14,11 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.core.gradients import COLUMNS, Gradients
 from ringlight.core.memory import machine_memory
-from ringlight.core.rendering import Emission, EmissionGradients, LazyColors, Raster, no_way_back
+from ringlight.core.rendering import Emission, EmissionGradients, Raster, no_way_back
 from ringlight.core.want import Want
 from ringlight.rasterize.contract import RasterOptions
-from ringlight.rasterize.cpu_job import Job, Table, refusals_named, table_of
+from ringlight.rasterize.cpu_job import Job, Table, table_of
+from ringlight.rasterize.finite import refuse_if_not_finite
 
 
 class CpuRasterizer:
@@ -43,79 +46,47 @@ class CpuRasterizer:
         tiles: "_kernels.PictureShader | None" = None,
     ) -> Raster:
         """See :class:`ringlight.rasterize.contract.Rasterizer`; takes both hints."""
-        job = Job(camera, background, options, len(gaussians))
+        job, factor = Job(camera, background, options, len(gaussians)), emission.opacity_factor
         if emission.lazy is not None:
-            raster = self._drawn_lazily(job, emission.lazy, gaussians, emission.opacity_factor, want)
-            if raster is not None:
-                return raster
-        table = table_of(gaussians, emission.channels, emission.opacity_factor)
-        with _Loan(self.spare, want) as loan, refusals_named(table, camera, background):
-            if tiles is None:
-                image, alpha = job.draw(loan.workspace, table)
-                return _raster(job, image, alpha, loan.way_back(job, table, image))
-            channels, size = len(job.background), job.size
-            blended = None if want is Want.PICTURE else job.background.new_empty(channels, *size)
-            color, alpha = job.draw(
-                loan.workspace, table, shader=tiles, blended=blended, early_stop=want is Want.PICTURE
-            )
-            image = color[:0] if blended is None else blended
-            return _raster(job, image, alpha, loan.way_back(job, table, image), color.permute(1, 2, 0))
+            checked = table_of(gaussians, emission.lazy.checked, factor)
+            with contextlib.suppress(ValueError):  # not finite: with all colours at hand it can be said what
+                return self._drawn(job, checked, want, lazy=emission.lazy.kernel)
+        table = table_of(gaussians, emission.channels, factor)
+        try:
+            return self._drawn(job, table, want, tiles=tiles)
+        except ValueError:  # the kernels only count what is not finite, in passing; this says where it is
+            refuse_if_not_finite(table, camera, background)
+            raise
 
-    def _drawn_lazily(
+    def _drawn(
         self,
         job: Job,
-        lazy: LazyColors,
-        gaussians: Gaussians,
-        opacity_factor: Tensor | None,
+        table: Table,
         want: Want,
-    ) -> Raster | None:
-        """None where something is not finite: with all colours at hand it can be said what."""
-        table = table_of(gaussians, lazy.checked, opacity_factor)
-        with _Loan(self.spare, want) as loan:
-            try:
-                image, alpha = job.draw(loan.workspace, table, lazy.kernel, early_stop=want is Want.PICTURE)
-            except ValueError:
-                return None
-            return _raster(job, image, alpha, loan.way_back(job, table, image))
-
-
-def _raster(
-    job: Job,
-    image: Float[Tensor, "C H W"],
-    alpha: Float[Tensor, "H W"],
-    back: "_WayBack | None",
-    shaded: Tensor | None = None,
-) -> Raster:
-    """The same memory as the contract has it."""
-    backward = no_way_back if back is None else back
-    return Raster(image.permute(1, 2, 0), alpha.unsqueeze(-1), job.footprint, backward, shaded)
+        lazy: "_kernels.LazyColors | None" = None,
+        tiles: "_kernels.PictureShader | None" = None,
+    ) -> Raster:
+        loan, is_hinted = _Loan(self.spare), lazy is not None or tiles is not None
+        keeps_blended = tiles is not None and want is not Want.PICTURE
+        blended = job.background.new_empty(len(job.background), *job.size) if keeps_blended else None
+        early_stop = is_hinted and want is Want.PICTURE
+        shown, alpha = job.draw(loan.workspace, table, lazy, tiles, blended, early_stop)
+        image, shaded = shown, None
+        if tiles is not None:
+            image, shaded = shown[:0] if blended is None else blended, shown.permute(1, 2, 0)
+        backward = _WayBack(job, table, image, loan) if want is Want.GRADIENTS else no_way_back
+        return Raster(image.permute(1, 2, 0), alpha.unsqueeze(-1), job.footprint, backward, shaded)
 
 
 class _Loan:
-    """A workspace out of the pool: it goes back at once, or where gradients are wanted with the way back."""
+    """A workspace out of the pool, to which it goes back once nobody holds the loan any more."""
 
-    def __init__(self, spare: "list[_kernels.Workspace]", want: Want) -> None:
-        self._spare, self._want = spare, want
+    def __init__(self, spare: "list[_kernels.Workspace]") -> None:
         self.workspace = spare.pop() if spare else _kernels.Workspace()
-        self._is_kept = False
+        self._spare = spare
 
-    def way_back(self, job: Job, table: Table, image: Float[Tensor, "C H W"]) -> "_WayBack | None":
-        """The way back of what was drawn, if it is wanted, which then holds the workspace."""
-        if self._want is not Want.GRADIENTS:
-            return None
-        self._is_kept = True
-        return _WayBack(job, table, image, self)
-
-    def give_back(self) -> None:
-        """Let the next view have the workspace."""
+    def __del__(self) -> None:
         self._spare.append(self.workspace)
-
-    def __enter__(self) -> "_Loan":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if not self._is_kept:
-            self.give_back()
 
 
 class _WayBack:
@@ -142,17 +113,9 @@ class _WayBack:
         planes = grad_image.permute(2, 0, 1).contiguous()
         plane = None if grad_alpha is None else grad_alpha[..., 0].contiguous()
         self._loan.workspace.backward(job.native(self._table), self._image, planes, plane, gradients)
-        self._return_loan()
+        self._loan = None
         for name in GEOMETRY:
             into.add(COLUMNS + name, found[name])  # type: ignore[arg-type]
         grad_channels = found["channels"]
         assert grad_channels is not None
         return grad_channels, found["opacity_factor"]
-
-    def _return_loan(self) -> None:
-        if self._loan is not None:
-            self._loan.give_back()
-            self._loan = None
-
-    def __del__(self) -> None:
-        self._return_loan()

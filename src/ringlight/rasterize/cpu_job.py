@@ -1,8 +1,5 @@
 """One view for the compiled kernels: what they are given, and the sentence where they refuse it."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -13,7 +10,6 @@ from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.core.rendering import Footprint
 from ringlight.errors import BackendError
 from ringlight.rasterize.contract import RasterOptions
-from ringlight.rasterize.finite import refuse_if_not_finite
 
 Table = dict[str, Tensor | None]
 """The columns of the geometry by name, "opacity_factor", which may be None, and "channels"."""
@@ -30,16 +26,6 @@ def table_of(gaussians: Gaussians, channels: Tensor, opacity_factor: Tensor | No
                 "move the model there, or choose the rasterizer of its device"
             )
     return {name: None if column is None else column.contiguous().resolve_neg() for name, column in columns.items()}
-
-
-@contextmanager
-def refusals_named(table: Mapping[str, Tensor | None], camera: Camera, background: Tensor) -> Iterator[None]:
-    """The kernels only count what is not finite, in passing; this says where it is."""
-    try:
-        yield
-    except ValueError:
-        refuse_if_not_finite(table, camera, background)
-        raise
 
 
 class Job:
