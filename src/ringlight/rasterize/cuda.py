@@ -70,16 +70,15 @@ class CudaRasterizer:
         self._check(given, options)
         _refuse_if_not_finite(given, camera, background)
         gaussians, channels = Gaussians.from_columns({name: given[name] for name in GEOMETRY}), given["channels"]
-        active = active_form(gaussians, camera, options.near, given.get("opacity_factor"))
+        factor = given.get("opacity_factor")
+        quats, scales, opacities = active_form(gaussians, camera, options.near, factor)
         size = (camera.width, camera.height)
-        seen = self.gsplat.project(
-            gaussians.means, active.quats, active.scales, active.opacities, *self._pinhole(camera), size, options
-        )
+        seen = self.gsplat.project(gaussians.means, quats, scales, opacities, *self._pinhole(camera), size, options)
         footprint = _footprint(seen, len(gaussians))
         if not len(seen.rows):
             image, alpha = _nothing(given, camera, background.to(self.device), seen, footprint, options.absgrad)
             return image, alpha, footprint
-        opacities, values = _Gathered.apply(seen.rows, active.opacities, channels)
+        opacities, values = _Gathered.apply(seen.rows, opacities, channels)
         opacities = _compensated(opacities, seen.compensations, self.gsplat.numbers.least_compensation)
         lists = self.gsplat.tiles(seen, size)
         image, alpha = self.gsplat.blend(seen, _padded(values), opacities, size, lists, options.absgrad)

@@ -5,7 +5,6 @@ numbers is used: what is finite in the table gives a finite image and finite gra
 """
 
 import math
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -25,13 +24,8 @@ SHORTEST_QUAT_SQUARED = 1e-24
 """A quaternion this short has no direction; it turns nothing and gets no gradient."""
 
 
-@dataclass(frozen=True)
-class ActiveForm:
-    """``quats`` wxyz of any length but zero; ``scales`` world units; ``opacities`` in [0, 1], factor included."""
-
-    quats: Float[Tensor, "N 4"]
-    scales: Float[Tensor, "N 3"]
-    opacities: Float[Tensor, "N"]
+ActiveForm = tuple[Float[Tensor, "N 4"], Float[Tensor, "N 3"], Float[Tensor, "N"]]
+"""Quaternions, wxyz, of any length but zero; scales, world units; opacities in [0, 1], factor included."""
 
 
 def active_form(
@@ -45,7 +39,7 @@ def active_form(
 
     plane = camera.world_to_camera[2].to(gaussians.means).contiguous()
     bounds = (near, log_reach(camera), FARTHEST, SHORTEST_QUAT_SQUARED)
-    return ActiveForm(*activated_by_triton(*geometry, opacity_factor, plane, bounds))
+    return activated_by_triton(*geometry, opacity_factor, plane, bounds)
 
 
 def log_reach(camera: Camera) -> float:
@@ -68,8 +62,6 @@ def active_form_reference(
     opacities = gaussians.opacity_logits.sigmoid()
     if opacity_factor is not None:
         opacities = opacities * opacity_factor
-    return ActiveForm(
-        quats=torch.where(turns[:, None], gaussians.quats, identity),
-        scales=torch.where(fine[:, None], gaussians.log_scales, 0).exp(),
-        opacities=torch.where(fine, opacities, 0),
-    )
+    quats = torch.where(turns[:, None], gaussians.quats, identity)
+    scales = torch.where(fine[:, None], gaussians.log_scales, 0).exp()
+    return quats, scales, torch.where(fine, opacities, 0)
