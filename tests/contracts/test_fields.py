@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from contracts.differences import TOLERANCE, slopes_differ
 from contracts.plugged import FIELD_NAMES, LIGHT
-from ringlight.color.light_fields import light_field
+from ringlight.color.light_fields import FIELDS
 from ringlight.core.directions import normalize
 from ringlight.core.want import Want
 from ringlight.fields.contract import LightField
@@ -21,9 +21,7 @@ pytestmark = [pytest.mark.parametrize("name", FIELD_NAMES)]
 
 
 def field_of(name: str, dtype: torch.dtype = torch.float32) -> nn.Module:
-    from dataclasses import replace
-
-    return light_field(replace(LIGHT, field=name), torch.Generator().manual_seed(1)).to(dtype)
+    return FIELDS[name](LIGHT, torch.Generator().manual_seed(1)).to(dtype)
 
 
 def places(dtype: torch.dtype, count: int = 30) -> tuple[Tensor, Tensor]:
@@ -98,6 +96,6 @@ def test_the_tables_way_back_is_torchs(name: str, dtype: torch.dtype):
 
 
 def test_its_state_is_all_of_it(name: str):
-    field, again = field_of(name), light_field(LIGHT.__class__(**{**vars(LIGHT), "field": name}), torch.Generator())
+    field, again = field_of(name), FIELDS[name](LIGHT, torch.Generator())
     again.load_state_dict(field.state_dict())
     assert torch.equal(again.exact(*places(torch.float32)), field.exact(*places(torch.float32)))

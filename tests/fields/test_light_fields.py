@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from ringlight import _kernels
-from ringlight.color.light_fields import FIELDS, light_field
+from ringlight.color.light_fields import FIELDS
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.core.directions import normalize, octahedral_from_directions
 from ringlight.core.want import Want
@@ -33,7 +33,7 @@ NEURAL = ("ring", "cp", "tt")
 
 
 def field_of(kind: str, seed: int = 0) -> nn.Module:
-    made = light_field(replace(SMALL, field=kind), torch.Generator().manual_seed(seed))
+    made = FIELDS[kind](SMALL, torch.Generator().manual_seed(seed))
     assert isinstance(made, nn.Module)
     return made.double()
 

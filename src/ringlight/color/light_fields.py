@@ -24,8 +24,3 @@ FIELDS: dict[str, Maker] = {
     "mlp": lambda light, generator: PerceptronField(light.ring, light.mlp, generator),
 }
 """Every name is also that of the module in the colour model: parameters are called ``color.NAME...``."""
-
-
-def light_field(settings: RingLightSettings, generator: torch.Generator) -> LightField:
-    """The field that the settings ask for, drawn from ``generator``."""
-    return FIELDS[settings.field](settings, generator)

@@ -10,7 +10,7 @@ from torch.utils.checkpoint import checkpoint
 
 from ringlight.color.by_torch import OPACITY_FACTOR, emitted_by_torch
 from ringlight.color.drawable import drawable_rows
-from ringlight.color.light_fields import light_field
+from ringlight.color.light_fields import FIELDS
 from ringlight.color.render_module import LitColor, RenderModule
 from ringlight.color.ring_emission import BASE, LATENTS, MASK, base_emission, ring_emission
 from ringlight.color.ring_kernel import (
@@ -65,7 +65,7 @@ class RingLight(nn.Module):
         super().__init__()
         of_networks = generator(seed, 0, "networks")
         self.settings, self._seed = settings, seed
-        self.add_module(settings.field, light_field(settings, of_networks))  # type: ignore[arg-type]
+        self.add_module(settings.field, FIELDS[settings.field](settings, of_networks))  # type: ignore[arg-type]
         self.shading = RenderModule(settings, of_networks)
         self.register_buffer("box", box.clone().float())
         self.register_buffer("lit", torch.tensor(True))

@@ -52,14 +52,6 @@ def _fits_triton(tables: RingTables, points: Tensor) -> bool:
     return small and not points.requires_grad and runs_triton(points, tables.axes, tables.view, tables.core)
 
 
-def heads_between(
-    tables: RingTables, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]
-) -> tuple[Float[Tensor, "N D"], Float[Tensor, "N D"], Float[Tensor, "N D"], Float[Tensor, "N D"]]:
-    """What the tables hold for points in [-1, 1]^3 and unit directions, interpolated: x, y, z, v."""
-    x, y, z = (between_nodes(table, at) for table, at in zip(tables.axes, points.unbind(-1), strict=True))
-    return x, y, z, between_map_nodes(tables.view, octahedral_from_directions(directions))
-
-
 def linear_core(core: Float[Tensor, "C R R"]) -> Float[Tensor, "C D"]:
     """The channel core G as the linear map that follows the product."""
     return core.transpose(1, 2).flatten(1)
@@ -77,8 +69,11 @@ def contracted(
     z: Float[Tensor, "N D"],
     view: Float[Tensor, "N D"],
     core: Float[Tensor, "C D"],
+    diagonal: bool = False,
 ) -> Float[Tensor, "N C"]:
-    """The trace, by one product of matrices after the other; ``core`` is :func:`linear_core`'s."""
+    """The trace, by one product of matrices after the other, or of diagonals; arguments as in :class:`RingTables`."""
+    if diagonal:
+        return (x * y * z * view) @ core.T
     rank = round(x.shape[-1] ** 0.5)
     x, y, z, view = (matrix.unflatten(-1, (rank, rank)) for matrix in (x, y, z, view))
     return (x @ y @ z @ view).flatten(1) @ core.T
@@ -96,8 +91,9 @@ def ring_features(
 
         uv = octahedral_from_directions(directions)
         return ring_features_by_triton(points, uv, tables.axes, tables.view, tables.core)
-    x, y, z, view = heads_between(tables, points, directions)
-    return (x * y * z * view) @ tables.core.T if tables.diagonal else contracted(x, y, z, view, tables.core)
+    x, y, z = (between_nodes(table, at) for table, at in zip(tables.axes, points.unbind(-1), strict=True))
+    view = between_map_nodes(tables.view, octahedral_from_directions(directions))
+    return contracted(x, y, z, view, tables.core, tables.diagonal)
 
 
 def tabulated_features(

@@ -16,7 +16,9 @@ from ringlight.fields.ring_tables import RingTables, contracted, core_gradient, 
 
 
 class TensorRing(nn.Module):
-    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``."""
+    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. ``core`` is [C R R]."""
+
+    diagonal = False
 
     def __init__(self, settings: RingSettings, generator: torch.Generator):
         super().__init__()
@@ -29,18 +31,22 @@ class TensorRing(nn.Module):
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
         """Every head run at every point: slow, and the limit of its tables for many nodes."""
         x, y, z = self.axes(points).unbind()
-        return contracted(x, y, z, self.view(directions), linear_core(self.core))
+        return contracted(x, y, z, self.view(directions), self._linear_core(), self.diagonal)
 
     def tables(self, want: Want) -> RingTables:
         """The heads at their nodes."""
-        axes, view, core = self.axes.table(), self.view.table(), linear_core(self.core.detach())
-        return RingTables(axes, view, core, backward=way_back(want, self._gradients))
+        axes, view, core = self.axes.table(), self.view.table(), self._linear_core().detach()
+        return RingTables(axes, view, core, self.diagonal, way_back(want, self._gradients))
 
     def _gradients(self, grad_tables: RingTables) -> dict[str, Tensor]:
         axes, view = self.axes.gradients(grad_tables.axes), self.view.gradients(grad_tables.view)
-        return head_names(axes=axes, view=view) | {"core": core_gradient(grad_tables.core)}
+        core = grad_tables.core if self.diagonal else core_gradient(grad_tables.core)
+        return head_names(axes=axes, view=view) | {"core": core}
 
     def differentiable_tables(self) -> RingTables:
         """The same by torch."""
         axes, view = self.axes.differentiable_table(), self.view.differentiable_table()
-        return RingTables(axes, view, linear_core(self.core))
+        return RingTables(axes, view, self._linear_core(), self.diagonal)
+
+    def _linear_core(self) -> Float[Tensor, "C D"]:
+        return self.core if self.diagonal else linear_core(self.core)
