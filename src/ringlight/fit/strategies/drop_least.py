@@ -1,6 +1,6 @@
 """Remove the Gaussians that add least to the training photographs, once density control has ended."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import torch
 from jaxtyping import Float
@@ -13,18 +13,17 @@ from ringlight.core.rendering import Emission, Rendering
 from ringlight.core.want import Want
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.stateless import Stateless
 from ringlight.models.splats import SplatModel
 
 
-class DropLeast:
+class DropLeast(Stateless):
     """In each round, drop those rows whose blending weights over all ``cameras`` add up to least.
 
     Density control cannot know what its children will be good for; a while later the photographs tell. Growing more
     and dropping it again leaves better Gaussians than growing fewer (after LightGaussian, Fan et al. 2023, which drops
     from finished models).
     """
-
-    most = None
 
     def __init__(self, settings: DensifySettings, cameras: Sequence[Camera], steps: int):
         self.rounds, self.cameras = settings.drop_rounds(steps), cameras
@@ -35,12 +34,6 @@ class DropLeast:
             return
         order = blending_weights(model, self.cameras).argsort(descending=True, stable=True)
         optimizer.edit_rows(order[: max(int(self.kept * len(model)), 1)].sort().values)
-
-    def state(self) -> dict[str, Tensor]:
-        return {}
-
-    def restore(self, state: Mapping[str, Tensor]) -> None:
-        """Nothing is counted."""
 
 
 def blending_weights(model: SplatModel, cameras: Sequence[Camera]) -> Float[Tensor, "N"]:

@@ -1,18 +1,13 @@
 """Remove rows that the image does not need, after densification has ended."""
 
-from collections.abc import Mapping
-
-from torch import Tensor
-
 from ringlight.core.rendering import Rendering
 from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.strategies.stateless import Stateless
 from ringlight.models.splats import SplatModel
 
 
-class Prune:
+class Prune(Stateless):
     """Every ``every`` steps from ``begin``: drop rows fainter than ``opacity`` or no longer wanted by the colour."""
-
-    most = None
 
     def __init__(self, begin: int, every: int, opacity: float):
         self.begin, self.every, self.opacity = begin, every, opacity
@@ -24,9 +19,3 @@ class Prune:
         keep = ((table.opacities >= self.opacity) & model.color.wanted(table)).nonzero()[:, 0]
         if 0 < len(keep) < len(model):
             optimizer.edit_rows(keep)
-
-    def state(self) -> dict[str, Tensor]:
-        return {}
-
-    def restore(self, state: Mapping[str, Tensor]) -> None:
-        """Nothing is counted."""

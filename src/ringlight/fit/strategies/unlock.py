@@ -3,17 +3,15 @@
 from collections.abc import Mapping
 
 import torch
-from torch import Tensor
 
 from ringlight.core.rendering import Rendering
 from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.strategies.stateless import Stateless
 from ringlight.models.splats import SplatModel
 
 
-class Unlock:
+class Unlock(Stateless):
     """Writes ``schedule[step]`` into the buffer when training reaches ``step``; the buffer is saved with the model."""
-
-    most = None
 
     def __init__(self, buffer: str, schedule: Mapping[int, int]):
         self.buffer, self.schedule = buffer, dict(schedule)
@@ -22,9 +20,3 @@ class Unlock:
         if step in self.schedule:
             with torch.no_grad():
                 model.get_buffer(self.buffer).fill_(self.schedule[step])
-
-    def state(self) -> dict[str, Tensor]:
-        return {}
-
-    def restore(self, state: Mapping[str, Tensor]) -> None:
-        """Nothing is counted."""
