@@ -3,7 +3,7 @@
 Torch-free. A variant is a preset with settings changed, so its run is one that ``ringlight train`` could have made.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
@@ -18,9 +18,9 @@ from ringlight.methods.three_dgs import ThreeDGSRecipe
 FULL = "full"
 """Name of the unchanged base in every study, so that studies in one folder share its runs."""
 
-RANKS, PAPER_RANK_PSNR = (4, 8, 16, 24), (27.71, 28.94, 29.01, 29.10)
-FEATURES, PAPER_FEATURE_PSNR = (12, 24, 48, 60), (28.42, 28.93, 29.01, 29.20)
-"""Appendix E of the paper, means over Shiny-Blender."""
+PAPER_RANKS = {4: 27.71, 8: 28.94, 16: 29.01, 24: 29.10}
+PAPER_FEATURES = {12: 28.42, 24: 28.93, 48: 29.01, 60: 29.20}
+"""PSNR by the ring's rank and by its features: appendix E of the paper, means over Shiny-Blender."""
 
 WARMUPS = (0.03, 0.1, 0.2, 0.3)
 SCALES = (1.0, 1e2, 1e4)
@@ -110,75 +110,52 @@ def _fields(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     return (Variant(FULL, base, recipe, own), *others)
 
 
-def _rank(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
-    """Appendix E: rank of the ring."""
-    return _varied(
-        recipe, base, "rank", float(recipe.light.ring.rank), dict(zip(RANKS, PAPER_RANK_PSNR, strict=True)),
-        lambda value: _ringed(recipe, rank=int(value)),
-    )  # fmt: skip
+def _varied(
+    what: str,
+    own: Callable[[RingLightRingRecipe], float],
+    values: Mapping[Any, float | None],
+    change: Callable[[RingLightRingRecipe, float], RingLightRingRecipe],
+) -> Callable[[str, RingLightRingRecipe], tuple[Variant, ...]]:
+    """The unchanged base at its ``own`` value, then one variant for each other of the ``values``, ascending.
+
+    These come with what the paper reports for them.
+    """
+
+    def matrix(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
+        ours = own(recipe)
+        others = [
+            Variant(f"{what}-{value:g}", base, change(recipe, value), f"{what} {value:g}", float(value), values[value])
+            for value in sorted(values)
+            if value != ours
+        ]
+        return (Variant(FULL, base, recipe, f"{what} {ours:g}", float(ours), values.get(ours)), *others)
+
+    return matrix
 
 
-def _feature(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
-    """Appendix E: channels of the appearance feature."""
-    return _varied(
-        recipe, base, "features", float(recipe.light.ring.features),
-        dict(zip(FEATURES, PAPER_FEATURE_PSNR, strict=True)),
-        lambda value: _ringed(recipe, features=int(value)),
-    )  # fmt: skip
-
-
-def _warmup(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
-    """Share of the steps with base colour only."""
-    return _varied(
-        recipe, base, "warmup", recipe.warmup, dict.fromkeys(WARMUPS), lambda value: replace(recipe, warmup=value)
-    )
-
-
-def _gamma(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
+def _scaled(recipe: RingLightRingRecipe, scale: float) -> RingLightRingRecipe:
     """The loss's scale; the densification threshold, a gradient, goes with it."""
-
-    def scaled(value: float) -> RingLightRingRecipe:
-        threshold = recipe.densify.threshold * value / recipe.loss.scale
-        densify = replace(recipe.densify, threshold=threshold)
-        return replace(recipe, loss=replace(recipe.loss, scale=value), densify=densify)
-
-    return _varied(recipe, base, "gamma", recipe.loss.scale, dict.fromkeys(SCALES), scaled)
-
-
-def _beta(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
-    """The share of SSIM in the loss."""
-    return _varied(
-        recipe, base, "beta", recipe.loss.ssim_weight, dict.fromkeys(SSIM_WEIGHTS),
-        lambda value: replace(recipe, loss=replace(recipe.loss, ssim_weight=value)),
-    )  # fmt: skip
+    threshold = recipe.densify.threshold * scale / recipe.loss.scale
+    densify = replace(recipe.densify, threshold=threshold)
+    return replace(recipe, loss=replace(recipe.loss, scale=scale), densify=densify)
 
 
 STUDIES: dict[str, Callable[[str, RingLightRingRecipe], tuple[Variant, ...]]] = {
     "ablation": _ablation,
     "field": _fields,
-    "rank": _rank,
-    "feature": _feature,
-    "gamma": _gamma,
-    "beta": _beta,
-    "warmup": _warmup,
+    "rank": _varied("rank", lambda r: r.light.ring.rank, PAPER_RANKS, lambda r, rank: _ringed(r, rank=int(rank))),
+    "feature": _varied(
+        "features", lambda r: r.light.ring.features, PAPER_FEATURES, lambda r, width: _ringed(r, features=int(width))
+    ),
+    "gamma": _varied("gamma", lambda r: r.loss.scale, dict.fromkeys(SCALES), _scaled),
+    "beta": _varied(
+        "beta",
+        lambda r: r.loss.ssim_weight,
+        dict.fromkeys(SSIM_WEIGHTS),
+        lambda r, share: replace(r, loss=replace(r.loss, ssim_weight=share)),
+    ),
+    "warmup": _varied("warmup", lambda r: r.warmup, dict.fromkeys(WARMUPS), lambda r, share: replace(r, warmup=share)),
 }
-
-
-def _varied(
-    recipe: RingLightRingRecipe,
-    base: str,
-    what: str,
-    own: float,
-    values: dict[Any, float | None],
-    change: Callable[[float], RingLightRingRecipe],
-) -> tuple[Variant, ...]:
-    """The unchanged base at its own value, then one variant for each other value, ascending."""
-    others = [
-        Variant(f"{what}-{value:g}", base, change(value), f"{what} {value:g}", at=float(value), paper=values[value])
-        for value in sorted(values)
-        if value != own
-    ]
-    return (Variant(FULL, base, recipe, f"{what} {own:g}", at=float(own), paper=values.get(own)), *others)
 
 
 def _lit(recipe: RingLightRingRecipe, **changes: Any) -> RingLightRingRecipe:
