@@ -57,28 +57,17 @@ class RingLightRecipe:
         self, scene: "Scene", rasterize: "Rasterizer", seed: int
     ) -> "tuple[RingLightRingRecipe | RingLightMirrorRecipe, str | None]":
         """The recipe of the chosen method with these settings, and why it was chosen, unless the user did."""
-        if self.shading == "forward":
-            return self.ring, None
-        if self.shading == "deferred":
-            return self.mirror, None
-        from ringlight.methods.reflection_trial import chosen_shading
+        shading, why = self.shading, None
+        if shading == "auto":
+            from ringlight.methods.reflection_trial import chosen_shading
 
-        shading, why = chosen_shading(scene, rasterize, seed, self.steps)
-        if shading == "forward":
-            return self.ring, f"shading: forward, as ringlight-ring ({why})"
-        return self.mirror, f"shading: deferred, as ringlight-mirror ({why})"
-
-    @property
-    def ring(self) -> RingLightRingRecipe:
-        """What is trained where Gaussians are lit."""
-        ours = RingLightRingRecipe(steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
-        return ours if self.antialiased is None else replace(ours, antialiased=self.antialiased)
-
-    @property
-    def mirror(self) -> RingLightMirrorRecipe:
-        """What is trained where pixels are lit."""
-        ours = RingLightMirrorRecipe(steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
-        return ours if self.antialiased is None else replace(ours, antialiased=self.antialiased)
+            shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
+            method = "ringlight-ring" if shading == "forward" else "ringlight-mirror"
+            why = f"shading: {shading}, as {method} ({reason})"
+        chosen: RingLightRingRecipe | RingLightMirrorRecipe
+        chosen = RingLightRingRecipe() if shading == "forward" else RingLightMirrorRecipe()
+        chosen = replace(chosen, steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
+        return chosen if self.antialiased is None else replace(chosen, antialiased=self.antialiased), why
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.settled(scene, rasterize, seed)[0].build(scene, rasterize, seed)
