@@ -25,7 +25,7 @@ def test_equals_the_reference(size: tuple[int, int], pixel: str, memory: str):
         seen = torch.cat([seen, seen], -1)[..., :3] if memory == "part of more channels" else seen.contiguous()
     blurs = losses.target_blurs(target)
     value, gradient = photometric_by_triton(
-        seen, target, *blurs, losses.window_weights(target), (losses.C1, losses.C2),
+        seen, target, *blurs, losses.window_weights(target.dtype, target.device), (losses.C1, losses.C2),
         settings.scale * 0.7, settings.scale * 0.3, pixel == "l2",
     )  # fmt: skip
     assert gradient.stride() == (seen.contiguous() if memory == "part of more channels" else seen).stride()

@@ -82,7 +82,7 @@ def _triton_gradient(color: Tensor, target: Target, settings: PhotometricLoss) -
     from ringlight.fit.losses.photometric_triton import photometric_by_triton
 
     return photometric_by_triton(
-        color, target.image, target.blur, target.square_blur, window_weights(color), (C1, C2),
+        color, target.image, target.blur, target.square_blur, window_weights(color.dtype, color.device), (C1, C2),
         pixel_weight=settings.scale * (1 - settings.ssim_weight),
         ssim_weight=settings.scale * settings.ssim_weight,
         squared=settings.pixel == "l2",
@@ -120,20 +120,16 @@ def target_blurs(image: Float[Tensor, "3 H W"]) -> tuple[Float[Tensor, "3 H W"],
     return blur.contiguous(), square_blur.contiguous()
 
 
-def window_weights(like: Tensor) -> Float[Tensor, "11"]:
-    """The Gaussian window along one axis; its sum is one."""
-    return _window_weights(like.dtype, like.device)
-
-
 @functools.lru_cache(maxsize=4)
-def _window_weights(dtype: torch.dtype, device: torch.device) -> Float[Tensor, "11"]:
+def window_weights(dtype: torch.dtype, device: torch.device) -> Float[Tensor, "11"]:
+    """The Gaussian window along one axis; its sum is one."""
     offsets = torch.arange(WINDOW, dtype=dtype, device=device) - WINDOW // 2
     weights = torch.exp(-offsets.square() / (2 * SIGMA**2))
     return weights / weights.sum()
 
 
 def _blur(images: Float[Tensor, "B C H W"]) -> Float[Tensor, "B C H W"]:
-    weights = window_weights(images)
+    weights = window_weights(images.dtype, images.device)
     single = images.flatten(0, 1)[:, None]
     down = torch.nn.functional.conv2d(single, weights[None, None, :, None], padding=(WINDOW // 2, 0))
     both = torch.nn.functional.conv2d(down, weights[None, None, None, :], padding=(0, WINDOW // 2))
