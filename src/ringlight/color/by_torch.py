@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import torch
 from torch import Tensor
 
-from ringlight.core.by_autograd import ByAutograd, add_to
+from ringlight.core.by_autograd import ByAutograd
 from ringlight.core.gradients import COLUMNS, Gradients
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.want import Want
@@ -35,7 +35,7 @@ def emitted_by_torch(
         outputs: dict[str, Tensor | None] = dict(zip(names, grad_channels.split(widths, -1), strict=True))
         outputs[OPACITY_FACTOR] = None if grad_opacity_factor is None else grad_opacity_factor[:, None]
         found = recorded.backward(outputs)
-        add_to(into, {COLUMNS + name if name in columns else name: gradient for name, gradient in found.items()})
+        into.add_all({COLUMNS + name if name in columns else name: gradient for name, gradient in found.items()})
 
     return _emission(recorded.outputs, backward)
 

@@ -8,12 +8,12 @@ from torch import Tensor, nn
 
 from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
-from ringlight.color.mirror_kernel import kernel_takes, mirror_view
 from ringlight.color.ringlight import BASE, DARKEST, LATENT_DEVIATION, LATENTS
 from ringlight.core.camera import Camera
-from ringlight.core.directions import normalize, view_directions
+from ringlight.core.directions import SMALLEST_LENGTH, normalize, view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS, Gradients
+from ringlight.core.kernel_limits import MIRROR_MAX_LATENTS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
@@ -62,7 +62,8 @@ class Mirror(nn.Module):
         if list(names) == ["rgb"]:
             return _base_emission(gaussians.appearance[BASE], want)
         columns = {"means": gaussians.means} | {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS)}
-        if kernel_takes(*columns.values()):
+        kinds = {(column.dtype, column.device.type) for column in columns.values()}
+        if kinds == {(torch.float32, "cpu")} and self.latents <= MIRROR_MAX_LATENTS:
             return _native_emission(columns, camera, self.emits, want)
 
         def channels(columns: dict[str, Tensor]) -> Channels:
@@ -99,7 +100,7 @@ def _base_emission(base: Float[Tensor, "N 3"], want: Want) -> Emission:
 
 @torch.no_grad()
 def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping[str, int], want: Want) -> Emission:
-    view = mirror_view(camera, FLIP_BELOW)
+    view = _kernels.MirrorView(camera=camera.native, flip_below=FLIP_BELOW, smallest_length=SMALLEST_LENGTH)
     tensors = [column.contiguous() for column in columns.values()]
     channels = tensors[0].new_empty(len(tensors[0]), sum(widths.values()))
     _kernels.mirror_channels(view, tensors, channels)

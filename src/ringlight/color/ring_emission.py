@@ -9,7 +9,6 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.color.ring_kernel import Lit, lazy_light, light_gradients, ring_parameters
 from ringlight.color.visibility_mask import mask_factor, mask_gradient
-from ringlight.core.by_autograd import add_to
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR, COLUMNS, Gradients
@@ -109,6 +108,6 @@ class _WayBack:
             if name in columns:
                 into.add(COLUMNS + name, gradient)
         names = (COLOR + name for name in model.names_of_shading)
-        add_to(into, dict(zip(names, of_layers, strict=True)))
+        into.add_all(dict(zip(names, of_layers, strict=True)))
         of_field = self._tables.backward(RingTables(axes, view, core, self._tables.diagonal))
-        add_to(into, {f"{COLOR}{model.settings.field}.{name}": gradient for name, gradient in of_field.items()})
+        into.add_all({f"{COLOR}{model.settings.field}.{name}": gradient for name, gradient in of_field.items()})

@@ -5,8 +5,6 @@ from collections.abc import Callable, Mapping
 import torch
 from torch import Tensor
 
-from ringlight.core.gradients import Gradients
-
 Named = dict[str, Tensor]
 
 
@@ -40,9 +38,3 @@ class ByAutograd:
         sources = self._sources
         found = torch.autograd.grad(outputs, list(sources.values()), gradients, allow_unused=True)
         return {name: gradient for name, gradient in zip(sources, found, strict=True) if gradient is not None}
-
-
-def add_to(into: Gradients, found: Mapping[str, Tensor]) -> None:
-    """Add gradients by full parameter name."""
-    for name, gradient in found.items():
-        into.add(name, gradient)

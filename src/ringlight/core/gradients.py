@@ -1,5 +1,6 @@
 """Gradients by parameter name, and those that are cheaper to use than to write down."""
 
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 from torch import Tensor
@@ -45,3 +46,8 @@ class Gradients(dict[str, Gradient]):
         """Add to what is there under this name."""
         known = self.get(name)
         self[name] = gradient if known is None else dense(known) + dense(gradient)
+
+    def add_all(self, found: Mapping[str, Gradient]) -> None:
+        """The same for several."""
+        for name, gradient in found.items():
+            self.add(name, gradient)

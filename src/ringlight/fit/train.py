@@ -139,8 +139,7 @@ def gradients_of(training: Training, prediction: Rendering, compared: Compared, 
             grad_buffers[name] = grad_buffers[name] + gradient if name in grad_buffers else gradient
     gradients = prediction.backward(compared.grad_color, grad_buffers)
     for looker in lookers:
-        for name, gradient in looker.grad_parameters.items():
-            gradients.add(name, gradient)
+        gradients.add_all(looker.grad_parameters)
     return training.reduce(gradients)
 
 

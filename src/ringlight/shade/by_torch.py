@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.core.by_autograd import ByAutograd, add_to
+from ringlight.core.by_autograd import ByAutograd
 from ringlight.core.gradients import Gradients
 from ringlight.core.rendering import ImageGradients, Shaded
 from ringlight.core.want import Want
@@ -30,7 +30,7 @@ def shaded_by_torch(
     def backward(grad_color: Tensor, into: Gradients) -> ImageGradients:
         found = recorded.backward({"color": grad_color})
         grad_image, grad_alpha = found.pop("image", None), found.pop("alpha", None)
-        add_to(into, found)
+        into.add_all(found)
         return torch.zeros_like(image) if grad_image is None else grad_image, grad_alpha
 
     return Shaded(recorded.outputs["color"], backward)

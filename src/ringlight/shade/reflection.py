@@ -12,7 +12,6 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight import _kernels
-from ringlight.core.by_autograd import add_to
 from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.gradients import SHADER, Gradients
@@ -38,11 +37,10 @@ from ringlight.shade.reflection_kernel import (
     reads_depth,
     reflection_job,
     shaded_planes,
-    shading_of,
 )
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
 
-RINGS: dict[str, type[TensorRing] | type[DiagonalRing]] = {"full": TensorRing, "diagonal": DiagonalRing}
+RINGS: dict[str, type[TensorRing]] = {"full": TensorRing, "diagonal": DiagonalRing}
 """By the setting ``ring``."""
 
 # The last layer starts smaller than PyTorch's: the first shaded picture shall be near that of the base colours.
@@ -104,7 +102,8 @@ class ReflectionShader(nn.Module):
         parameters = self.kernel_parameters()
         if not self.lit or not kernel_takes(self.settings, *parameters):
             return None
-        return shading_of(self.job(camera, background), parameters, exact=want is not Want.PICTURE)
+        job = self.job(camera, background)
+        return _kernels.ReflectionPicture(job.shape, parameters, job.view, want is not Want.PICTURE)
 
     def shade(
         self,
@@ -147,7 +146,7 @@ class ReflectionShader(nn.Module):
             gradients = [torch.empty_like(parameter) for parameter in parameters]
             block, grad_alpha = plane_gradients(job, planes, parameters, grad_color, gradients)
             names = (SHADER + name for name in self._kernel_names)
-            add_to(into, dict(zip(names, gradients, strict=True)))
+            into.add_all(dict(zip(names, gradients, strict=True)))
             return block.permute(1, 2, 0), grad_alpha.permute(1, 2, 0)
 
         return Shaded(color, backward)

@@ -29,13 +29,7 @@ ALPHA = 3
 
 
 def kernel_takes(settings: ReflectionSettings, *tensors: Tensor) -> bool:
-    """Whether the kernel can do it: float32 on the CPU, and sizes that it takes."""
-    kinds = {(tensor.dtype, tensor.device.type) for tensor in tensors}
-    return sizes_fit(settings) and kinds == {(torch.float32, "cpu")}
-
-
-def sizes_fit(settings: ReflectionSettings) -> bool:
-    """Whether the kernel takes them: no ring, features in fours, and none beyond its limits."""
+    """Whether the kernel can do it: float32 on the CPU, no ring, features in fours, and no size beyond its limits."""
     fits = (
         settings.ring == "none"
         and settings.axis_nodes <= REFLECTION_MAX_SIDE
@@ -44,7 +38,8 @@ def sizes_fit(settings: ReflectionSettings) -> bool:
         and max(settings.levels) <= REFLECTION_MAX_SIDE
     )
     fits = fits and settings.features <= REFLECTION_MAX_FEATURES and settings.features % REFLECTION_QUAD == 0
-    return fits and len(settings.levels) <= REFLECTION_MAX_LEVELS
+    fits = fits and len(settings.levels) <= REFLECTION_MAX_LEVELS
+    return fits and {(tensor.dtype, tensor.device.type) for tensor in tensors} == {(torch.float32, "cpu")}
 
 
 def reads_depth(settings: ReflectionSettings) -> bool:
@@ -110,12 +105,6 @@ def shaded_planes(job: ReflectionJob, planes: Planes, parameters: Sequence[Tenso
     color = torch.empty_like(planes[0])
     _kernels.reflection_forward(job.shape, parameters, job.view, planes, color)
     return color.permute(1, 2, 0)
-
-
-def shading_of(job: ReflectionJob, parameters: Sequence[Tensor], exact: bool = False) -> _kernels.PictureShader:
-    """The same picture from inside the rasterizer, where the blended planes need not be kept: rgb, normal, latents and,
-    where it is read, depth, side by side. Unless ``exact``, wide layers multiply bytes where the processor can."""
-    return _kernels.ReflectionPicture(job.shape, parameters, job.view, exact)
 
 
 def plane_gradients(
