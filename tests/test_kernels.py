@@ -10,6 +10,7 @@ import torch
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.memory import machine_memory
+from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.cpu import CpuRasterizer
 
 
@@ -66,7 +67,7 @@ def test_a_forward_pass_that_failed_has_no_backward_pass():
     table = _kernels.SplatTable(*columns, None, torch.ones(count, 1), torch.zeros(1))
     gradients = _kernels.SplatGradients(*columns, None, torch.ones(count, 1), torch.zeros(count, 2), None)
     camera = square_camera(8192)
-    settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
+    settings = _kernels.RasterSettings(**vars(RasterOptions()))
     image, alpha, footprint = torch.empty(1, 8192, 8192), torch.empty(8192, 8192), torch.empty(count, 2)
     workspace = _kernels.Workspace()
     with pytest.raises(MemoryError):
@@ -81,7 +82,7 @@ def test_no_buffer_takes_more_than_half_of_the_memory_that_is_stated():
     columns = [means, torch.full((1, 3), -9.0), torch.ones(1, 4), torch.zeros(1)]
     table = _kernels.SplatTable(*columns, None, torch.ones(1, 1), torch.zeros(1))
     camera = square_camera(size)
-    settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
+    settings = _kernels.RasterSettings(**vars(RasterOptions()))
     image, alpha, footprint = torch.empty(1, size, size), torch.empty(size, size), torch.empty(1, 2)
 
     def draw() -> None:
@@ -105,7 +106,7 @@ def test_every_number_of_a_camera_is_looked_at_alone():
     """Two large focal lengths have a sum that is not finite."""
     columns = [torch.empty(0, 3), torch.empty(0, 3), torch.empty(0, 4), torch.empty(0)]
     table = _kernels.SplatTable(*columns, None, torch.empty(0, 1), torch.zeros(1))
-    settings = _kernels.RasterSettings(0.3, 0.01, 0.999, False, False)
+    settings = _kernels.RasterSettings(**vars(RasterOptions()))
     image, alpha, footprint = torch.empty(1, 8, 8), torch.empty(8, 8), torch.empty(0, 2)
 
     def draw(focal_x: float, focal_y: float, center_x: float, center_y: float) -> None:

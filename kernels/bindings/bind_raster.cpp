@@ -168,7 +168,8 @@ void bind_raster(nb::module_& module) {
   nb::set_leak_warnings(false);
 
   nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")
-      .def(nb::new_(&settings_from), "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a, "absgrad"_a);
+      .def(nb::new_(&settings_from), nb::kw_only(), "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a,
+           "absgrad"_a);
 
   nb::class_<LazyColors>(module, "LazyColors",
                          "Better colours than the channels, worked out when the blend first needs them.");

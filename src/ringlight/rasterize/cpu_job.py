@@ -33,9 +33,7 @@ class Job:
 
     def __init__(self, camera: Camera, background: Tensor, options: RasterOptions, count: int) -> None:
         self.camera = camera.native
-        self.settings = _kernels.RasterSettings(
-            options.eps2d, options.near, options.max_alpha, options.antialiased, options.absgrad
-        )
+        self.settings = _kernels.RasterSettings(**vars(options))
         self.absgrad = options.absgrad
         self.size = (camera.height, camera.width)
         self.background = background.detach().float().contiguous()
