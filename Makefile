@@ -55,4 +55,4 @@ valgrind: setup
 	@PYTHON="$(BIN)/python" sh scripts/valgrind.sh
 
 clean:
-	rm -rf $(VENV) build
+	rm -rf $(VENV) build src/ringlight/_kernels.pyi

@@ -23,7 +23,7 @@ def constants(source: str) -> dict[str, Value]:
 
 def definition(name: str, value: Value) -> str:
     if isinstance(value, tuple):
-        return f"inline constexpr float {name}[] = {{{', '.join(f'{number!r}f' for number in value)}}};"
+        return f"inline constexpr float {name}[] = {{{', '.join(f'{float(number)!r}f' for number in value)}}};"
     kind, literal = ("int", str(value)) if isinstance(value, int) else ("float", f"{value!r}f")
     return f"inline constexpr {kind} {name} = {literal};"
 

@@ -298,10 +298,11 @@ def test_parts_that_do_not_agree_on_channels_are_refused_when_the_model_is_built
         SplatModel(usual.gaussians, usual.color, Greedy(**needs), usual.rasterize, RasterOptions())
 
 
-def test_parameters_that_were_changed_since_are_refused():
+@pytest.mark.parametrize("name", ["columns.means", "shader.mlp.0.weight"])
+def test_parameters_that_were_changed_since_are_refused(name: str):
     model, camera = mirror("40@96"), view()
     rendering = model.render(camera, WHITE, Want.GRADIENTS)
     with torch.no_grad():
-        model.columns["means"].add_(0.05)
+        model.get_parameter(name).add_(0.05)
     with pytest.raises(RuntimeError, match="render it again"):
         rendering.backward(upstream(camera.width, camera.height), {})

@@ -108,7 +108,7 @@ def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping
         return Emission(widths, channels)
 
     def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
-        gradients = [torch.empty_like(tensor, requires_grad=False) for tensor in tensors]
+        gradients = [torch.empty_like(tensor) for tensor in tensors]
         moved = _kernels.mirror_gradient(view, tensors, grad_channels, gradients)
         for name, gradient in zip(columns, gradients, strict=True):
             if moved or name != "means":  # positions are left alone unless a depth had a gradient

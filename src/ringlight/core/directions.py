@@ -1,4 +1,7 @@
-"""Directions on the unit sphere: from camera to point, reflected, the octahedral square, shortest axes."""
+"""Directions on the unit sphere: from camera to point, reflected, the octahedral square, shortest axes.
+
+Its constants are numbers, which CMake writes into the kernels' convention.hpp.
+"""
 
 import torch
 from jaxtyping import Float

@@ -2,6 +2,8 @@
 
 Within a degree the order m runs from -l to l; odd m carry the Condon-Shortley sign, hence -y, z, -x at degree 1
 (Green 2003, "Spherical Harmonic Lighting: The Gritty Details", appendix A1).
+
+Its constants are numbers, which CMake writes into the kernels' convention.hpp.
 """
 
 from math import pi, sqrt

@@ -3,7 +3,6 @@
 import numpy as np
 import torch
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from ringlight.core.camera import Camera
 from ringlight.data.intrinsics import Intrinsics
@@ -53,6 +52,8 @@ def world_to_camera_from_quaternion(
     largest = np.abs(quaternion).max()
     if not np.isfinite(numbers).all() or np.abs(translation).max() > MAX_COORDINATE or largest < 1e-6:
         raise SceneError(f"{where} has a pose that is not finite or has no direction; run the mapper again")
+    from scipy.spatial.transform import Rotation  # 25 MB that no other reader wants
+
     # Divided first: squares of damaged numbers near 1e300 would leave the range of float64.
     w, x, y, z = quaternion / largest
     return rigid_matrix(Rotation.from_quat([x, y, z, w]).as_matrix(), translation)

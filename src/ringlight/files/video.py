@@ -60,7 +60,9 @@ def write_video(path: Path, frames: Iterable[Float[Tensor, "H W 3"]], fps: float
     """
     library = video_library()
     pictures = (_even(to_8bit(frame)) for frame in frames)
-    first = next(pictures)
+    first = next(pictures, None)
+    if first is None:
+        raise OutputError(f"{path}: cannot be written: the film has no frames; give at least one")
     with written_atomically(path) as file:
         file.write(_encoded(library, _of_one_size(path, chain([first], pictures), first.shape), first.shape, fps))
 

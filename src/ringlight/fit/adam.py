@@ -36,7 +36,8 @@ def adam_(updates: Sequence[Update], radii: Float[Tensor, "N 2"] | None = None) 
     for update in updates:
         value, gradient, mean, square, step = update
         by_triton = runs_triton(value)
-        if not value.is_contiguous() or not (by_triton or (value.is_cpu and value.dtype == torch.float32)):
+        takes_any = by_triton or (value.is_cpu and value.dtype == torch.float32)
+        if not (takes_any and value.is_contiguous() and mean.is_contiguous() and square.is_contiguous()):
             others.append(update)
         elif isinstance(gradient, Tensor) or radii is not None or by_triton:
             (on_gpu if by_triton else native).append((value, dense(gradient).contiguous(), mean, square, step))

@@ -24,7 +24,7 @@ Splats = TypeVar("Splats", bound="SplatRecipe")
 
 
 class SplatRecipe(ABC):
-    """Base of recipes whose Gaussians density control grows, and which leave nothing to the scene."""
+    """Base of recipes whose Gaussians density control grows, and whose settings do not depend on the scene."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
     steps: int
@@ -50,7 +50,7 @@ class SplatRecipe(ABC):
         return self.build_on(scene.points, scene, rasterize, seed)
 
     def build_on(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        """The same from these points."""
+        """The same from these points, bounded as ``densify`` says."""
         from ringlight.methods.assembly import assembled
 
         return assembled(self, points, scene, rasterize, seed)

@@ -1,6 +1,7 @@
 """A splat model: a table of Gaussians, a colour model that says what each emits, a shader, and a rasterizer."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float
@@ -60,6 +61,11 @@ class SplatModel(nn.Module):
         if self.device.type != "cpu":
             move(self, self.device)
 
+    @cached_property
+    def _shared(self) -> list[nn.Parameter]:
+        """All but the columns, which density control replaces; to find them at each step would take torch a while."""
+        return [parameter for name, parameter in self.named_parameters() if not name.startswith(COLUMNS)]
+
     @property
     def device(self) -> torch.device:
         """Where the parameters are; the rasterizer says so."""
@@ -98,14 +104,14 @@ class SplatModel(nn.Module):
         # A shader of tiles takes what it needs and no more, and of a mere picture nothing else is kept.
         in_tiles = len(names) == len(needs) and not (buffers and want is Want.PICTURE)
         tiles = self.shader.tiles(camera, background, want) if in_tiles else None
-        behind_all = behind[0] if len(behind) == 1 else torch.cat(behind)
+        behind_all = behind[0].clone() if len(behind) == 1 else torch.cat(behind)
         raster = self.rasterize.draw(gaussians, emission, camera, behind_all, self.options, want, tiles)
         read = sum(needs.values())
         shaded = self.shader.shade(raster.image[..., :read], raster.alpha, camera, background, want, raster.shaded)
         blended = {} if raster.image.shape[-1] == 0 else named_parts(raster, names, widths)
         if want is not Want.GRADIENTS:
             return Rendering(shaded.color, raster.alpha, blended, raster.footprint)
-        drawn = gaussians.columns().values()
+        drawn = [*gaussians.columns().values(), *self._shared]
         back = WayBack(emission, raster, shaded, dict(zip(names, widths, strict=True)), drawn)
         return Rendering(shaded.color, raster.alpha, blended, raster.footprint, back)
 

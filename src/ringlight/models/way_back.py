@@ -38,7 +38,7 @@ def ordered(emission: Emission, names: Sequence[str]) -> Emission:
 class WayBack:
     """See :class:`ringlight.core.rendering.Rendering`. Once gone it lets go of what it needed.
 
-    It is that of the table as it was drawn: ``columns`` that were changed in place since are refused.
+    It is that of the ``parameters`` as they were drawn: one that was changed in place since is refused.
     """
 
     def __init__(
@@ -47,17 +47,17 @@ class WayBack:
         raster: Raster,
         shaded: Shaded,
         widths: Mapping[str, int],
-        columns: Iterable[Tensor],
+        parameters: Iterable[Tensor],
     ):
         self._parts: tuple[Emission, Raster, Shaded] | None = (emission, raster, shaded)
         self._names, self._widths = tuple(widths), tuple(widths.values())
-        self._versions = [(column, column._version) for column in columns]
+        self._versions = [(parameter, parameter._version) for parameter in parameters]
 
     @torch.no_grad()
     def __call__(self, grad_color: Float[Tensor, "H W 3"], grad_buffers: Mapping[str, Tensor]) -> Gradients:
         if self._parts is None:
             raise RuntimeError("the way back of this picture has been gone already; render it again")
-        if any(column._version != version for column, version in self._versions):
+        if any(parameter._version != version for parameter, version in self._versions):
             raise RuntimeError("parameters were changed after this picture was rendered; render it again")
         into, (emission, raster, shaded) = Gradients(), self._parts
         self._parts, self._versions = None, []

@@ -70,7 +70,11 @@ class CpuRasterizer:
         keeps_blended = tiles is not None and want is not Want.PICTURE
         blended = job.background.new_empty(len(job.background), *job.size) if keeps_blended else None
         early_stop = is_hinted and want is Want.PICTURE
-        shown, alpha = job.draw(loan.workspace, table, lazy, tiles, blended, early_stop)
+        try:
+            shown, alpha = job.draw(loan.workspace, table, lazy, tiles, blended, early_stop)
+        except BaseException:
+            loan.give_back()  # who keeps the exception keeps this frame
+            raise
         image, shaded = shown, None
         if tiles is not None:
             image, shaded = shown[:0] if blended is None else blended, shown.permute(1, 2, 0)
@@ -82,11 +86,18 @@ class _Loan:
     """A workspace out of the pool, to which it goes back once nobody holds the loan any more."""
 
     def __init__(self, spare: "list[_kernels.Workspace]") -> None:
+        self._spare, self._is_back = spare, True
         self.workspace = spare.pop() if spare else _kernels.Workspace()
-        self._spare = spare
+        self._is_back = False
+
+    def give_back(self) -> None:
+        """Let the next view have the workspace; once."""
+        if not self._is_back:
+            self._is_back = True
+            self._spare.append(self.workspace)
 
     def __del__(self) -> None:
-        self._spare.append(self.workspace)
+        self.give_back()
 
 
 class _WayBack:

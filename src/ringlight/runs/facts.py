@@ -123,7 +123,7 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
         has_checkpoint=has_checkpoint,
         resume=f"ringlight train --resume {run.path}" if can_go_on else None,
         problems=tuple(problems),
-        **{name: getattr(report, name, None) for name in HEADLINE},
+        **{name: getattr(report, name) if report else None for name in HEADLINE},
     )
 
 

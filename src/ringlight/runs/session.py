@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import ringlight
@@ -43,7 +43,7 @@ class Clock:
     """Wall clock; a checkpoint knows of those before it."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Session:
     """Iterate over :meth:`steps` to train; stop asking to pause; :meth:`save` whenever you like.
 
@@ -61,7 +61,7 @@ class Session:
     decided: str | None = None
     _good: int = -1
     """Step of the last checkpoint."""
-    _saved_at: int = -1
+    _saved_at: int = field(default=-1, init=False)
     """Step of the last files, the model's among them."""
 
     @staticmethod

@@ -32,7 +32,9 @@ class Target:
         self.image = image.detach().to(torch.float32).contiguous()
         self.blur = self.square_blur = self.image.new_empty(0)
         if image.device.type == "cpu":
-            self.blur, self.square_blur = torch.empty_like(self.image), torch.empty_like(self.image)
+            # One block: three, each as large as a picture, would take the places that a step's own arrays had.
+            block = torch.stack((self.image, self.image, self.image))
+            self.image, self.blur, self.square_blur = block.unbind()
             _kernels.blur_target(self.image, self.blur, self.square_blur, _workspace(self.image))
         elif runs_triton(self.image):
             self.blur, self.square_blur = target_blurs(self.image)
