@@ -5,13 +5,13 @@ Conventions: OpenCV axes (x right, y down, z forward); pixel centres at ``.5``; 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from ringlight.core.computed_once import computed_once
 from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
 from ringlight.errors import BackendError
 
@@ -36,19 +36,19 @@ class Camera:
         """For another process: without what was worked out of it."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
-    @cached_property
+    @computed_once
     def position(self) -> Float[Tensor, "3"]:
         """The optical centre in world units."""
         rotation, translation = self.world_to_camera[:3, :3], self.world_to_camera[:3, 3]
         return (-rotation.T @ translation).contiguous()
 
-    @cached_property
+    @computed_once
     def pose_numbers(self) -> list[float]:
         """The first three rows of ``world_to_camera``, one after the other."""
         numbers: list[float] = self.world_to_camera[:3].flatten().tolist()
         return numbers
 
-    @cached_property
+    @computed_once
     def native(self) -> "_kernels.Camera":
         """The same for the compiled kernels; made once, whatever of them are called.
 
@@ -79,7 +79,7 @@ class Camera:
             if not values.isfinite().all():
                 raise BackendError(f"the {what} holds a value that is not finite; only finite numbers can be drawn")
 
-    @cached_property
+    @computed_once
     def forward(self) -> Float[Tensor, "3"]:
         """Unit viewing axis in world coordinates."""
         return self.world_to_camera[2, :3].contiguous()

@@ -6,12 +6,12 @@ given, and adds those of the part's parameters to the :class:`~ringlight.core.gr
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, NoReturn
 
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from ringlight.core.computed_once import computed_once
 from ringlight.core.gradients import Gradients
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class Emission:
         """Colours that need not be worked out for every row."""
         return self._channels if isinstance(self._channels, LazyColors) else None
 
-    @cached_property
+    @computed_once
     def channels(self) -> Float[Tensor, "N C"]:
         """All of them, for every row."""
         return self._channels.all_rows() if isinstance(self._channels, LazyColors) else self._channels

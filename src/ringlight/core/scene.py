@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import torch
@@ -10,6 +9,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ringlight.core.camera import Camera
+from ringlight.core.computed_once import computed_once
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Scene:
     source: str
     notes: tuple[str, ...] = field(default_factory=tuple)
 
-    @cached_property
+    @computed_once
     def background_color(self) -> Float[Tensor, "3"]:
         """What test images are composited over: white unless black was asked for."""
         return torch.zeros(3) if self.background == "black" else torch.ones(3)

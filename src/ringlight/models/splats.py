@@ -1,7 +1,6 @@
 """A splat model: a table of Gaussians, a colour model that says what each emits, a shader, and a rasterizer."""
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float
@@ -9,6 +8,7 @@ from torch import Tensor, nn
 
 from ringlight.color.contract import ColorModel, Harmonics
 from ringlight.core.camera import Camera
+from ringlight.core.computed_once import computed_once
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS
@@ -61,7 +61,7 @@ class SplatModel(nn.Module):
         if self.device.type != "cpu":
             move(self, self.device)
 
-    @cached_property
+    @computed_once
     def _shared(self) -> list[nn.Parameter]:
         """All but the columns, which density control replaces; to find them at each step would take torch a while."""
         return [parameter for name, parameter in self.named_parameters() if not name.startswith(COLUMNS)]
