@@ -4,6 +4,8 @@ import os
 import threading
 from pathlib import Path
 
+import pytest
+
 import ringlight
 from ringlight.core.computed_once import computed_once
 
@@ -27,6 +29,7 @@ def test_it_is_worked_out_once_for_each_object():
     assert (Counted.value.__doc__, Counted.value.__class__) == ("How often.", computed_once)
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Python 3.12 warns of forks beside threads
 def test_a_process_forked_while_another_thread_works_one_out_does_not_wait():
     entered, left = threading.Event(), threading.Event()
 
