@@ -100,12 +100,13 @@ class SplatModel(nn.Module):
         names = (*needs, *(name for name in buffers if name not in needs and name != ALPHA))
         gaussians, widths = self.gaussians, [self.color.emits[name] for name in names]
         emission = ordered(self.color.emit(gaussians, camera, names, want), names)
-        behind = [background if name == "rgb" else background.new_zeros(self.color.emits[name]) for name in names]
+        behind = torch.cat(
+            [background if name == "rgb" else background.new_zeros(self.color.emits[name]) for name in names]
+        )
         # A shader of tiles takes what it needs and no more, and of a mere picture nothing else is kept.
         in_tiles = len(names) == len(needs) and not (buffers and want is Want.PICTURE)
         tiles = self.shader.tiles(camera, background, want) if in_tiles else None
-        behind_all = behind[0].clone() if len(behind) == 1 else torch.cat(behind)
-        raster = self.rasterize.draw(gaussians, emission, camera, behind_all, self.options, want, tiles)
+        raster = self.rasterize.draw(gaussians, emission, camera, behind, self.options, want, tiles)
         read = sum(needs.values())
         shaded = self.shader.shade(raster.image[..., :read], raster.alpha, camera, background, want, raster.shaded)
         blended = {} if raster.image.shape[-1] == 0 else named_parts(raster, names, widths)
