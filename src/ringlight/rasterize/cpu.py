@@ -86,7 +86,7 @@ class _Loan:
     """A workspace out of the pool, to which it goes back once nobody holds the loan any more."""
 
     def __init__(self, spare: "list[_kernels.Workspace]") -> None:
-        self._spare, self._is_back = spare, True
+        self._spare, self._is_back = spare, True  # nothing to give back if there is no memory for a workspace
         self.workspace = spare.pop() if spare else _kernels.Workspace()
         self._is_back = False
 

