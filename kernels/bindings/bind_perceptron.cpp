@@ -22,8 +22,8 @@ PerceptronLayers<Float> layers_from(const PerceptronShape& shape, const Arrays& 
   for (int layer = 0; layer < 3; layer++) {
     const auto &weight = arrays[2 * layer], &bias = arrays[2 * layer + 1];
     require(weight.size() == shape.heads * widths[layer] * widths[layer + 1] &&
-              bias.size() == shape.heads * widths[layer + 1],
-          "perceptron: a parameter has the wrong size");
+                bias.size() == shape.heads * widths[layer + 1],
+            "perceptron: a parameter has the wrong size");
     layers.weight[layer] = weight.data();
     layers.bias[layer] = bias.data();
   }
@@ -38,7 +38,7 @@ PerceptronShape shape_from(const Stack& rows, const std::vector<Input>& paramete
   const std::size_t hidden = parameters[1].size() / heads, outputs = results / (heads * nodes);
   require(results == heads * nodes * outputs, "perceptron: results and their gradient must be [H K outputs]");
   require(inputs && hidden && outputs && inputs <= WIDEST && hidden <= WIDEST && outputs <= WIDEST,
-        "perceptron: a width is 0 or above 2^14");
+          "perceptron: a width is 0 or above 2^14");
   return {static_cast<int>(heads), static_cast<int>(nodes), static_cast<int>(inputs), static_cast<int>(hidden),
           static_cast<int>(outputs)};
 }

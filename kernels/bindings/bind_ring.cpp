@@ -115,10 +115,10 @@ void backward(const RingShape& shape, const std::vector<Input>& parameters, Inpu
   require(share > 0, "ring: share must be above 0");
   require(color.size() == 3 * scene.count, "ring: color must be [N 3]");
   require(color_gradient.size() == 3 * scene.count && base_gradient.size() == 3 * scene.count,
-        "ring: gradients of color and base must be [N 3]");
+          "ring: gradients of color and base must be [N 3]");
   require(latents_gradient.size() == latents.size(), "ring: the gradient of latents must be [N L]");
   require(workspace.size() >= RINGLIGHT_CHOSEN_WITH_BF16(ring_workspace)(shape, scene.visible_count),
-        "ring: the workspace is too small");
+          "ring: the workspace is too small");
   const RingRowGradients row_sums{base_gradient.data(), latents_gradient.data()};
   const RingUpstream upstream{color.data(), color_gradient.data(), share};
   const nb::gil_scoped_release unlocked;

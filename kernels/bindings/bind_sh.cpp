@@ -59,8 +59,8 @@ void rest_gradient(const Points& means, const Camera& camera, int degree, const 
 }
 
 std::size_t rest_adam(const Points& means, const Camera& camera, int degree, const Points& by_constant,
-               const RestOut& rest, const RestOut& mean, const RestOut& square,
-               const std::tuple<float, float, float, float, long>& step) {
+                      const RestOut& rest, const RestOut& mean, const RestOut& square,
+                      const std::tuple<float, float, float, float, long>& step) {
   const Harmonics table = as_table(means, camera, degree);
   require(by_constant.shape(0) == table.count && rest.shape(0) == table.count && mean.shape(0) == table.count &&
               square.shape(0) == table.count,
