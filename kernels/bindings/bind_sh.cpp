@@ -14,21 +14,26 @@ namespace ringlight {
 namespace {
 
 using Points = Tensor<const float, -1, 3>;
-using Rest = Tensor<const float, -1, 15, 3>;
+using Rest = Tensor<const float, -1, -1, 3>;
 using PointsOut = Tensor<float, -1, 3>;
-using RestOut = Tensor<float, -1, 15, 3>;
+using RestOut = Tensor<float, -1, -1, 3>;
 
 std::size_t slope_count(std::size_t rows) { return (rows + 15) / 16 * 16 * SH_SLOPES; }
 
-Harmonics as_table(const Points& means, const Camera& camera, int degree) {
+// `stored`: harmonics a row of the coefficients holds.
+Harmonics as_table(const Points& means, std::size_t stored, const Camera& camera, int degree) {
   require(degree >= 0 && degree <= 3, "sh: the degree must be 0 to 3");
+  const auto count = [](int of) { return static_cast<std::size_t>((of + 1) * (of + 1) - 1); };
+  require(stored == count(0) || stored == count(1) || stored == count(2) || stored == count(3),
+          "sh: a row must hold 0, 3, 8 or 15 harmonics");
+  require(stored >= count(degree), "sh: a row must hold all harmonics up to the degree");
   const float* const p = camera.position;
-  return {means.data(), nullptr, nullptr, means.shape(0), {p[0], p[1], p[2]}, degree};
+  return {means.data(), nullptr, nullptr, static_cast<int>(3 * stored), means.shape(0), {p[0], p[1], p[2]}, degree};
 }
 
 void colors(const Points& means, const Points& constant, const Rest& rest, const Camera& camera, int degree,
             const PointsOut& out, const std::optional<Array>& slopes) {
-  Harmonics table = as_table(means, camera, degree);
+  Harmonics table = as_table(means, rest.shape(1), camera, degree);
   require(constant.shape(0) == table.count && rest.shape(0) == table.count && out.shape(0) == table.count,
           "sh_colors: all columns must have the same number of rows");
   require(!slopes || slopes->size() >= slope_count(table.count), "sh_colors: slopes must hold sh_slopes(rows) floats");
@@ -51,7 +56,7 @@ void gradient(const Points& upstream, const Points& colors, const Input& slopes,
 
 void rest_gradient(const Points& means, const Camera& camera, int degree, const Points& by_constant,
                    const RestOut& by_rest) {
-  const Harmonics table = as_table(means, camera, degree);
+  const Harmonics table = as_table(means, by_rest.shape(1), camera, degree);
   require(by_constant.shape(0) == table.count && by_rest.shape(0) == table.count,
           "sh_rest_gradient: all columns must have the same number of rows");
   const nb::gil_scoped_release unlocked;
@@ -61,7 +66,9 @@ void rest_gradient(const Points& means, const Camera& camera, int degree, const 
 std::size_t rest_adam(const Points& means, const Camera& camera, int degree, const Points& by_constant,
                       const RestOut& rest, const RestOut& mean, const RestOut& square,
                       const std::tuple<float, float, float, float, long>& step) {
-  const Harmonics table = as_table(means, camera, degree);
+  const Harmonics table = as_table(means, rest.shape(1), camera, degree);
+  require(mean.shape(1) == rest.shape(1) && square.shape(1) == rest.shape(1),
+          "sh_rest_adam: value and moments must have the same number of harmonics");
   require(by_constant.shape(0) == table.count && rest.shape(0) == table.count && mean.shape(0) == table.count &&
               square.shape(0) == table.count,
           "sh_rest_adam: value, moments and gradient must have the same number of rows");

@@ -8,14 +8,16 @@
 
 namespace ringlight {
 
-constexpr int SH_REST = 45;   // coefficients after the constant ones: 15 harmonics by 3 colours
+constexpr int SH_REST = 45;   // most coefficients after the constant ones: 15 harmonics by 3 colours
 constexpr int SH_SLOPES = 9;  // d(colour) / d(mean): 3 colours by 3 axes
 
-// N rows as they lie in the table. Only the harmonics up to `degree` (0 to 3) count.
+// N rows as they lie in the table. Only the harmonics up to `degree` (0 to 3) count, which may be fewer than the K that
+// are stored (0, 3, 8 or 15).
 struct Harmonics {
   const float* means;     // [N 3] world units
   const float* constant;  // [N 3]
-  const float* rest;      // [N 15 3]
+  const float* rest;      // [N K 3]
+  int stored;             // 3 K, floats a row of rest
   std::size_t count;
   float position[3];      // the camera, world units
   int degree;

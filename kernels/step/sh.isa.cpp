@@ -14,21 +14,20 @@ constexpr float CLAMPED = -0.0f;           // a colour below black: shows as 0, 
 using Coefficients = Lanes[SH_REST];
 
 // Lines of a row are read out of order, which the processor does not foresee. Harmless past the end of the table.
-void prefetch_block(const float* rows) {
+void prefetch_block(const float* rows, int stored) {
   constexpr int LINE = 16;  // floats
-  for (int i = 0; i < SH_REST * LANES; i += LINE) __builtin_prefetch(rows + i);
+  for (int i = 0; i < stored * LANES; i += LINE) __builtin_prefetch(rows + i);
 }
 
-// First of the sixteen coefficients of a row that are turned together: the last sixteen are pulled back, so that they
-// end with the row, and repeat some work instead of touching the next row.
-int piece_start(int coefficient) { return coefficient + LANES <= SH_REST ? coefficient : SH_REST - LANES; }
-
-// planar[k][lane] = rows[lane][k] for at least the first `count` coefficients.
-void to_planar(const float* rows, int count, Lanes* planar) {
+// planar[k][lane] = rows[lane][k] for at least the first `count` coefficients of `stored`.
+void to_planar(const float* rows, int stored, int count, Lanes* planar) {
   for (int first = 0; first < count; first += LANES) {
-    const int start = piece_start(first);
+    const int start = piece_start(first, stored);
     Vec square[LANES];
-    for (int lane = 0; lane < LANES; lane++) square[lane] = load(rows + SH_REST * lane + start);
+    for (int lane = 0; lane < LANES; lane++) {
+      const float* const from = rows + stored * lane + start;
+      square[lane] = stored < LANES ? load_first(from, stored) : load(from);
+    }
     transpose(square);
     for (int k = 0; k < LANES; k++) store(planar[start + k], square[k]);
   }
@@ -36,17 +35,18 @@ void to_planar(const float* rows, int count, Lanes* planar) {
 
 // The table's rows of coefficients, turned into one planar row per coefficient.
 void load_coefficients(const Harmonics& table, const Block& block, Lanes* coefficients) {
-  const float* rows = table.rest + SH_REST * block.first;
-  prefetch_block(rows + SH_REST * LANES);
-  float tail[LANES][SH_REST];
+  const int stored = table.stored;
+  const float* rows = table.rest + static_cast<std::size_t>(stored) * block.first;
+  prefetch_block(rows + stored * LANES, stored);
+  float tail[LANES * SH_REST];
   if (block.rows < LANES) {
     for (int lane = 0; lane < LANES; lane++) {
       const int row = lane < block.rows ? lane : block.rows - 1;
-      for (int k = 0; k < SH_REST; k++) tail[lane][k] = rows[SH_REST * row + k];
+      for (int k = 0; k < stored; k++) tail[stored * lane + k] = rows[stored * row + k];
     }
-    rows = tail[0];
+    rows = tail;
   }
-  to_planar(rows, 3 * block.count, coefficients);
+  to_planar(rows, stored, 3 * block.count, coefficients);
 }
 
 void sum_harmonics(const Harmonics& table, const Block& block, const Lanes* coefficients, Lanes* sums) {

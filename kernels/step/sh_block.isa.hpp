@@ -24,6 +24,13 @@ struct Block {
   Lanes basis[HARMONICS];
 };
 
+// First of the sixteen coefficients of a row that are turned together: the last sixteen are pulled back, so that they
+// end with the row, and repeat some work instead of touching the next row.
+inline int piece_start(int coefficient, int stored) {
+  if (stored < LANES) return 0;
+  return coefficient + LANES <= stored ? coefficient : stored - LANES;
+}
+
 // Three planar rows from the block's rows of a table [N 3].
 inline void load_triples(const float* table, const Block& block, Lanes* planar) {
   const float* const from = table + 3 * block.first;

@@ -10,19 +10,23 @@ namespace {
 
 constexpr std::size_t GRAIN = 16 * LANES;  // rows a piece: value and moments, 140 KB, stay in L2
 
-// rows[lane][k] = planar[k][lane]. The last sixteen coefficients of a row are pulled back, so that they end with it.
-void to_rows(const Lanes* planar, float* rows) {
-  for (int first = 0; first < SH_REST; first += LANES) {
-    const int start = first + LANES <= SH_REST ? first : SH_REST - LANES;
+// rows[lane][k] = planar[k][lane], `stored` of them a row.
+void to_rows(const Lanes* planar, int stored, float* rows) {
+  for (int first = 0; first < stored; first += LANES) {
+    const int start = piece_start(first, stored);
     Vec square[LANES];
     for (int k = 0; k < LANES; k++) square[k] = load(planar[start + k]);
     transpose(square);
-    for (int lane = 0; lane < LANES; lane++) store(rows + SH_REST * lane + start, square[lane]);
+    for (int lane = 0; lane < LANES; lane++) {
+      float* const to = rows + stored * lane + start;
+      if (stored < LANES) store_first(to, square[lane], stored);
+      else store(to, square[lane]);
+    }
   }
 }
 
-// [LANES][SH_REST] of one block; zero for harmonics above the degree.
-void find_gradient(const float* by_constant, const Block& block, float* rows) {
+// [LANES][stored] of one block; zero for harmonics above the degree.
+void find_gradient(const float* by_constant, const Block& block, int stored, float* rows) {
   Lanes by_sum[3], planar[SH_REST];
   load_triples(by_constant, block, by_sum);
   for (int c = 0; c < 3; c++)
@@ -30,15 +34,16 @@ void find_gradient(const float* by_constant, const Block& block, float* rows) {
   for (int k = 0; k < block.count; k++)
     for (int c = 0; c < 3; c++)
       for (int i = 0; i < LANES; i++) planar[3 * k + c][i] = block.basis[k][i] * by_sum[c][i];
-  for (int k = 3 * block.count; k < SH_REST; k++)
+  for (int k = 3 * block.count; k < (stored < LANES ? LANES : stored); k++)
     for (int i = 0; i < LANES; i++) planar[k][i] = 0;
-  to_rows(planar, rows);
+  to_rows(planar, stored, rows);
 }
 
 // Moments and gradients of harmonics that were never in use are zero, and Adam leaves them as they are: whole vectors
 // of them are skipped. Returns how many elements Adam left because they would not be finite.
-std::size_t update_block(const Block& block, const AdamFactors& factors, const float* gradient, const AdamRows& rows) {
-  const std::size_t used = static_cast<std::size_t>(3 * block.count), row = SH_REST;
+std::size_t update_block(const Block& block, std::size_t row, const AdamFactors& factors, const float* gradient,
+                         const AdamRows& rows) {
+  const std::size_t used = static_cast<std::size_t>(3 * block.count);
   const std::size_t width = (used + LANES - 1) / LANES * LANES, count = static_cast<std::size_t>(block.rows);
   const AdamRows first = rows.from(block.first * row);
   if (width >= row) return adam_update(first, gradient, factors, count * row);
@@ -50,14 +55,15 @@ std::size_t update_block(const Block& block, const AdamFactors& factors, const f
 }  // namespace
 
 void sh_rest_gradient(const Harmonics& table, const float* by_constant, float* by_rest) {
+  const std::size_t row = static_cast<std::size_t>(table.stored);
   parallel_ranges(table.count, GRAIN, [&](std::size_t begin, std::size_t end) {
     Block block;
     float gradient[LANES * SH_REST];
     for (std::size_t first = begin; first < end; first += LANES) {
       open_block(table, first, end, block);
-      find_gradient(by_constant, block, gradient);
-      const std::size_t floats = static_cast<std::size_t>(block.rows * SH_REST);
-      for (std::size_t i = 0; i < floats; i++) by_rest[first * SH_REST + i] = gradient[i];
+      find_gradient(by_constant, block, table.stored, gradient);
+      const std::size_t floats = static_cast<std::size_t>(block.rows) * row;
+      for (std::size_t i = 0; i < floats; i++) by_rest[first * row + i] = gradient[i];
     }
   });
 }
@@ -74,8 +80,8 @@ std::size_t sh_rest_adam(const Harmonics& table, const float* by_constant, const
     std::size_t kept = 0;
     for (std::size_t first = begin; first < end; first += LANES) {
       open_block(table, first, end, block);
-      find_gradient(by_constant, block, gradient);
-      kept += update_block(block, factors, gradient, rows);
+      find_gradient(by_constant, block, table.stored, gradient);
+      kept += update_block(block, static_cast<std::size_t>(table.stored), factors, gradient, rows);
     }
     if (kept) __atomic_fetch_add(sum, kept, __ATOMIC_RELAXED);
   });

@@ -25,11 +25,11 @@ def kernels():
     return pytest.importorskip("ringlight._kernels", reason="needs the compiled module")
 
 
-def random_table(count: int, dtype: torch.dtype = torch.float32) -> Gaussians:
+def random_table(count: int, dtype: torch.dtype = torch.float32, stored: int = 15) -> Gaussians:
     generator = torch.Generator().manual_seed(count)
     draw = lambda *shape: torch.randn(*shape, generator=generator, dtype=torch.float64).to(dtype)  # noqa: E731
     # Coefficients of order one clamp about a third of the colours at black.
-    appearance = {"sh_dc": draw(count, 3), "sh_rest": 0.5 * draw(count, 15, 3)}
+    appearance = {"sh_dc": draw(count, 3), "sh_rest": 0.5 * draw(count, stored, 3)}
     return Gaussians(2 * draw(count, 3), draw(count, 3), draw(count, 4), draw(count), appearance)
 
 
@@ -60,10 +60,17 @@ def as_double(table: Gaussians) -> Gaussians:
     return Gaussians.from_columns({name: column.double() for name, column in table.columns().items()})
 
 
-@pytest.mark.parametrize("degree", DEGREES)
+def harmonics_of(degree: int) -> int:
+    return (degree + 1) ** 2 - 1
+
+
+STORED = [(degree, harmonics_of(held)) for degree in DEGREES for held in DEGREES if held >= degree]
+
+
+@pytest.mark.parametrize(("degree", "stored"), STORED)
 @pytest.mark.parametrize("count", COUNTS)
-def test_native_equals_the_reference_in_value_and_gradient(kernels, degree: int, count: int):
-    table = random_table(count)
+def test_native_equals_the_reference_in_value_and_gradient(kernels, degree: int, stored: int, count: int):
+    table = random_table(count, stored=stored)
     upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(1))
     native = colors_and_gradients(table, CAMERA, degree, upstream)
     exact = colors_and_gradients(as_double(table), CAMERA, degree, upstream.double())
@@ -79,9 +86,9 @@ def test_native_equals_the_reference_in_value_and_gradient(kernels, degree: int,
         torch.testing.assert_close(found[sure].double(), expected[sure], rtol=1e-5, atol=1e-5)
 
 
-@pytest.mark.parametrize("degree", DEGREES)
-def test_harmonics_above_the_degree_are_not_read_and_get_zero_gradient(degree: int):
-    table, used = random_table(37), (degree + 1) ** 2 - 1
+@pytest.mark.parametrize(("degree", "stored"), STORED)
+def test_harmonics_above_the_degree_are_not_read_and_get_zero_gradient(degree: int, stored: int):
+    table, used = random_table(37, stored=stored), harmonics_of(degree)
     table.appearance["sh_rest"][:, used:] = float("nan")
     rgb, by_means, by_dc, by_rest = colors_and_gradients(table, CAMERA, degree, torch.ones(37, 3))
     assert all(tensor.isfinite().all() for tensor in (rgb, by_means, by_dc))
@@ -143,13 +150,32 @@ def test_new_columns_show_the_points_colors_from_every_side():
     assert model.wanted(table).all()
 
 
+@pytest.mark.parametrize("degree", DEGREES)
+def test_a_row_holds_the_harmonics_of_its_degree_and_no_more(degree: int):
+    points = PointCloud(torch.randn(5, 3), torch.rand(5, 3))
+    assert SphericalHarmonics(degree).new_columns(points)["sh_rest"].shape == (5, harmonics_of(degree), 3)
+
+
+def test_kernels_refuse_rows_without_the_degrees_harmonics(kernels):
+    table, missing = random_table(5, stored=3), random_table(5, stored=4)
+    with pytest.raises(ValueError, match="all harmonics up to the degree"):
+        SphericalHarmonics(2).emit(table, CAMERA, ("rgb",), Want.EXACT)
+    with pytest.raises(ValueError, match="0, 3, 8 or 15"):
+        SphericalHarmonics(1).emit(missing, CAMERA, ("rgb",), Want.EXACT)
+
+
 def test_is_a_color_model_whose_degree_is_saved():
-    model = SphericalHarmonics(0)
+    model = SphericalHarmonics()
     assert isinstance(model, ColorModel)
     model.active_degree.fill_(2)
     again = SphericalHarmonics()
     again.load_state_dict(model.state_dict())
     assert int(again.active_degree) == 2
+
+
+def test_a_degree_that_is_not_stored_is_refused():
+    with pytest.raises(ValueError, match="active_degree is 3, not 0 to 2"):
+        SphericalHarmonics(2).load_state_dict(SphericalHarmonics(3).state_dict())
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -168,13 +194,14 @@ def test_columns_that_the_kernel_cannot_read_are_the_references():
         assert torch.equal(rgb, sh_colors_reference(*columns, CAMERA.position, 3))
 
 
-@pytest.mark.parametrize("degree", DEGREES)
+@pytest.mark.parametrize(("degree", "stored"), STORED)
 @pytest.mark.parametrize("count", COUNTS)
-def test_adam_by_factors_equals_adam_by_the_gradient_written_down(kernels, degree: int, count: int):
-    table, upstream = random_table(count), torch.randn(count, 3, generator=torch.Generator().manual_seed(1))
+def test_adam_by_factors_equals_adam_by_the_gradient_written_down(kernels, degree: int, stored: int, count: int):
+    table = random_table(count, stored=stored)
+    upstream = torch.randn(count, 3, generator=torch.Generator().manual_seed(1))
     factors = rest_gradient(table, degree, upstream)
-    used = (degree + 1) ** 2 - 1
-    moments = torch.rand(2, count, 15, 3, generator=torch.Generator().manual_seed(2))
+    used = harmonics_of(degree)
+    moments = torch.rand(2, count, stored, 3, generator=torch.Generator().manual_seed(2))
     moments[:, :, used:] = 0  # as they are for harmonics that were never in use
     rest = table.appearance["sh_rest"]
     ends = []

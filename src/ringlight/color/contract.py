@@ -16,10 +16,10 @@ from ringlight.core.want import Want
 
 @dataclass(frozen=True)
 class Harmonics:
-    """Spherical harmonics of degree 3 as 3DGS stores them: the constant coefficient and the other fifteen."""
+    """Spherical harmonics as 3DGS stores them: the constant coefficient, and the K = 0, 3, 8 or 15 others."""
 
     sh_dc: Float[Tensor, "N 3"]
-    sh_rest: Float[Tensor, "N 15 3"]
+    sh_rest: Float[Tensor, "N K 3"]
 
 
 @runtime_checkable

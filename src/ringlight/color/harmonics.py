@@ -21,13 +21,12 @@ from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 
-REST_COUNT = basis_count(MAX_DEGREE) - 1
-
 SH_COLUMNS = ("sh_dc", "sh_rest")
 
 
 class SphericalHarmonics(nn.Module):
-    """Columns "sh_dc" [N 3], the constant coefficient, and "sh_rest" [N 15 3], so that each has its own rate.
+    """Columns "sh_dc" [N 3], the constant coefficient, and "sh_rest" [N K 3], the others up to ``degree``, so that each
+    has its own rate: K is 0, 3, 8 or 15.
 
     ``active_degree`` grows during training (3DGS: one per 1,000 steps); it is saved with the model and stays on the
     CPU. Harmonics above it are neither read nor given a gradient.
@@ -41,12 +40,13 @@ class SphericalHarmonics(nn.Module):
         super().__init__()
         if not 0 <= degree <= MAX_DEGREE:
             raise RecipeError(f"the degree of the spherical harmonics is {degree}; give 0 to {MAX_DEGREE}")
+        self.degree = degree
         self.register_buffer("active_degree", torch.tensor(degree))
         self.register_load_state_dict_post_hook(_refuse_other_degrees)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """The points' own colours, the same from every side."""
-        rest = torch.zeros(len(points.colors), REST_COUNT, 3)
+        rest = torch.zeros(len(points.colors), basis_count(self.degree) - 1, 3)
         return {"sh_dc": sh_from_rgb(points.colors), "sh_rest": rest}
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
@@ -78,17 +78,17 @@ class SphericalHarmonics(nn.Module):
         return Harmonics(dc, rest)
 
 
-def _refuse_other_degrees(harmonics: nn.Module, _: object) -> None:
-    """Files hold the degree as a number: ValueError for one that no harmonics have."""
-    degree = int(harmonics.get_buffer("active_degree"))
-    if not 0 <= degree <= MAX_DEGREE:
-        raise ValueError(f"active_degree is {degree}, not 0 to {MAX_DEGREE}")
+def _refuse_other_degrees(harmonics: SphericalHarmonics, _: object) -> None:
+    """Files hold the degree as a number: ValueError for one whose harmonics are not stored."""
+    degree = int(harmonics.active_degree)
+    if not 0 <= degree <= harmonics.degree:
+        raise ValueError(f"active_degree is {degree}, not 0 to {harmonics.degree}")
 
 
 def sh_colors_reference(
     means: Float[Tensor, "N 3"],
     dc: Float[Tensor, "N 3"],
-    rest: Float[Tensor, "N 15 3"],
+    rest: Float[Tensor, "N K 3"],
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
@@ -101,7 +101,7 @@ def sh_colors_reference(
 def sh_colors(
     means: Float[Tensor, "N 3"],
     dc: Float[Tensor, "N 3"],
-    rest: Float[Tensor, "N 15 3"],
+    rest: Float[Tensor, "N K 3"],
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
@@ -131,7 +131,7 @@ def _native_emission(columns: dict[str, Tensor], camera: _kernels.Camera, degree
         _kernels.sh_gradient(grad_channels, colors, factors, grad_means, grad_dc, known is not None)
         into[COLUMNS + "means"] = grad_means
         into.add(COLUMNS + "sh_dc", grad_dc)
-        into.add(COLUMNS + "sh_rest", RestGradient(means, camera, degree, grad_dc))
+        into.add(COLUMNS + "sh_rest", RestGradient(means, camera, degree, grad_dc, rest.shape[1]))
 
     return Emission({"rgb": 3}, colors, backward=backward)
 
@@ -144,10 +144,12 @@ class RestGradient:
     camera: _kernels.Camera
     degree: int
     grad_dc: Float[Tensor, "N 3"]
+    stored: int
+    """K: harmonics a row holds, those above the degree included."""
 
-    def dense(self) -> Float[Tensor, "N 15 3"]:
+    def dense(self) -> Float[Tensor, "N K 3"]:
         """Written down; zero above the degree."""
-        grad_rest = self.means.new_empty(len(self.means), REST_COUNT, 3)
+        grad_rest = self.means.new_empty(len(self.means), self.stored, 3)
         _kernels.sh_rest_gradient(self.means, self.camera, self.degree, self.grad_dc, grad_rest)
         return grad_rest
 

@@ -205,7 +205,7 @@ class _Harmonics(torch.autograd.Function):
 def sh_colors_by_triton(
     means: Float[Tensor, "N 3"],
     dc: Float[Tensor, "N 3"],
-    rest: Float[Tensor, "N 15 3"],
+    rest: Float[Tensor, "N K 3"],
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
