@@ -48,7 +48,7 @@ def test_a_missing_folder_a_file_and_an_empty_folder_are_named(tmp_path: Path):
     with pytest.raises(SceneError, match="is a file, not a folder"):
         load_scene(file)
     (tmp_path / "empty").mkdir()
-    looked_for = r"looked for sparse/0/cameras\.bin, transforms_train\.json, transforms\.json"
+    looked_for = r"looked for sparse/0/cameras\.bin or \.txt, transforms_train\.json, transforms\.json"
     with pytest.raises(SceneError, match=looked_for):
         load_scene(str(tmp_path / "empty"))
 

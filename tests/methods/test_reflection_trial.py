@@ -108,6 +108,12 @@ def test_a_gain_of_a_decibel_decides():
     assert not ReflectionTrial(steps=1, harmonics=20.0, reflections=19.0).reflects
 
 
+def test_a_gain_that_is_too_small_says_what_it_must_be():
+    close, clear, behind = (ReflectionTrial(1, 20.0, reflections) for reflections in (20.5, 22.0, 19.0))
+    assert str(close).endswith("; they must be ahead by 1 dB")
+    assert "must be" not in str(clear) + str(behind)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["toaster", "carpaint"])
 def test_the_bundled_scenes_reflect(name: str):

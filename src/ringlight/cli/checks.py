@@ -58,7 +58,7 @@ def _kernels() -> Finding:
         remedy = 'build it again with "pip install ringlight", which needs a C++20 compiler'
         return Finding("kernels", "problem", f"the compiled module cannot be loaded: {error}", remedy, essential=True)
     except RuntimeError as error:
-        return Finding("kernels", "problem", str(error), "see above", essential=True)
+        return Finding("kernels", "problem", str(error), essential=True)  # it says its remedy
     if isa == "generic":  # it works, and the figures of the documents are not this machine's
         detail += "; several times slower than with AVX2"
     return Finding("kernels", "ok", detail)

@@ -91,7 +91,7 @@ class _Meter:
         self.decibels = smoothed if math.isfinite(self.decibels) else now
         self._time(progress.step, self.session.clock.wall)
         count, size = self.session.training.model.rendering_size()
-        return f"{self.rate:6.1f} it/s  {self.decibels:5.2f} dB  {count}  {size / 1e6:.2f} MB"
+        return f"{self.rate:6.1f} it/s  training {self.decibels:5.2f} dB  {count}  {size / 1e6:.2f} MB"
 
     def _time(self, step: int, second: float) -> None:
         """Steps a second since the mark, which moves on every few seconds."""

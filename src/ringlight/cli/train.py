@@ -103,6 +103,8 @@ def _resume(arguments: list[str]) -> int:
         if flag not in RESUMED and flag != "--help":
             remedy = "leave it out, or start a new run"
             refuse("train", f"a resumed run keeps its recipe, scene and seed, so {flag} cannot change it; {remedy}")
+    if arguments and not arguments[0].startswith("-"):
+        refuse("train", f"--resume stands in place of SCENE and METHOD; leave out {arguments[0]}")
     wish = parse(ResumeArguments, "train", arguments)
     from ringlight.cli.threads import use_threads
     from ringlight.runs.finish import complete_report

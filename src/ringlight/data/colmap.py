@@ -18,7 +18,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.data.poses import camera_of, world_to_camera_from_quaternion
 from ringlight.errors import SceneError
 
-LOOKS_FOR = "sparse/0/cameras.bin"
+LOOKS_FOR = "sparse/0/cameras.bin or .txt"
 
 READERS = {".bin": colmap_binary, ".txt": colmap_text}
 """Binary first: where a folder holds both, COLMAP reads binary."""
