@@ -75,6 +75,17 @@ def test_the_best_of_each_scene_is_marked_and_ties_are_equal():
     assert rows[2][4] == rows[3][4] == "0.8801"
 
 
+def test_training_psnr_stands_beside_and_is_no_contest():
+    runs = [(label, sample_report(psnr_train=value, psnr_thirds=(30.0, 29.0, value))) for label, value in OVERFIT]
+    text = ResultsTable(runs).markdown()
+    assert "| PSNR train | PSNR far |" in text
+    assert "| 31.00 | **31.00** |" in text
+    assert "PSNR train" not in ResultsTable(RUNS).markdown(), "no run has it"
+
+
+OVERFIT = [("a", 31.0), ("b", 30.0)]
+
+
 def test_differences_are_from_the_baseline_of_the_same_scene():
     lines = ResultsTable(RUNS, "3dgs").markdown().splitlines()
     titles = [cell.strip() for cell in lines[0].strip("|").split("|")]

@@ -71,16 +71,18 @@ def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]
         Column("scene", 2, lambda row: row.report.scene, is_name=True),
         _measured("PSNR", 0, lambda report: report.psnr, "more", _fixed(2)),
         _difference("dPSNR", 5, lambda report: report.psnr, 2),
+        _optional("PSNR train", 12, lambda report: report.psnr_train, "", _fixed(2)),
+        _optional("PSNR far", 15, _psnr_far, "more", _fixed(2)),
         _measured("SSIM", 4, lambda report: report.ssim_same, "more", _fixed(4)),
-        _difference("dSSIM", 12, lambda report: report.ssim_same, 4),
+        _difference("dSSIM", 13, lambda report: report.ssim_same, 4),
         _measured(f"LPIPS {lpips_net or ''}".strip(), 6, distance, "less", _fixed(4, missing=UNAVAILABLE)),
-        _difference("dLPIPS", 13, distance, 4),
+        _difference("dLPIPS", 14, distance, 4),
         _counted(nouns),
         _measured("raw MB", 1, lambda report: report.bytes_raw, "less", _megabytes),
         Column("x raw", 3, _size_ratio, always=False),
         _measured("file MB", 7, lambda report: report.bytes_file, "less", _megabytes),
         _measured("train", 8, lambda report: report.train_seconds, "less", _duration),
-        replace(_measured("peak MB", 14, lambda report: report.peak_bytes, "less", _megabytes), always=False),
+        _optional("peak MB", 16, lambda report: report.peak_bytes, "less", _megabytes),
         _measured("it/s", 11, lambda report: report.steps_per_second, "more", _rate),
         _measured("FPS", 9, lambda report: report.fps, "more", _rate),
     )
@@ -96,7 +98,7 @@ def _column_cells(column: Column, rows: Sequence[Row]) -> list[Cell]:
     texts = [column.write(row) for row in rows]
     values = [column.measure(row.report) if column.measure else None for row in rows]
     known = [value for value in values if value is not None and not math.isnan(value)]
-    if len(known) < 2:
+    if len(known) < 2 or not column.better:
         return [Cell(text) for text in texts]
     best = max(known) if column.better == "more" else min(known)
     # What reads the same is equally good: the digits beyond are noise. Where all read the same, nothing is best.
@@ -104,10 +106,22 @@ def _column_cells(column: Column, rows: Sequence[Row]) -> list[Cell]:
     return [Cell(text, best=text == winner and len(set(texts)) > 1) for text in texts]
 
 
+def _psnr_far(report: Report) -> float | None:
+    """Of the third of the test views that lies farthest from the training cameras."""
+    return report.psnr_thirds[-1] if report.psnr_thirds else None
+
+
 def _measured(
-    title: str, rank: int, measure: Measure, better: Literal["more", "less"], write: Callable[[Value], str]
+    title: str, rank: int, measure: Measure, better: Literal["more", "less", ""], write: Callable[[Value], str]
 ) -> Column:
     return Column(title, rank, lambda row: write(measure(row.report)), measure, better)
+
+
+def _optional(
+    title: str, rank: int, measure: Measure, better: Literal["more", "less", ""], write: Callable[[Value], str]
+) -> Column:
+    """Left out where no run has it."""
+    return replace(_measured(title, rank, measure, better, write), always=False)
 
 
 def _counted(nouns: Collection[str]) -> Column:

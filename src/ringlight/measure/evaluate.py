@@ -74,6 +74,23 @@ def evaluate(
     return _means(tuple(images), metrics.psnr_pooled(squared_errors), size, note)
 
 
+def mean_psnr(
+    render: Callable[[Camera], Rendering],
+    views: Sequence[View],
+    background: Float[Tensor, "3"],
+    progress: Callable[[int, int], None] | None = None,
+) -> float:
+    """Of these views (at least one), dB, as the field ``psnr`` of a report; ``progress`` as for :func:`evaluate`."""
+    values = []
+    for done, view in enumerate(views, 1):
+        with torch.no_grad():
+            image = render(view.camera).color.detach().cpu().float()
+            values.append(metrics.psnr(image, view.image(background).permute(1, 2, 0)))
+        if progress is not None:
+            progress(done, len(views))
+    return fmean(values)
+
+
 def _score(
     name: str, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"], nets: Mapping[Net, Distance]
 ) -> ImageScore:

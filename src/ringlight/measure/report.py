@@ -62,6 +62,11 @@ class Report:
     """The same on images rounded to 8 bit."""
     psnr_pooled: float
     """dB of the squared error pooled over all test images."""
+    psnr_train: float | None = None
+    """The same as ``psnr`` on training views: as many as there are test views, evenly spread over them."""
+    psnr_thirds: tuple[float, ...] | None = None
+    """``psnr`` over the third of the test views whose cameras lie nearest to a training camera, the middle third, and
+    the farthest; None for fewer than three views."""
     ssim_same: float
     ssim_valid: float
     lpips_alex: float | None

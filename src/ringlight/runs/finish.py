@@ -19,10 +19,11 @@ from ringlight.errors import ModelFileError, RunError, SceneError
 from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
 from ringlight.files.video import save_image
-from ringlight.measure.evaluate import Keep, Scores, evaluate
+from ringlight.measure.evaluate import Keep, Scores, evaluate, mean_psnr
 from ringlight.measure.json_record import to_json
 from ringlight.measure.lpips import Net
 from ringlight.measure.machine import machine, source_commit
+from ringlight.measure.nearness import distances, means_of_thirds
 from ringlight.measure.picture_names import picture_name
 from ringlight.measure.report import Report, read_report
 from ringlight.measure.speed import FrameRate, frames_per_second
@@ -81,13 +82,28 @@ def measure(
     render, keep = _shows(model, background), None if pictures is None else _keeper(*pictures)
     scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)
     speed = frames_per_second(render, [view.camera for view in scene.test])
-    return _report(scene, facts, scores, model, speed)
+    report = _report(scene, facts, scores, model, speed)
+    return replace(report, psnr_train=_psnr_train(render, scene), psnr_thirds=_psnr_thirds(scores, scene))
 
 
 def psnr_of_views(model: Model, scene: Scene, tell: Tell | None = None) -> float:
     """Mean PSNR over the test views, dB, of the model as it is now."""
     background = scene.background_color
-    return evaluate(_shows(model, background), scene.test, background, lpips_nets=(), progress=tell).psnr
+    return mean_psnr(_shows(model, background), scene.test, background, tell)
+
+
+def _psnr_train(render: Callable[[Camera], Rendering], scene: Scene) -> float | None:
+    """On as many training views as there are test views, evenly spread; None where a photograph of them is gone."""
+    count = min(len(scene.train), len(scene.test))
+    views = [scene.train[index * len(scene.train) // count] for index in range(count)]
+    with suppress(SceneError):  # test views can be measured without
+        return mean_psnr(render, views, scene.background_color)
+    return None
+
+
+def _psnr_thirds(scores: Scores, scene: Scene) -> tuple[float, ...] | None:
+    test, train = ([view.camera for view in views] for views in (scene.test, scene.train))
+    return means_of_thirds([image.psnr for image in scores.images], distances(test, train))
 
 
 def _shows(model: Model, background: Float[Tensor, "3"]) -> Callable[[Camera], Rendering]:

@@ -1,0 +1,64 @@
+"""What a report says of a trained model: also how it shows what it was trained on, and what lies far from that."""
+
+from dataclasses import replace
+from statistics import fmean
+
+import pytest
+import torch
+
+from ringlight.core.scene import Scene, View
+from ringlight.errors import SceneError
+from ringlight.measure.metrics import psnr
+from ringlight.models.contract import Model
+from ringlight.runs.finish import TrainingFacts, measure, psnr_of_views
+from tiny_scene import tiny_scene
+from voxel_grid import VoxelGrid
+
+WHOLE = tiny_scene(views=12, size=16)
+SCENE = replace(WHOLE, train=WHOLE.train[:7], test=WHOLE.train[7:11])
+FACTS = TrainingFacts("voxels", "voxels")
+
+
+@pytest.fixture
+def model() -> Model:
+    grid = VoxelGrid(4)
+    torch.nn.init.uniform_(grid.colors, generator=torch.Generator().manual_seed(0))
+    return grid
+
+
+def psnr_on(model: Model, scene: Scene, view: View) -> float:
+    background = scene.background_color
+    return psnr(model.render(view.camera, background).color.detach(), view.image(background).permute(1, 2, 0))
+
+
+def test_training_psnr_is_of_as_many_views_evenly_spread(model: Model):
+    report = measure(model, SCENE, FACTS, nets=())
+    chosen = [SCENE.train[index] for index in (0, 1, 3, 5)]
+    assert report.psnr_train == pytest.approx(fmean(psnr_on(model, SCENE, view) for view in chosen), abs=1e-4)
+    assert report.psnr_train != report.psnr
+
+
+def test_thirds_hold_all_test_views(model: Model):
+    report = measure(model, SCENE, FACTS, nets=())
+    assert report.psnr_thirds is not None
+    near, middle, far = report.psnr_thirds  # of four views: one, one, two
+    assert (near + middle + 2 * far) / 4 == pytest.approx(report.psnr)
+
+
+def test_two_test_views_have_no_thirds(model: Model):
+    assert measure(model, replace(SCENE, test=SCENE.test[:2]), FACTS, nets=()).psnr_thirds is None
+
+
+def test_test_views_are_measured_where_a_training_photograph_is_gone(model: Model):
+    def gone():
+        raise SceneError("r_0.png: cannot be read")
+
+    whole = measure(model, SCENE, FACTS, nets=())
+    lacking = replace(SCENE, train=(replace(SCENE.train[0], load=gone), *SCENE.train[1:]))
+    report = measure(model, lacking, FACTS, nets=())
+    assert report.psnr_train is None
+    assert (report.psnr, report.psnr_thirds) == (whole.psnr, whole.psnr_thirds)
+
+
+def test_psnr_on_the_way_is_that_of_the_report(model: Model):
+    assert psnr_of_views(model, SCENE) == pytest.approx(measure(model, SCENE, FACTS, nets=()).psnr, abs=1e-4)
