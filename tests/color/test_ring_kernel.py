@@ -139,7 +139,7 @@ def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
         assert error <= GRADIENT_TOLERANCE * expected.abs().max() + CANCELLED, name
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(
     rank=st.integers(1, 9),
     features=st.integers(1, 19),
@@ -160,7 +160,7 @@ def test_kernel_equals_reference(rank, features, hidden, modulated, nodes, field
     compare(chosen, count, seed)
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, derandomize=True)
 @given(share=st.floats(0.02, 0.98), count=st.integers(1, 300), seed=st.integers(0, 10_000))
 def test_importance_sampled_rows_are_the_references(share, count, seed):
     """The same lots, for they are made of the same bits; all rows keep the gradient that does not go by the light."""

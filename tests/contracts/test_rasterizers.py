@@ -104,7 +104,7 @@ def test_equals_the_reference_for_any_image_size(rasterizer, size: tuple[int, in
     check_against_reference(rasterizer, random_case(size[0], size=size, with_factor=with_factor))
 
 
-@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     seed=st.integers(0, 2**31),
     count=st.integers(1, 300),

@@ -225,7 +225,7 @@ def test_an_absurd_count_allocates_nothing(tmp_path: Path, file: str, count: int
         load_scene(folder)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=CUTS)
+@settings(max_examples=200, suppress_health_check=CUTS)
 @given(
     file=st.sampled_from(["cameras", "images", "points3D"]),
     suffix=st.sampled_from([".bin", ".txt"]),

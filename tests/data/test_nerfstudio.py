@@ -157,7 +157,7 @@ KEYS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_json_is_a_scene_or_one_sentence(tmp_path: Path, data: st.DataObject):
     document = nerfstudio_document(3)
@@ -178,7 +178,7 @@ def test_any_json_is_a_scene_or_one_sentence(tmp_path: Path, data: st.DataObject
         assert result.points.positions.isfinite().all()
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cut=st.floats(0, 1), flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), max_size=3))
 def test_any_bytes_are_a_scene_or_one_sentence(tmp_path: Path, cut: float, flips: list):
     if not (tmp_path / "images").exists():

@@ -79,7 +79,7 @@ def test_an_absurd_count_is_refused(tmp_path: Path, order: str, count: str):
         read_ply_points(path)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     order=st.sampled_from(["ascii", "binary_little_endian"]),
     place=st.floats(0, 1, exclude_max=True),

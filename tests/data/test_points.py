@@ -33,7 +33,7 @@ def test_nerf_synthetic_starts_in_the_cube_of_3dgs():
     assert "100000 random" in note
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(scale=st.floats(0.01, 100), shift=st.floats(-50, 50))
 def test_the_cube_follows_the_cameras(scale: float, shift: float):
     sphere = seen_sphere(ring(scale, shift=shift * scale))

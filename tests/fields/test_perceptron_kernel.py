@@ -54,7 +54,7 @@ def compare(heads: int, widths: tuple[int, ...], nodes: int, seed: int) -> None:
         assert (own - expected).abs().max() <= TOLERANCE * expected.abs().max() + SMALLEST
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(
     heads=st.integers(1, 3),
     inputs=st.integers(1, 40),

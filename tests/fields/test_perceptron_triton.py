@@ -10,7 +10,7 @@ from ringlight.fields.networks import perceptron
 from ringlight.fields.perceptron_triton import perceptron_by_triton
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8, derandomize=True)
 @given(
     count=st.integers(1, 90),
     inputs=st.integers(1, 40),

@@ -10,7 +10,7 @@ from ringlight.fields.ring_tables import RingTables, ring_features
 from ringlight.fields.ring_triton import ring_features_by_triton
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8, derandomize=True)
 @given(
     count=st.integers(1, 37),
     nodes=st.integers(2, 9),

@@ -7,7 +7,7 @@ from ringlight.core.directions import normalize, octahedral_from_directions
 from ringlight.fields.tables import axis_nodes, between_map_nodes, between_nodes, octahedral_nodes
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(count=st.integers(2, 40), seed=st.integers(0, 1000))
 def test_linear_functions_are_reproduced(count, seed):
     generator = torch.Generator().manual_seed(seed)

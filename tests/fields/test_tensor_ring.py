@@ -59,7 +59,7 @@ def test_tables_approach_the_exact_heads():
     assert errors[2] < 0.01
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(rank=st.integers(1, 7), features=st.integers(1, 9), seed=st.integers(0, 100))
 def test_every_parameter_gets_a_gradient(rank, features, seed):
     chosen = RingSettings(rank=rank, features=features, head_hidden=8, bands=3, position_nodes=16, view_nodes=4)

@@ -82,7 +82,7 @@ def test_an_orbit_of_awkward_cameras_is_still_a_path(cameras: list[Camera]) -> N
     assert len({tuple(camera.position.tolist()) for camera in path}) == 16
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(count=st.integers(2, 7), extra=st.integers(0, 60), seed=st.integers(0, 99))
 def test_a_flight_shows_every_camera_and_stays_rigid(count: int, extra: int, seed: int) -> None:
     cameras = random_cameras(count, seed)

@@ -18,7 +18,7 @@ from ringlight.files.tensor_file import read_tensors, write_tensors
 SEEDS = st.integers(0, 10_000)
 ROWS = st.integers(0, 40)
 SPREAD = st.sampled_from([1e-6, 1e-2, 1.0, 50.0])
-MANY = settings(max_examples=40, deadline=None)
+MANY = settings(max_examples=40)
 
 
 def noise(*shape: int, seed: int, spread: float = 1.0) -> torch.Tensor:

@@ -43,7 +43,7 @@ def assert_equal(found: GaussianPly, model: Gaussians) -> None:
         torch.testing.assert_close(columns[name], column, rtol=2e-7, atol=1e-7 if name == "quats" else 0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(rows=st.integers(0, 40), coefficients=st.sampled_from([0, 3, 8, 15]), antialiased=st.booleans())
 def test_write_then_read_gives_the_same(
     tmp_path_factory: pytest.TempPathFactory, rows: int, coefficients: int, antialiased: bool

@@ -46,7 +46,7 @@ def entry(dtype: object = "F32", shape: object = (2,), offsets: object = (0, 8))
     return {"dtype": dtype, "shape": shape, "data_offsets": offsets}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(contents=CONTENTS, metadata=st.dictionaries(st.text(max_size=8), st.text(max_size=20), max_size=3))
 def test_write_then_read_gives_the_same(
     tmp_path_factory: pytest.TempPathFactory,

@@ -45,7 +45,7 @@ def assert_equals_reference(rendering: torch.Tensor, target: torch.Tensor, loss:
 
 @both
 @given(height=st.integers(1, 40), width=st.integers(1, 70), seed=st.integers(0, 2**31))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_kernel_equals_its_reference_at_any_size(loss, height, width, seed):
     assert_equals_reference(*images(height, width, seed), loss)
 

@@ -35,7 +35,7 @@ def ssim_by_scipy(image: torch.Tensor, truth: torch.Tensor) -> np.ndarray:
 
 
 @given(height=st.integers(11, 60), width=st.integers(11, 60), seed=st.integers(0, 2**31))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_ssim_is_that_of_scipy(height, width, seed):
     image, truth = pair(height, width, seed)
     expected = ssim_by_scipy(image, truth)
@@ -58,7 +58,7 @@ def test_valid_means_the_windows_inside_the_image():
 
 @given(seed=st.integers(0, 2**31))
 @example(seed=10518)  # has a value that float32 and float64 round to different bytes
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_psnr_is_that_of_numpy(seed):
     image, truth = pair(13, 17, seed)
     x, y = image.double().numpy(), truth.double().numpy()
