@@ -8,7 +8,7 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr std::size_t GRAIN = 64 * LANES;  // rows a piece: 200 KB of coefficients, half of a usual L2
+constexpr std::size_t GRAIN = 64 * LANES;  // rows a piece: 200 KB of degree 3, half of a usual L2
 constexpr float CLAMPED = -0.0f;           // a colour below black: shows as 0, and tells the backward pass
 
 using Coefficients = Lanes[SH_REST];

@@ -8,7 +8,7 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr std::size_t GRAIN = 16 * LANES;  // rows a piece: value and moments, 140 KB, stay in L2
+constexpr std::size_t GRAIN = 16 * LANES;  // rows a piece: value and moments, 140 KB of degree 3, stay in L2
 
 // rows[lane][k] = planar[k][lane], `stored` of them a row.
 void to_rows(const Lanes* planar, int stored, float* rows) {

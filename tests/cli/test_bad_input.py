@@ -79,7 +79,7 @@ def test_a_resumed_run_keeps_its_recipe(trained: dict[str, Path], ringlight: Com
     refused(ringlight("train", "--resume", trained["3dgs"], "--steps", "700"), 2, "keeps its recipe", "--steps")
     refused(ringlight("train", "--resume", trained["3dgs"], "--densify.every=3"), 2, "--densify.every")
     besides = ringlight("train", "photos", "3dgs", "--resume", trained["3dgs"])
-    refused(besides, 2, "in place of SCENE and METHOD", "photos")
+    refused(besides, 2, "in place of SCENE and METHOD", "ringlight train --resume RUN")
     assert snapshot(trained["3dgs"]) == before
 
 

@@ -26,3 +26,9 @@ def test_equals_the_reference(degree: int, stored: int, count: int):
         truth = torch.zeros_like(mine, device="cpu").double() if truth is None else truth
         scale = truth.abs().max().item() if truth.numel() else 0.0
         torch.testing.assert_close(mine.cpu().double(), truth, rtol=0, atol=2e-5 * scale + 1e-9)
+
+
+def test_rows_without_the_degrees_harmonics_are_refused():
+    means, rest = torch.zeros(4, 3), torch.zeros(4, 3, 3)
+    with pytest.raises(ValueError, match="rest holds 3 harmonics, and degree 2 has 8"):
+        sh_colors_by_triton(means, means, rest, torch.ones(3), 2)

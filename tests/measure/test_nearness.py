@@ -24,6 +24,16 @@ def test_the_distance_is_to_the_nearest_training_camera():
     assert found == pytest.approx([1, 5, 0])
 
 
+def test_without_training_cameras_all_are_far():
+    assert distances([camera_at(1, 0, 0)], []) == [math.inf]
+    assert distances([], [camera_at(1, 0, 0)]) == []
+
+
+def test_the_same_place_is_exactly_zero_among_many():
+    places = torch.rand(60, 3, generator=torch.Generator().manual_seed(0)).tolist()
+    assert distances([camera_at(*place) for place in places], [camera_at(*place) for place in places]) == [0.0] * 60
+
+
 def test_thirds_go_from_the_nearest_to_the_farthest():
     assert means_of_thirds([30.0, 10.0, 20.0, 40.0], [3.0, 1.0, 2.0, 4.0]) == (10.0, 20.0, 35.0)
 

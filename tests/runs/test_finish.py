@@ -40,9 +40,25 @@ def test_training_psnr_is_of_as_many_views_evenly_spread(model: Model):
 
 def test_thirds_hold_all_test_views(model: Model):
     report = measure(model, SCENE, FACTS, nets=())
-    assert report.psnr_thirds is not None
-    near, middle, far = report.psnr_thirds  # of four views: one, one, two
-    assert (near + middle + 2 * far) / 4 == pytest.approx(report.psnr)
+    places = torch.stack([view.camera.position for view in SCENE.train])
+    nearest = sorted(SCENE.test, key=lambda view: (places - view.camera.position).norm(dim=1).min().item())
+    near, middle, *far = (psnr_on(model, SCENE, view) for view in nearest)  # of four views: one, one, two
+    assert report.psnr_thirds == pytest.approx((near, middle, fmean(far)), abs=1e-4)
+
+
+def test_views_that_the_model_was_not_trained_with_are_no_training_views(model: Model):
+    others = [view.camera for view in WHOLE.train[11:]]
+    report = measure(model, SCENE, FACTS, nets=(), trained=others)
+    assert report.psnr_train is None
+    assert report.psnr_thirds != measure(model, SCENE, FACTS, nets=()).psnr_thirds
+    some = measure(model, SCENE, FACTS, nets=(), trained=[SCENE.train[2].camera])
+    assert some.psnr_train == pytest.approx(psnr_on(model, SCENE, SCENE.train[2]), abs=1e-4)
+
+
+def test_progress_counts_training_views_too(model: Model):
+    told: list[tuple[int, int]] = []
+    measure(model, SCENE, FACTS, nets=(), tell=lambda *counts: told.append(counts))
+    assert told == [(done, 8) for done in range(1, 9)]
 
 
 def test_two_test_views_have_no_thirds(model: Model):

@@ -81,7 +81,8 @@ def _measured(asked: EvalArguments, opened: "Opened") -> "Report":
         chosen = empty_folder(asked.images)
         pictures = chosen / "test", chosen / "truth"
     with counting(f"{opened.file}: test views", asked.quiet) as tell:
-        report = measure(opened.stored.model, scene, known_facts(opened), pictures, asked.lpips, tell)
+        facts, cameras = known_facts(opened), opened.stored.cameras
+        report = measure(opened.stored.model, scene, facts, pictures, asked.lpips, tell, cameras)
     if kept is not None:
         write_report(kept.report, report)
         if not asked.quiet:

@@ -31,7 +31,7 @@ OneFlagEach = tyro.conf.FlagCreatePairsOff
 class TrainArguments:
     """Learn a scene from posed photographs.
 
-    Writes a run folder: model.safetensors, report.json, recipe.json, a checkpoint and images/. Ctrl-C finishes the
+    Writes a run folder: model.safetensors, report.json, recipe.json, checkpoints and images/. Ctrl-C finishes the
     step and saves; 'ringlight train --resume RUN' goes on from there.
     """
 
@@ -104,7 +104,7 @@ def _resume(arguments: list[str]) -> int:
             remedy = "leave it out, or start a new run"
             refuse("train", f"a resumed run keeps its recipe, scene and seed, so {flag} cannot change it; {remedy}")
     if arguments and not arguments[0].startswith("-"):
-        refuse("train", f"--resume stands in place of SCENE and METHOD; leave out {arguments[0]}")
+        refuse("train", "--resume stands in place of SCENE and METHOD; write: ringlight train --resume RUN")
     wish = parse(ResumeArguments, "train", arguments)
     from ringlight.cli.threads import use_threads
     from ringlight.runs.finish import complete_report

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from ringlight.core.directions import SMALLEST_LENGTH
-from ringlight.core.sh_basis import C0, C1, C2, C3, GREY
+from ringlight.core.sh_basis import C0, C1, C2, C3, GREY, basis_count
 
 BLOCK = 256
 """Gaussians a program."""
@@ -181,7 +181,7 @@ class _Harmonics(torch.autograd.Function):
     def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, position: Tensor, degree: int) -> Tensor:
         colors = torch.empty_like(means)
         tables = torch.cat([position.float().cpu(), torch.tensor(NORMS)]).to(means.device)
-        ctx.used = (degree + 1) ** 2 - 1
+        ctx.used = basis_count(degree) - 1
         ctx.save_for_backward(means, rest, tables, colors)
         if len(means):
             grid = (triton.cdiv(len(means), BLOCK),)
@@ -209,6 +209,11 @@ def sh_colors_by_triton(
     position: Float[Tensor, "3"],
     degree: int,
 ) -> Float[Tensor, "N 3"]:
-    """Colour towards a camera at ``position``, clamped at black; differentiable in means and coefficients."""
+    """Colour towards a camera at ``position``, clamped at black; differentiable in means and coefficients.
+
+    Raises ValueError where ``rest`` does not hold all harmonics of the degree: the kernels would read the next row.
+    """
+    if rest.shape[1] < basis_count(degree) - 1:
+        raise ValueError(f"rest holds {rest.shape[1]} harmonics, and degree {degree} has {basis_count(degree) - 1}")
     colors: Tensor = _Harmonics.apply(means.contiguous(), dc.contiguous(), rest.contiguous(), position, degree)
     return colors

@@ -20,6 +20,8 @@ from ringlight.measure.report import ImageScore
 Distance = Callable[..., float]
 Keep = Callable[[View, Float[Tensor, "H W 3"], Float[Tensor, "H W 3"]], None]
 
+NO_VIEWS = "no test views to measure on; load the scene with a split that holds some out"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Scores:
@@ -57,7 +59,7 @@ def evaluate(
         SceneError: there are no views.
     """
     if not views:
-        raise SceneError("no test views to measure on; load the scene with a split that holds some out")
+        raise SceneError(NO_VIEWS)
     nets, note = _available_nets(lpips_nets, views)
     images, squared_errors = [], []
     for done, view in enumerate(views, 1):
@@ -80,7 +82,13 @@ def mean_psnr(
     background: Float[Tensor, "3"],
     progress: Callable[[int, int], None] | None = None,
 ) -> float:
-    """Of these views (at least one), dB, as the field ``psnr`` of a report; ``progress`` as for :func:`evaluate`."""
+    """Of these views, dB, as the field ``psnr`` of a report; ``progress`` as for :func:`evaluate`.
+
+    Raises:
+        SceneError: there are no views, or a photograph cannot be read.
+    """
+    if not views:
+        raise SceneError(NO_VIEWS)
     values = []
     for done, view in enumerate(views, 1):
         with torch.no_grad():

@@ -1,5 +1,6 @@
 """Held-out views by how near they are to the training cameras: some fields do not carry over to the far ones."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from statistics import fmean
@@ -12,9 +13,15 @@ THIRDS = 3
 
 
 def distances(cameras: Sequence[Camera], training: Sequence[Camera]) -> list[float]:
-    """From each camera's centre to that of the nearest of ``training`` (at least one), world units."""
+    """From each camera's centre to that of the nearest of ``training``, world units; infinite where there is none.
+
+    Exactly zero for a camera at the same place.
+    """
+    if not cameras or not training:
+        return [math.inf] * len(cameras)
     here, there = (torch.stack([camera.position for camera in of]).double().cpu() for of in (cameras, training))
-    nearest: list[float] = torch.cdist(here, there).amin(1).tolist()
+    # By differences: from the matrix product that torch takes for many cameras equal distances come out unequal.
+    nearest: list[float] = torch.cdist(here, there, compute_mode="donot_use_mm_for_euclid_dist").amin(1).tolist()
     return nearest
 
 

@@ -63,7 +63,8 @@ class Report:
     psnr_pooled: float
     """dB of the squared error pooled over all test images."""
     psnr_train: float | None = None
-    """The same as ``psnr`` on training views: as many as there are test views, evenly spread over them."""
+    """The same as ``psnr`` on training views: as many as there are test views, or all if fewer, evenly spread. None
+    where the model was trained on none of the scene's, or a photograph of them cannot be read."""
     psnr_thirds: tuple[float, ...] | None = None
     """``psnr`` over the third of the test views whose cameras lie nearest to a training camera, the middle third, and
     the farthest; None for fewer than three views."""

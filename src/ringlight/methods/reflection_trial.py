@@ -57,8 +57,8 @@ class ReflectionTrial:
         return self.reflections - self.harmonics >= LEAST_GAIN
 
     def __str__(self) -> str:
-        is_near = 0 < self.reflections - self.harmonics < LEAST_GAIN
-        short = f"; they must be ahead by {LEAST_GAIN:g} dB" if is_near else ""
+        gain = self.reflections - self.harmonics
+        short = f"; reflections must gain {LEAST_GAIN:g} dB and gain {gain:.2f}" if 0 < gain < LEAST_GAIN else ""
         return (
             f"on the visual hull reflections reach {self.reflections:.1f} dB "
             f"and harmonics at best {self.harmonics:.1f} dB after {self.steps} steps, on training views held out{short}"

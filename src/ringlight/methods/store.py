@@ -121,7 +121,9 @@ def model_of_tensors(
         model.load_tensors(of_model)
     except (KeyError, RuntimeError, ValueError, RecipeError) as error:
         reason = (str(error).strip("'").splitlines() or [type(error).__name__])[-1].strip()
-        raise ModelFileError(f"{path}: its tensors do not fit its recipe ({reason}); copy the file again") from None
+        raise ModelFileError(
+            f"{path}: its tensors do not fit its recipe ({reason}); copy the file again, or train again"
+        ) from None
     return StoredModel(model.eval(), header, cameras, rasterize)
 
 

@@ -1,6 +1,6 @@
 """From a trained model to its numbers: renders the held-out views, measures, keeps report.json and images/."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -69,21 +69,30 @@ def measure(
     pictures: tuple[Path, Path] | None = None,
     nets: tuple[Net, ...] = ("alex",),
     tell: Tell | None = None,
+    trained: Sequence[Camera] | None = None,
 ) -> Report:
     """Measure on the test views; the folders ``pictures``, if given, get the rendered views and the photographs.
 
-    ``tell`` hears (views done, views in all). Raises SceneError where the scene holds no test views, OutputError where
-    a picture cannot be written.
+    ``trained`` are the cameras that the model was trained with, if other than those of the scene's training views.
+    ``tell`` hears (views done, views in all), training views among them. Raises SceneError where the scene holds no
+    test views, OutputError where a picture cannot be written.
     """
     if not scene.test:
         raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
     background = scene.background_color
 
     render, keep = _shows(model, background), None if pictures is None else _keeper(*pictures)
-    scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=tell)
+    cameras = [view.camera for view in scene.train] if trained is None else trained
+    seen, tested = _training_views(scene, cameras), len(scene.test)
+    heard = None if tell is None else lambda done, _: tell(done, tested + len(seen))
+    scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=heard)
+    later = None if heard is None else lambda done, of: heard(tested + done, of)
+    known = None
+    with suppress(SceneError):  # where a photograph is gone, test views are measured all the same
+        known = mean_psnr(render, seen, background, later) if seen else None
     speed = frames_per_second(render, [view.camera for view in scene.test])
     report = _report(scene, facts, scores, model, speed)
-    return replace(report, psnr_train=_psnr_train(render, scene), psnr_thirds=_psnr_thirds(scores, scene))
+    return replace(report, psnr_train=known, psnr_thirds=_psnr_thirds(scores, scene, cameras))
 
 
 def psnr_of_views(model: Model, scene: Scene, tell: Tell | None = None) -> float:
@@ -92,18 +101,17 @@ def psnr_of_views(model: Model, scene: Scene, tell: Tell | None = None) -> float
     return mean_psnr(_shows(model, background), scene.test, background, tell)
 
 
-def _psnr_train(render: Callable[[Camera], Rendering], scene: Scene) -> float | None:
-    """On as many training views as there are test views, evenly spread; None where a photograph of them is gone."""
-    count = min(len(scene.train), len(scene.test))
-    views = [scene.train[index * len(scene.train) // count] for index in range(count)]
-    with suppress(SceneError):  # test views can be measured without
-        return mean_psnr(render, views, scene.background_color)
-    return None
+def _training_views(scene: Scene, trained: Sequence[Camera]) -> list[View]:
+    """Views of the scene's training split that the model was trained with: as many as test views, evenly spread."""
+    apart = distances([view.camera for view in scene.train], trained)
+    seen = [view for view, distance in zip(scene.train, apart, strict=True) if distance == 0]
+    count = min(len(seen), len(scene.test))
+    return [seen[index * len(seen) // count] for index in range(count)]
 
 
-def _psnr_thirds(scores: Scores, scene: Scene) -> tuple[float, ...] | None:
-    test, train = ([view.camera for view in views] for views in (scene.test, scene.train))
-    return means_of_thirds([image.psnr for image in scores.images], distances(test, train))
+def _psnr_thirds(scores: Scores, scene: Scene, trained: Sequence[Camera]) -> tuple[float, ...] | None:
+    apart = distances([view.camera for view in scene.test], trained)
+    return means_of_thirds([image.psnr for image in scores.images], apart) if trained else None
 
 
 def _shows(model: Model, background: Float[Tensor, "3"]) -> Callable[[Camera], Rendering]:
