@@ -84,12 +84,14 @@ def measure(
     render, keep = _shows(model, background), None if pictures is None else _keeper(*pictures)
     cameras = [view.camera for view in scene.train] if trained is None else trained
     seen, tested = _training_views(scene, cameras), len(scene.test)
-    heard = None if tell is None else lambda done, _: tell(done, tested + len(seen))
-    scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=heard)
-    later = None if heard is None else lambda done, of: heard(tested + done, of)
+
+    def telling(before: int) -> Tell | None:
+        return None if tell is None else lambda done, _: tell(before + done, tested + len(seen))
+
+    scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=telling(0))
     known = None
     with suppress(SceneError):  # where a photograph is gone, test views are measured all the same
-        known = mean_psnr(render, seen, background, later) if seen else None
+        known = mean_psnr(render, seen, background, telling(tested)) if seen else None
     speed = frames_per_second(render, [view.camera for view in scene.test])
     report = _report(scene, facts, scores, model, speed)
     return replace(report, psnr_train=known, psnr_thirds=_psnr_thirds(scores, scene, cameras))
