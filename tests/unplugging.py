@@ -41,7 +41,7 @@ WORDS = (*QUICK, "--save-every", "0.00001")
 SMALL: dict[str, tuple[str, ...]] = {"3dgs": (), "ringlight-ring": SMALL_LIGHT}
 
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
-TIMED |= {"peak_bytes", "training_bytes", "machine"}
+TIMED |= {"choosing_cpu_seconds", "peak_bytes", "training_bytes", "machine"}
 """Fields of a report that differ from one run to the next; ``machine`` has the number of threads."""
 
 EARLY = 1e-4

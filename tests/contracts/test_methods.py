@@ -48,7 +48,7 @@ def test_it_is_a_recipe_that_goes_through_json(name: str):
     assert isinstance(recipe, Recipe)
     assert recipe_from_dict(type(recipe), _as_json(recipe_to_dict(recipe))) == recipe
     settled, _ = recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
-    assert settled == recipe
+    assert settled.settled(tiny_scene(), rasterizer_for("auto"), 0)[0] == settled
 
 
 def _as_json(values: object) -> object:

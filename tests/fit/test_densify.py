@@ -167,3 +167,12 @@ def test_rows_leave_in_morton_order_with_their_columns():
     assert len(model) == 10
     assert torch.equal(means[:, 0].sort().values, means[:, 0])
     assert torch.allclose(colors, means / 10)
+
+
+@pytest.mark.parametrize(("steps", "begin"), [(30_000, 500), (5_000, 500), (3_000, 300), (9, 0)])
+def test_it_begins_early_in_short_runs(steps: int, begin: int):
+    assert DensifySettings().first_step(steps) == begin
+    assert DensifySettings().at_length(steps) == DensifySettings(begin=begin)
+    assert DensifySettings(begin=40).at_length(steps) == DensifySettings(begin=40)
+    densify = Densify(DensifySettings(every=1), EXTENT, steps=steps, seed=0, white=False)
+    assert densify.first_step == begin

@@ -29,7 +29,29 @@ def test_a_rate_that_is_none_is_refused(ends: tuple[float, float]):
 
 
 def test_only_the_centres_scale_with_the_scene():
-    small, large = GaussianRates().groups(1.0), GaussianRates().groups(10.0)
+    rates = GaussianRates().at_length(30_000)
+    small, large = rates.groups(1.0), rates.groups(10.0)
     changed = [name for name in small if small[name] != large[name]]
     assert changed == ["columns.means"]
     assert large["columns.means"].rate.start == pytest.approx(10 * small["columns.means"].rate.start)
+
+
+def test_what_is_left_to_the_length_is_3dgs_at_its_own_length():
+    assert GaussianRates().at_length(30_000) == GaussianRates(means=1.6e-4, scales=5e-3)
+    assert GaussianRates().at_length(100_000) == GaussianRates().at_length(30_000)
+
+
+def test_a_shorter_run_begins_faster_up_to_a_bound():
+    assert GaussianRates().at_length(15_000) == GaussianRates(means=3.2e-4, scales=1e-2)
+    assert GaussianRates().at_length(1_000) == GaussianRates(means=3.2e-4, scales=2e-2)
+
+
+@pytest.mark.parametrize("steps", [1, 700, 30_000])
+def test_what_is_stated_does_not_depend_on_the_length(steps: int):
+    stated = GaussianRates(means=1e-5, scales=0.0)
+    assert stated.at_length(steps) == stated
+
+
+def test_rates_that_are_left_open_are_not_trained_with():
+    with pytest.raises(RecipeError, match="length"):
+        GaussianRates().groups(1.0)

@@ -27,9 +27,9 @@ def differences(one: Any, other: Any, where: str = "") -> set[str]:
 
 
 def changes(study: str, base: str) -> dict[str, set[str]]:
-    return {
-        variant.name: differences(METHODS[variant.preset], variant.recipe) for variant in study_named(study, base, None)
-    }
+    """From the preset in a run of its own length."""
+    variants = study_named(study, base, None)
+    return {variant.name: differences(METHODS[variant.preset].at_length(), variant.recipe) for variant in variants}
 
 
 @pytest.mark.parametrize("study", STUDIES)

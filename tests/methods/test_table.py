@@ -2,12 +2,13 @@
 
 import dataclasses
 import json
+from typing import Any
 
 import pytest
 import torch
 
 from ringlight.errors import RecipeError
-from ringlight.methods.recipe import recipe_to_dict
+from ringlight.methods.recipe import Recipe, recipe_to_dict
 from ringlight.methods.store import model_header, scene_facts
 from ringlight.methods.table import METHODS, method_named, method_of, recipe_of_method
 from ringlight.rasterize.choose import rasterizer_for
@@ -24,6 +25,7 @@ def test_presets_of_one_paper_share_their_method():
         "ringlight-mirror": "ringlight-mirror",
         "ringlight-paper": "ringlight-ring",
         "3dgs": "3dgs",
+        "3dgs-paper": "3dgs",
     }
     assert method_of(dataclasses.replace(METHODS["ringlight-paper"], steps=5)) == "ringlight-ring"
     assert model_header("ringlight-paper", METHODS["ringlight-paper"], 0, facts).method == "ringlight-ring"
@@ -36,8 +38,24 @@ def test_an_unknown_name_is_answered_with_the_nearest():
 
 @pytest.mark.parametrize("method", TRAINED)
 def test_what_is_asked_for_is_not_decided(method: str):
-    recipe = METHODS[method]
-    assert recipe.settled(tiny_scene(), rasterizer_for("auto"), 0) == (recipe, None)
+    """Only what was left open is, and once."""
+    settled, why = METHODS[method].settled(tiny_scene(), rasterizer_for("auto"), 0)
+    assert settled.settled(tiny_scene(), rasterizer_for("auto"), 0) == (settled, None)
+    assert why is None
+    asked, found = stated(METHODS[method]), stated(settled)
+    assert {name: found[name] for name in asked} == asked
+
+
+def stated(recipe: Recipe) -> dict[str, object]:
+    """Settings that are not left open, by dotted name."""
+
+    def of(values: dict[str, Any], where: str) -> dict[str, object]:
+        found: dict[str, object] = {}
+        for name, value in values.items():
+            found |= of(value, f"{where}{name}.") if isinstance(value, dict) else {f"{where}{name}": value}
+        return {name: value for name, value in found.items() if value is not None}
+
+    return of(recipe_to_dict(recipe), "")
 
 
 @pytest.mark.parametrize("method", TRAINED)

@@ -78,3 +78,10 @@ def test_test_views_are_measured_where_a_training_photograph_is_gone(model: Mode
 
 def test_psnr_on_the_way_is_that_of_the_report(model: Model):
     assert psnr_of_views(model, SCENE) == pytest.approx(measure(model, SCENE, FACTS, nets=()).psnr, abs=1e-4)
+
+
+def test_core_seconds_are_those_of_the_training_and_of_the_choice(model: Model):
+    facts = replace(FACTS, train_cpu_seconds=30.0, choosing_cpu_seconds=12.5)
+    assert measure(model, SCENE, facts, nets=()).core_seconds == 42.5
+    assert measure(model, SCENE, replace(facts, choosing_cpu_seconds=None), nets=()).core_seconds == 30.0
+    assert measure(model, SCENE, FACTS, nets=()).core_seconds is None

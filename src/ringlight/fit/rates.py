@@ -1,7 +1,7 @@
 """Learning rates as functions of the progress through training. Torch-free: recipes hold these."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ringlight.errors import RecipeError
 
@@ -48,28 +48,63 @@ class Adam:
     """Step from which ``rate`` counts its progress."""
 
 
+PAPER_STEPS = 30_000
+"""Length of a run of 3DGS, which its rates are made for."""
+
+PAPER_MEANS, PAPER_SCALES = 1.6e-4, 5e-3
+"""3DGS's rates at the start: of the centres, in units of the scene's extent, and of the log scales."""
+
+PAPER_OPACITIES = 0.05
+"""3DGS's rate of the opacity logits as published, and in its program until late 2024."""
+
+FAST_MEANS = 3.2e-4
+"""Twice 3DGS's rate of the centres: worth 0.1 to 0.5 dB after 3,000 steps (docs/experiments/baseline.md)."""
+
+FAST_SCALES = 2e-2
+"""Learning rate of the log scales at the start: four times that of 3DGS, at which they end. What is far too large or
+small for its place is so for less of a run."""
+
+
+def shorter_by(steps: int) -> float:
+    """How many times as long as this run one of 3DGS is; at least one."""
+    return max(PAPER_STEPS / max(steps, 1), 1.0)
+
+
 @dataclass(frozen=True)
 class GaussianRates:
     """Learning rates of the table's geometry (3DGS's defaults)."""
 
-    means: float = 1.6e-4
-    """Rate of the centres at the start, in units of the scene's extent."""
+    means: float | None = None
+    """Rate of the centres at the start, in units of the scene's extent. By default 3DGS's 1.6e-4 in a run of its 30,000
+    steps or more; a run half as long begins twice as fast, and so do shorter ones."""
     means_end: float = 1.6e-6
     """Rate of the centres at the end, in units of the scene's extent."""
     opacities: float = 0.025
-    """Rate of the opacity logits. 3DGS took 0.05 until late 2024; half of it gains 0.1 dB with fewer Gaussians."""
-    scales: float = 5e-3
-    """Rate of the log scales at the start."""
+    """Rate of the opacity logits, as 3DGS's program has it since late 2024. Before it had 0.05, as its paper; half of
+    it gains 0.1 dB with fewer Gaussians."""
+    scales: float | None = None
+    """Rate of the log scales at the start. By default 3DGS's 5e-3 in a run of its 30,000 steps or more; a run half as
+    long begins twice as fast, and none faster than 2e-2."""
     scales_end: float = 5e-3
     """Rate of the log scales at the end."""
     rotations: float = 1e-3
     """Rate of the quaternions."""
 
     def __post_init__(self) -> None:
-        check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items()})
+        check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items() if rate is not None})
+
+    def at_length(self, steps: int) -> "GaussianRates":
+        """The same with what is left to the run's length, ``steps``, decided."""
+        faster = shorter_by(steps)
+        means = min(PAPER_MEANS * faster, FAST_MEANS) if self.means is None else self.means
+        scales = min(PAPER_SCALES * faster, FAST_SCALES) if self.scales is None else self.scales
+        return replace(self, means=means, scales=scales)
 
     def groups(self, extent: float) -> dict[str, Adam]:
-        """Adam groups by parameter name."""
+        """Adam groups by parameter name, for a scene of this extent in world units. Raises RecipeError where rates are
+        still left to the run's length."""
+        if self.means is None or self.scales is None:
+            raise RecipeError("rates.means or rates.scales is left to the run's length; ask at_length first")
         return {
             "columns.means": Adam(Rate(self.means * extent, self.means_end * extent)),
             "columns.opacity_logits": Adam(Rate.constant(self.opacities)),

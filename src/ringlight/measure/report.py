@@ -91,6 +91,8 @@ class Report:
     train_cpu_seconds: float | None
     saving_seconds: float | None
     """Wall clock of checkpoints, the last one included; not among ``train_seconds``."""
+    choosing_cpu_seconds: float | None = None
+    """Of the trial that chose the method, before the first step; not among ``train_cpu_seconds``."""
     steps_per_second: float | None
     peak_bytes: int | None
     """Most resident memory of the host from before the scene was loaded to the last step, above what it was then."""
@@ -102,6 +104,13 @@ class Report:
     """What ``fps`` times, and on what device."""
     machine: Machine
     images: tuple[ImageScore, ...]
+
+    @property
+    def core_seconds(self) -> float | None:
+        """CPU seconds of the training and of the trial before it."""
+        if self.train_cpu_seconds is None:
+            return None
+        return self.train_cpu_seconds + (self.choosing_cpu_seconds or 0.0)
 
 
 def read_report(run: Path) -> Report:

@@ -56,6 +56,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
 
     Without a bound in its settings density control ends with as many Gaussians as the largest photograph has pixels.
     """
+    recipe = recipe.at_length()
     course, (color, shader) = recipe.course(scene), recipe.parts(scene.box, seed)
     table, options = gaussians_from_points(points, color, course.opacity), RasterOptions(antialiased=recipe.antialiased)
     model = SplatModel(table, color, shader, rasterize, options)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
-from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.rates import FAST_SCALES, Adam, GaussianRates, Rate, check_rates
+from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.shade.reflection_settings import ReflectionSettings
 
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
     from ringlight.methods.assembly import Course
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
-
-FAST_SCALES = 2e-2
-"""Learning rate of the log scales at the start: four times that of 3DGS, at which they end. What is far too large or
-small for its place is so for less of a run."""
 
 DECAY = 0.1
 """Rates of normals, latents and shader end at this share of their start."""
@@ -92,7 +88,9 @@ class RingLightMirrorRecipe(SplatRecipe):
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(means=3e-4, scales=FAST_SCALES))
     """Learning rates of the geometry. Together with fewer Gaussians at the start they are worth half a decibel after
     3,000 steps, on chrome and on a clear coat, and nothing after 15,000."""
-    densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0, drop_share=0.3))
+    densify: DensifySettings = field(
+        default_factory=lambda: DensifySettings(begin=PAPER_BEGIN, reset_every=0, drop_share=0.3)
+    )
     """Adaptive density control, without opacity resets, which would tear the surface open."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
     """What is compared with the photographs."""

@@ -43,8 +43,12 @@ class SplatRecipe(ABC):
         """How these are trained."""
 
     def settled(self: Splats, scene: "Scene", rasterize: "Rasterizer", seed: int) -> tuple[Splats, None]:
-        """As it is: nothing depends on the scene."""
-        return self, None
+        """With everything decided that depends on the run's length; nothing depends on the scene."""
+        return self.at_length(), None
+
+    def at_length(self: Splats) -> Splats:
+        """The same with what is left to the run's length decided; ``steps`` is that of the run."""
+        return replace(self, rates=self.rates.at_length(self.steps), densify=self.densify.at_length(self.steps))
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.build_on(scene.points, scene, rasterize, seed)

@@ -11,8 +11,8 @@ from typing import Any
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import PerceptronSettings
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.methods.recipe import Recipe
 from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
+from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 FULL = "full"
@@ -42,7 +42,7 @@ class Variant:
 
     name: str
     preset: str
-    recipe: Recipe
+    recipe: SplatRecipe
     about: str
     at: float | None = None
     """The number that the study varies, where it varies one."""
@@ -63,9 +63,12 @@ def study_named(name: str, base: str, steps: int | None) -> tuple[Variant, ...]:
     if base not in BASES:
         raise RecipeError(f"--base is {base}: it has no light field to study; give {' or '.join(BASES)}")
     variants = STUDIES[name](base, BASES[base])
-    if steps is None:
-        return variants
-    return tuple(replace(variant, recipe=replace(variant.recipe, steps=steps)) for variant in variants)
+    return tuple(replace(variant, recipe=_of_length(variant.recipe, steps)) for variant in variants)
+
+
+def _of_length(recipe: SplatRecipe, steps: int | None) -> SplatRecipe:
+    """Settled, or a study would not know its own runs again."""
+    return (recipe if steps is None else replace(recipe, steps=steps)).at_length()
 
 
 def _ablation(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:

@@ -4,18 +4,20 @@ from difflib import get_close_matches
 from typing import Any
 
 from ringlight.errors import RecipeError
+from ringlight.methods import ringlight_ring, three_dgs
 from ringlight.methods.recipe import Recipe, recipe_from_dict
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
-from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
+from ringlight.methods.ringlight_ring import RingLightRingRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 METHODS: dict[str, Recipe] = {
     "ringlight": RingLightRecipe(),
     "ringlight-ring": RingLightRingRecipe(),
     "ringlight-mirror": RingLightMirrorRecipe(),
-    "ringlight-paper": PAPER,
+    "ringlight-paper": ringlight_ring.PAPER,
     "3dgs": ThreeDGSRecipe(),
+    "3dgs-paper": three_dgs.PAPER,
 }
 
 CHOOSERS = ("ringlight",)

@@ -1,16 +1,27 @@
 """3D Gaussian Splatting: the yardstick.
 
 Kerbl, Kopanas, Leimkühler, Drettakis: 3D Gaussian Splatting for Real-Time Radiance Field Rendering, SIGGRAPH 2023.
-Written from the paper; the rasterizer's numbers are gsplat's (see rasterize/convention.py).
+Written from the paper; the rasterizer's numbers are gsplat's (see rasterize/convention.py). The default takes the
+paper's rates in a run of its 30,000 steps, and in shorter ones rates that suit their length
+(docs/experiments/baseline.md). PAPER takes the paper's at any length.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
-from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.rates import (
+    PAPER_MEANS,
+    PAPER_OPACITIES,
+    PAPER_SCALES,
+    Adam,
+    GaussianRates,
+    Rate,
+    check_rates,
+    shorter_by,
+)
+from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 
 if TYPE_CHECKING:
@@ -24,6 +35,9 @@ if TYPE_CHECKING:
 
 DEGREE_SHARE = 7
 """In short runs the SH degree rises every seventh of the run, so that degree 3 has most of it to learn."""
+
+PAPER_REST_RATE = 1.25e-4
+"""3DGS's learning rate of the view-dependent coefficients."""
 
 COARSE_SHARE = 10
 """Smaller photographs take no more of a short run than a tenth at each size: 1,000 steps of which all 1,000 saw
@@ -45,8 +59,9 @@ class ThreeDGSRecipe(SplatRecipe):
     """Steps after which one more degree is switched on (a seventh of the run if that is less)."""
     sh_rate: float = 2.5e-3
     """Learning rate of the constant coefficients."""
-    sh_rest_rate: float = 1.25e-4
-    """Learning rate of the view-dependent coefficients."""
+    sh_rest_rate: float | None = None
+    """Learning rate of the view-dependent coefficients. By default 3DGS's 1.25e-4 in a run of its 30,000 steps or more;
+    a run half as long takes twice of it, and none more than ``sh_rate``."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
@@ -61,7 +76,18 @@ class ThreeDGSRecipe(SplatRecipe):
     def __post_init__(self) -> None:
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
-        check_rates(sh_rate=self.sh_rate, sh_rest_rate=self.sh_rest_rate)
+        check_rates(sh_rate=self.sh_rate, sh_rest_rate=self.sh_rest_rate or 0.0)
+
+    @property
+    def rest_rate(self) -> float:
+        """``sh_rest_rate``, decided."""
+        if self.sh_rest_rate is not None:
+            return self.sh_rest_rate
+        return min(PAPER_REST_RATE * shorter_by(self.steps), self.sh_rate)
+
+    def at_length(self) -> "ThreeDGSRecipe":
+        """See :meth:`SplatRecipe.at_length`."""
+        return replace(super().at_length(), sh_rest_rate=self.rest_rate)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.harmonics import SphericalHarmonics
@@ -76,8 +102,17 @@ class ThreeDGSRecipe(SplatRecipe):
         return Course(
             groups={
                 "columns.sh_dc": Adam(Rate.constant(self.sh_rate)),
-                "columns.sh_rest": Adam(Rate.constant(self.sh_rest_rate)),
+                "columns.sh_rest": Adam(Rate.constant(self.rest_rate)),
             },
             unlocks={"color.active_degree": {degree * every: degree for degree in range(1, self.sh_degree + 1)}},
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
         )
+
+
+PAPER = ThreeDGSRecipe(
+    coarse_steps=250,
+    sh_rest_rate=PAPER_REST_RATE,
+    rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES),
+    densify=DensifySettings(begin=PAPER_BEGIN),
+)
+"""The paper's settings, at any length: made for 30,000 steps, and starved in shorter runs."""

@@ -40,6 +40,7 @@ SECONDS = {
     "train_seconds": "wall_seconds",
     "train_cpu_seconds": "cpu_seconds",
     "saving_seconds": "saving_seconds",
+    "choosing_cpu_seconds": "choosing_seconds",
 }
 """What reports call a checkpoint's clocks."""
 
@@ -57,6 +58,7 @@ class TrainingFacts:
     train_seconds: float | None = None
     train_cpu_seconds: float | None = None
     saving_seconds: float | None = None
+    choosing_cpu_seconds: float | None = None
     peak_bytes: int | None = None
     training_bytes: dict[str, int] = field(default_factory=dict)
     bytes_file: int | None = None
@@ -131,6 +133,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         train_seconds=session.clock.wall,
         train_cpu_seconds=session.clock.cpu,
         saving_seconds=session.clock.saving,
+        choosing_cpu_seconds=session.clock.choosing,
         peak_bytes=session.memory.growth(),
         training_bytes=session.training.bytes_by_part(),
     )
@@ -175,7 +178,7 @@ def _costs(run: RunFolder) -> dict[str, Any]:
         return {name: getattr(report, name) for name in (*SECONDS, "peak_bytes", "training_bytes")}
     with suppress(ModelFileError, KeyError, ValueError):
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
-        return {name: float(stored[kept]) for name, kept in SECONDS.items()}
+        return {name: float(stored[kept]) for name, kept in SECONDS.items() if kept in stored}
     return {}
 
 

@@ -5,6 +5,7 @@ bound, by default a Gaussian for each pixel of a photograph, would not fit; a re
 whatever machine.
 """
 
+import time
 from dataclasses import dataclass, replace
 
 import torch
@@ -34,19 +35,23 @@ class PreparedRun:
     training: Training
     decided: str | None
     """What the recipe left to the scene, in a sentence."""
+    choosing: float
+    """CPU seconds that this took: a trial trains, too."""
     warnings: tuple[str, ...]
     """A sentence on each thing that memory did not allow, or that the back end does otherwise."""
 
 
 def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str) -> PreparedRun:
     """A new run, within this machine's memory."""
+    begun = time.process_time()
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
+    choosing = time.process_time() - begun
     training = recipe.build(scene, rasterizer_for(device), seed)
     recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
     note = training.model.note
-    return PreparedRun(recipe, scene, training, decided, (*warnings, note) if note else warnings)
+    return PreparedRun(recipe, scene, training, decided, choosing, (*warnings, note) if note else warnings)
 
 
 def most_gaussians(training: Training, memory: int | None = None) -> int:

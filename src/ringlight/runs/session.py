@@ -41,6 +41,8 @@ class Clock:
     cpu: float = 0.0
     saving: float = 0.0
     """Wall clock; a checkpoint knows of those before it."""
+    choosing: float = 0.0
+    """CPU seconds before the first step, in which the method was chosen; not among ``cpu``."""
 
 
 @dataclass(eq=False, repr=False)
@@ -79,7 +81,8 @@ class Session:
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
-        return Session(folder, record, run.scene, run.training, Clock(), lock, memory, run.warnings, run.decided)
+        clock = Clock(choosing=run.choosing)
+        return Session(folder, record, run.scene, run.training, clock, lock, memory, run.warnings, run.decided)
 
     @staticmethod
     def resume(path: Path) -> "Session":
@@ -104,8 +107,8 @@ class Session:
             training.restore(stored.tensors)
             if training.step > training.steps:
                 raise ValueError(f"step {training.step} of {training.steps}")
-            seconds = (float(stored.metadata[f"{name}_seconds"]) for name in ("wall", "cpu", "saving"))
-            clock = Clock(*seconds)
+            wall, cpu, saving = (float(stored.metadata[f"{name}_seconds"]) for name in ("wall", "cpu", "saving"))
+            clock = Clock(wall, cpu, saving, float(stored.metadata.get("choosing_seconds", 0)))
             views = int(stored.metadata["training_views"])
             memory.earlier = int(stored.metadata["peak_bytes"]) or None
         except (KeyError, RuntimeError, ValueError) as error:
@@ -150,6 +153,7 @@ class Session:
             "wall_seconds": repr(self.clock.wall),
             "cpu_seconds": repr(self.clock.cpu),
             "saving_seconds": repr(self.clock.saving),
+            "choosing_seconds": repr(self.clock.choosing),
             "peak_bytes": str(self.memory.growth() or 0),
             "training_views": str(len(self.scene.train)),
         }

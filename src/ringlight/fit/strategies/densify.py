@@ -33,6 +33,7 @@ class Densify:
 
     def __init__(self, settings: DensifySettings, extent: float, steps: int, seed: int, white: bool):
         self.settings, self.extent, self.seed = settings, extent, seed
+        self.first_step = settings.first_step(steps)
         self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
         self.white = white
         self._sums, self._views = torch.zeros(0), torch.zeros(0)
@@ -41,7 +42,7 @@ class Densify:
         if step > self.last_step:
             return
         self._observe(model, prediction)
-        if step > self.settings.begin and step % self.settings.every == 0:
+        if step > self.first_step and step % self.settings.every == 0:
             self._edit(step, model, optimizer)
         if self._resets(step):
             ceiling = math.log(self.settings.reset_opacity / (1 - self.settings.reset_opacity))
