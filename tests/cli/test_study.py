@@ -107,3 +107,39 @@ def test_refusals(study: Path, tiny: Path, tmp_path: Path, ringlight: Command) -
     refused(ringlight(*again, "--steps", "4"), 1, study, "--out")
     refused(ringlight(*again, "--steps", "3", "--background", "black"), 1, study, "--out")
     assert snapshot(study) == before
+
+
+@pytest.fixture(scope="module")
+def pareto(tmp_path_factory: pytest.TempPathFactory, tiny: Path) -> Path:
+    from ringlight.cli.main import run
+
+    out = tmp_path_factory.mktemp("pareto") / "out"
+    words = ("--steps", "4", "--seeds", "1", "--quiet", "--lpips", "--only", *PARETO)
+    assert run(["study", "pareto", str(tiny), "--out", str(out), *words]) == 0
+    return out
+
+
+PARETO = ("3dgs-steps-4", "3dgs-degree-1-size-16", "3dgs-degree-1-size-1", "ringlight-ring-size-4")
+
+
+def test_pareto_bounds_models_by_bytes_not_by_gaussians(pareto: Path) -> None:
+    whole = read_report(pareto / "balls" / "3dgs-steps-4" / "seed-0")
+    for name, share in (("3dgs-degree-1-size-16", 16), ("3dgs-degree-1-size-1", 1), ("ringlight-ring-size-4", 4)):
+        record = RunRecord.read(pareto / "balls" / name / "seed-0")
+        report = read_report(pareto / "balls" / name / "seed-0")
+        shared = sum(size for part, size in report.bytes_by_part.items() if not part.startswith("columns."))
+        row = (report.bytes_raw - shared) / report.counted
+        most = record.recipe.densify.max_gaussians
+        room = whole.bytes_raw / share
+        assert most == 1 or shared + most * row <= room < shared + (most + 1) * row
+
+
+def test_pareto_has_curves_over_size_and_over_seconds(pareto: Path) -> None:
+    from PIL import Image
+
+    with Image.open(pareto / "pareto.png") as picture:
+        assert picture.height > 2 * 360
+    record = json.loads((pareto / "pareto.json").read_text())
+    assert (record["base"], record["steps"]) == ("ringlight-ring", 4)
+    assert {row["variant"] for row in record["rows"]} == set(PARETO)
+    assert all(row["psnr_train"]["mean"] > 0 and row["core_seconds"]["mean"] > 0 for row in record["rows"])

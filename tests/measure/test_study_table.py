@@ -73,7 +73,7 @@ def test_markdown_and_csv_hold_every_row() -> None:
     rows = study_rows(LABELS, RESULTS)
     text = StudyTable(rows).markdown()
     assert text.count("| full |") == 3
-    assert "| full | unchanged | 30.50 ± 0.71 |" in text
+    assert "| full | unchanged | 30.50 ± 0.71 | - | - |" in text
     table = list(csv.DictReader(io.StringIO(StudyTable(rows).csv())))
     assert len(table) == len(rows)
     assert float(table[0]["psnr"]) == 30.5

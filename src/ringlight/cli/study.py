@@ -1,4 +1,4 @@
-"""``ringlight study ablation|field|rank|feature|gamma|beta|warmup SCENE...``: the paper's tables, run after run."""
+"""``ringlight study ablation|field|rank|feature|gamma|beta|warmup|pareto SCENE...``: run after run to a table."""
 
 import sys
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
-    from ringlight.methods.studies import Variant
+    from ringlight.methods.variant import Variant
     from ringlight.runs.study import StudyRun
 
 
@@ -25,25 +25,28 @@ class StudyArguments:
     choice.
 
     ablation (tables 2 and 3, with controls), field (other decompositions), rank and feature (appendix E), gamma, beta,
-    warmup. Each run gets its own folder OUT/SCENE/VARIANT/seed-N. The same command goes on after an interrupt: finished
-    runs are kept, and so are those that another study made in OUT. Ends with OUT/STUDY.md, .csv, .json and .png.
+    warmup; and pareto: quality over megabytes and over core seconds, beside harmonics of every degree at five sizes and
+    five lengths. Each run gets its own folder OUT/SCENE/VARIANT/seed-N. The same command goes on after an interrupt:
+    finished runs are kept, and so are those that another study made in OUT. Ends with OUT/STUDY.md, .csv, .json and
+    .png.
     """
 
     what: Annotated[
-        tyro.conf.Positional[Literal["ablation", "field", "rank", "feature", "gamma", "beta", "warmup"]],
+        tyro.conf.Positional[Literal["ablation", "field", "rank", "feature", "gamma", "beta", "warmup", "pareto"]],
         tyro.conf.arg(metavar="STUDY"),
     ]
-    """ablation, field, rank, feature, gamma, beta or warmup."""
+    """ablation, field, rank, feature, gamma, beta, warmup or pareto."""
     scenes: Annotated[
         tyro.conf.Positional[tuple[Path, ...]],
         tyro.conf.arg(metavar="SCENE [SCENE ...]", help_behavior_hint="(required)"),
     ]
     """Folders of photographs with cameras. toaster and carpaint are bundled."""
     options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
-    base: Literal["ringlight-paper", "ringlight-ring"] = "ringlight-paper"
-    """What the variants change: the paper's settings, or ours."""
+    base: Literal["ringlight-paper", "ringlight-ring", "ringlight-mirror"] | None = None
+    """What the variants change: by default the paper's settings. What pareto holds against 3dgs: by default
+    ringlight-ring."""
     steps: int | None = None
-    """Training steps of each run; by default the method's 30000."""
+    """Training steps of each run, for pareto of the longest; by default the method's 30000."""
     seeds: int = 2
     """Runs of each variant, with seeds 0, 1, .... The table shows mean and standard deviation."""
     out: MaybeFolder = None
@@ -71,13 +74,13 @@ def main(arguments: list[str]) -> int:
         value = getattr(asked, name)
         if value is not None and value < 1:
             raise RecipeError(f"--{name} is {value}; give at least 1")
-    from ringlight.methods.studies import study_named
+    from ringlight.methods.studies import base_of, study_named
 
     variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))
     from ringlight.cli.threads import use_threads
     from ringlight.runs.study import runs_of_study
 
-    out = asked.out or Path("runs") / f"study-{asked.base}"
+    out = asked.out or Path("runs") / f"study-{base_of(asked.what, asked.base)}"
     runs = runs_of_study(variants, asked.scenes, asked.seeds, out, asked.options)
     if asked.dry_run:
         sys.stdout.write(_listing(runs))
@@ -101,7 +104,9 @@ def _listing(runs: "tuple[StudyRun, ...]") -> str:
     width = max(len(str(run.folder)) for run in runs)
     lines = [f"{run.folder!s:{width}}  {run.state:8}  {run.variant.about}" for run in runs]
     missing = sum(run.state != "finished" for run in runs)
-    return "\n".join([*lines, f"{len(runs)} runs of {runs[0].variant.recipe.steps} steps, {missing} to do"]) + "\n"
+    steps = sorted({run.variant.recipe.steps for run in runs})
+    spoken = f"{steps[0]}" if len(steps) == 1 else f"{steps[0]} to {steps[-1]}"
+    return "\n".join([*lines, f"{len(runs)} runs of {spoken} steps, {missing} to do"]) + "\n"
 
 
 def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> bool:
@@ -120,10 +125,11 @@ def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> bool:
 def _show(asked: StudyArguments, out: Path, variants: "tuple[Variant, ...]", runs: "tuple[StudyRun, ...]") -> None:
     from rich.console import Console
 
+    from ringlight.methods.studies import base_of
     from ringlight.runs.study_results import study_table, write_results
 
     table = study_table(variants, runs)
-    written = write_results(out, asked.what, asked.base, runs, table)
+    written = write_results(out, asked.what, base_of(asked.what, asked.base), runs, table)
     if asked.json:
         sys.stdout.write((out / f"{asked.what}.json").read_text(encoding="utf-8"))
     else:

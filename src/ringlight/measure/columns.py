@@ -72,7 +72,7 @@ def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]
         _measured("PSNR", 0, lambda report: report.psnr, "more", _fixed(2)),
         _difference("dPSNR", 5, lambda report: report.psnr, 2),
         _optional("PSNR train", 12, lambda report: report.psnr_train, "", _fixed(2)),
-        _optional("PSNR far", 15, _psnr_far, "more", _fixed(2)),
+        _optional("PSNR far", 15, lambda report: report.psnr_far, "more", _fixed(2)),
         _measured("SSIM", 4, lambda report: report.ssim_same, "more", _fixed(4)),
         _difference("dSSIM", 13, lambda report: report.ssim_same, 4),
         _measured(f"LPIPS {lpips_net or ''}".strip(), 6, distance, "less", _fixed(4, missing=UNAVAILABLE)),
@@ -105,11 +105,6 @@ def _column_cells(column: Column, rows: Sequence[Row]) -> list[Cell]:
     # What reads the same is equally good: the digits beyond are noise. Where all read the same, nothing is best.
     winner = texts[values.index(best)]
     return [Cell(text, best=text == winner and len(set(texts)) > 1) for text in texts]
-
-
-def _psnr_far(report: Report) -> float | None:
-    """Of the third of the test views that lies farthest from the training cameras."""
-    return report.psnr_thirds[-1] if report.psnr_thirds else None
 
 
 def _measured(

@@ -17,9 +17,9 @@ MARGIN, GAP = 56, 30
 TITLE, TEXT = 17, 13
 DOT, CAP = 4, 5
 """Radius of a dot, half width of the bars' ends."""
-MOST_TICKS = 6
+MOST_TICKS, MOST_PLACES, FEWEST_MARKS = 6, 7, 3
 WIDE = 50.0
-"""Largest over smallest number beyond which the axis is logarithmic."""
+"""Largest over smallest number beyond which an axis is logarithmic, unless a chart says otherwise."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,15 @@ class Line:
 
 @dataclass(frozen=True)
 class Chart:
-    """``names`` has a name for each row where ``x`` counts rows; empty for curves over a number."""
+    """``names`` has a name for each row where ``x`` counts rows; empty for curves over a number.
+
+    Where the largest number is more than ``wide`` times the smallest the axis is logarithmic.
+    """
 
     title: str
     lines: tuple[Line, ...]
     names: tuple[str, ...] = ()
+    wide: float = WIDE
 
 
 def draw_charts(charts: Sequence[Chart], title: str) -> Image.Image:
@@ -66,6 +70,28 @@ def draw_charts(charts: Sequence[Chart], title: str) -> Image.Image:
         _text(pen, (left + 4 * DOT, y), label, TEXT, INK)
         left += 4 * DOT + GAP + round(_font(TEXT).getlength(label))
     return sheet
+
+
+def stacked(pictures: Sequence[Image.Image]) -> Image.Image:
+    """One below the other."""
+    sheet = Image.new("RGB", (max(p.width for p in pictures), sum(p.height for p in pictures)), PAPER)
+    top = 0
+    for picture in pictures:
+        sheet.paste(picture, (0, top))
+        top += picture.height
+    return sheet
+
+
+def decades(low: float, high: float) -> list[float]:
+    """A few round numbers at about equal ratios, from ``low`` to ``high``, both above zero."""
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    marks: list[float] = []
+    for factors in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), (1, 1.2, 1.4, 1.6, 1.8, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9)):
+        every = (factor * 10.0**power for power in powers for factor in factors)
+        marks = [mark for mark in every if low * (1 - 1e-9) <= mark <= high * (1 + 1e-9)]
+        if len(marks) >= FEWEST_MARKS:
+            break
+    return marks
 
 
 def ticks(low: float, high: float) -> list[float]:
@@ -89,6 +115,13 @@ def _range(chart: Chart) -> tuple[float, float]:
     return low - room, high + room
 
 
+def _marks(places: Sequence[float], logarithmic: bool) -> Sequence[float]:
+    """The numbers on the axis: those that a study chose, or round ones where they were measured."""
+    if len(places) <= MOST_PLACES:
+        return places
+    return (decades if logarithmic else ticks)(places[0], places[-1])
+
+
 def _curves(chart: Chart) -> Image.Image:
     picture = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
     pen = ImageDraw.Draw(picture)
@@ -96,7 +129,7 @@ def _curves(chart: Chart) -> Image.Image:
     places = sorted({dot.x for line in chart.lines for dot in line.dots})
     first, last = places[0], places[-1] if len(places) > 1 else places[0] + 1
     right, bottom = WIDTH - GAP, HEIGHT - MARGIN
-    logarithmic = first > 0 and last > WIDE * first
+    logarithmic = first > 0 and last > chart.wide * first
 
     def across(x: float) -> float:
         share = math.log(x / first) / math.log(last / first) if logarithmic else (x - first) / (last - first)
@@ -109,7 +142,7 @@ def _curves(chart: Chart) -> Image.Image:
     for value in ticks(low, high):
         pen.line((MARGIN, down(value), right, down(value)), fill=GRID)
         _text(pen, (8, round(down(value)) - TEXT // 2), f"{value:g}", TEXT, FAINT)
-    for place in places:
+    for place in _marks(places, logarithmic):
         label = f"{place:g}"
         _text(pen, (round(across(place) - _font(TEXT).getlength(label) / 2), bottom + 8), label, TEXT, FAINT)
     for index, line in enumerate(chart.lines):

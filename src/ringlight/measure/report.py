@@ -106,6 +106,11 @@ class Report:
     images: tuple[ImageScore, ...]
 
     @property
+    def psnr_far(self) -> float | None:
+        """``psnr`` over the third of the test views that lies farthest from the training cameras."""
+        return self.psnr_thirds[-1] if self.psnr_thirds else None
+
+    @property
     def core_seconds(self) -> float | None:
         """CPU seconds of the training and of the trial before it."""
         if self.train_cpu_seconds is None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
+from typing import get_args, get_type_hints
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, ConsoleOptions
@@ -53,11 +54,15 @@ class StudyRow:
     psnr: Spread
     ssim: Spread
     lpips_alex: Spread | None
+    psnr_train: Spread | None
+    psnr_far: Spread | None
+    """Over the third of the test views that lies farthest from the training cameras."""
     raw_megabytes: Spread
     gaussians: Spread
     train_seconds: Spread
     """Wall clock; on a machine that does other things besides, CPU seconds say more."""
-    train_cpu_seconds: Spread
+    core_seconds: Spread
+    """Processor seconds of the training, and of the trial before it."""
     shared_parameters: Spread
     """Numbers that all Gaussians share: field, networks, maps."""
 
@@ -100,13 +105,16 @@ def _row(label: Label, scene: str, seeds: list[list[Report]]) -> StudyRow:
     def spread(measure: str) -> Spread:
         return Spread.of([fmean(float(getattr(report, measure) or 0) for report in reports) for reports in seeds])
 
-    has_lpips = all(report.lpips_alex is not None for reports in seeds for report in reports)
+    def known(measure: str) -> Spread | None:
+        missing = any(getattr(report, measure) is None for reports in seeds for report in reports)
+        return None if missing else spread(measure)
+
     size = [fmean(report.bytes_raw / 1e6 for report in reports) for reports in seeds]
     shared = [fmean(shared_parameters(report) for report in reports) for reports in seeds]
     return StudyRow(
         scene, label.name, label.about, label.at, label.paper, len(seeds),
-        spread("psnr"), spread("ssim_same"), spread("lpips_alex") if has_lpips else None,
-        Spread.of(size), spread("counted"), spread("train_seconds"), spread("train_cpu_seconds"), Spread.of(shared),
+        spread("psnr"), spread("ssim_same"), known("lpips_alex"), known("psnr_train"), known("psnr_far"),
+        Spread.of(size), spread("counted"), spread("train_seconds"), spread("core_seconds"), Spread.of(shared),
     )  # fmt: skip
 
 
@@ -117,12 +125,18 @@ def shared_parameters(report: Report) -> int:
     return sum(learned) // FLOAT_BYTES
 
 
-HEADINGS = ("variant", "", "PSNR", "SSIM", "LPIPS", "raw MB", "Gaussians", "train s", "CPU s", "shared", "paper*")
-LEAST_FIRST = ("", "LPIPS", "shared", "paper*", "CPU s", "train s", "Gaussians", "SSIM")
+HEADINGS = (
+    "variant", "", "PSNR", "train", "far", "SSIM", "LPIPS",
+    "raw MB", "Gaussians", "train s", "core s", "shared", "paper*",
+)  # fmt: skip
+LEAST_FIRST = ("", "LPIPS", "shared", "paper*", "far", "train", "train s", "core s", "Gaussians", "SSIM")
 """Columns that a narrow terminal goes without, in this order: numbers are never cut."""
 GAP = 3
 """Characters between columns: a blank on either side, and the box."""
-NOTE = "* PSNR that the paper reports, mean over Shiny-Blender: other scenes, another machine. ± is over seeds."
+NOTE = (
+    "train: PSNR on training views. far: on the third of the test views farthest from these. ± is over seeds. "
+    "* PSNR that the paper reports, mean over Shiny-Blender: other scenes, another machine."
+)
 
 
 @dataclass(frozen=True)
@@ -158,9 +172,8 @@ class StudyTable:
         """One line a row, mean and deviation in columns of their own; empty where there is none."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        first = vars(self.rows[0])
-        spreads = [name for name, value in first.items() if name == "lpips_alex" or isinstance(value, Spread)]
-        plain = [name for name in first if name not in spreads]
+        spreads = [name for name, kind in get_type_hints(StudyRow).items() if Spread in (kind, *get_args(kind))]
+        plain = [name for name in vars(self.rows[0]) if name not in spreads]
         writer.writerow([*plain, *(column for name in spreads for column in (name, f"{name}_deviation"))])
         for row in self.rows:
             values = [getattr(row, name) for name in plain]
@@ -185,12 +198,14 @@ def _cells(row: StudyRow) -> list[str]:
         row.variant,
         row.about,
         _written(row.psnr, 2),
+        "-" if row.psnr_train is None else f"{row.psnr_train.mean:.2f}",
+        "-" if row.psnr_far is None else f"{row.psnr_far.mean:.2f}",
         _written(row.ssim, 4),
         "-" if row.lpips_alex is None else _written(row.lpips_alex, 4),
         f"{row.raw_megabytes.mean:.2f}",
         f"{row.gaussians.mean:,.0f}",
         f"{row.train_seconds.mean:.0f}",
-        f"{row.train_cpu_seconds.mean:.0f}",
+        f"{row.core_seconds.mean:.0f}",
         f"{row.shared_parameters.mean:,.0f}",
         "-" if row.paper is None else f"{row.paper:.2f}",
     ]

@@ -4,16 +4,19 @@ Torch-free. A variant is a preset with settings changed, so its run is one that 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import PerceptronSettings
 from ringlight.fit.photometric import PhotometricLoss
+from ringlight.methods.pareto import pareto
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
+from ringlight.methods.variant import Variant
 
 FULL = "full"
 """Name of the unchanged base in every study, so that studies in one folder share its runs."""
@@ -28,6 +31,13 @@ SSIM_WEIGHTS = (0.0, 0.2, 0.5)
 
 BASES = {"ringlight-paper": PAPER, "ringlight-ring": RingLightRingRecipe()}
 """Presets with a light field to study."""
+BASE = "ringlight-paper"
+
+PARETO, PARETO_BASE = "pareto", "ringlight-ring"
+PARETO_BASES: dict[str, SplatRecipe] = {**BASES, "ringlight-mirror": RingLightMirrorRecipe()}
+"""What is held against 3dgs over sizes and lengths."""
+
+Lit = TypeVar("Lit", bound=SplatRecipe)
 
 GRID_RATE, GRID_RATE_END = 2e-2, 2e-3
 """What TensoRF gives free values on a grid: a network's rate starves them, which is no fault of the decomposition."""
@@ -36,39 +46,37 @@ EAGER_THRESHOLD = 1e-4
 """Half of 3DGS's own: so that its number of Gaussians is bounded by what it is held against, not by the threshold."""
 
 
-@dataclass(frozen=True)
-class Variant:
-    """One row of a study. ``paper`` is the PSNR that the paper reports for it, dB, mean over Shiny-Blender."""
-
-    name: str
-    preset: str
-    recipe: SplatRecipe
-    about: str
-    at: float | None = None
-    """The number that the study varies, where it varies one."""
-    paper: float | None = None
-    as_many_as: str | None = None
-    """The variant whose number of Gaussians, at the end and with the same seed, bounds this one's."""
-
-
-def study_named(name: str, base: str, steps: int | None) -> tuple[Variant, ...]:
+def study_named(name: str, base: str | None, steps: int | None) -> tuple[Variant, ...]:
     """The matrix of a study around ``base``, the unchanged base first; ``steps`` replaces the presets' own.
 
-    Raises RecipeError for an unknown study, or a base that has no light field.
+    Raises RecipeError for an unknown study, or a base that the study does not take.
     """
-    if name not in STUDIES:
-        near = get_close_matches(name, STUDIES, n=1)
-        hint = f"perhaps you meant {near[0]!r}" if near else f"studies: {', '.join(STUDIES)}"
+    own = base_of(name, base)
+    if name == PARETO:
+        variants = pareto(own, _of_length(_base(own, PARETO_BASES, "nothing to hold against 3dgs"), steps))
+    elif name in STUDIES:
+        variants = STUDIES[name](own, _of_length(_base(own, BASES, "no light field to study"), steps))
+    else:
+        near = get_close_matches(name, STUDY_NAMES, n=1)
+        hint = f"perhaps you meant {near[0]!r}" if near else f"studies: {', '.join(STUDY_NAMES)}"
         raise RecipeError(f"no study is called {name!r}; {hint}")
-    if base not in BASES:
-        raise RecipeError(f"--base is {base}: it has no light field to study; give {' or '.join(BASES)}")
-    variants = STUDIES[name](base, BASES[base])
-    return tuple(replace(variant, recipe=_of_length(variant.recipe, steps)) for variant in variants)
+    # Settled, or a study would not know its own runs again.
+    return tuple(replace(variant, recipe=variant.recipe.at_length()) for variant in variants)
 
 
-def _of_length(recipe: SplatRecipe, steps: int | None) -> SplatRecipe:
-    """Settled, or a study would not know its own runs again."""
-    return (recipe if steps is None else replace(recipe, steps=steps)).at_length()
+def base_of(study: str, base: str | None) -> str:
+    """``base``, or the study's own."""
+    return base or (PARETO_BASE if study == PARETO else BASE)
+
+
+def _base(name: str, bases: Mapping[str, Lit], lacking: str) -> Lit:
+    if name not in bases:
+        raise RecipeError(f"--base is {name}: it has {lacking}; give {' or '.join(bases)}")
+    return bases[name]
+
+
+def _of_length(recipe: Lit, steps: int | None) -> Lit:
+    return recipe if steps is None else replace(recipe, steps=steps)
 
 
 def _ablation(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
@@ -87,7 +95,7 @@ def _ablation(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
 
 def _controls(recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
     """3DGS as it is; with the base's pixel term; and that with no more Gaussians than the base ends with."""
-    plain = ThreeDGSRecipe()
+    plain = ThreeDGSRecipe(steps=recipe.steps)
     loss = PhotometricLoss(pixel=recipe.loss.pixel, ssim_weight=recipe.loss.ssim_weight)
     same_loss = replace(plain, loss=loss)
     eager = replace(same_loss, densify=replace(plain.densify, threshold=EAGER_THRESHOLD))
@@ -159,6 +167,8 @@ STUDIES: dict[str, Callable[[str, RingLightRingRecipe], tuple[Variant, ...]]] = 
     ),
     "warmup": _varied("warmup", lambda r: r.warmup, dict.fromkeys(WARMUPS), lambda r, share: replace(r, warmup=share)),
 }
+
+STUDY_NAMES = (*STUDIES, PARETO)
 
 
 def _lit(recipe: RingLightRingRecipe, **changes: Any) -> RingLightRingRecipe:

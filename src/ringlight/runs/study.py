@@ -1,17 +1,24 @@
 """A study on disk: each run in its own folder of the usual kind, made where it is missing, kept where it is
 finished."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import torch
+
+from ringlight.core.gradients import COLUMNS
+from ringlight.core.raw_bytes import FLOAT_BYTES, raw_bytes
 from ringlight.data.bundled import BUNDLED, bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
 from ringlight.measure.report import REPORT_NAME, Report, read_report
 from ringlight.methods.recipe import Recipe
-from ringlight.methods.studies import Variant
+from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.methods.variant import Variant
+from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
 from ringlight.runs.session import Session
@@ -73,10 +80,13 @@ class StudyRun:
         return session
 
     def _bounded_recipe(self) -> Recipe:
-        recipe, other = self.variant.recipe, self.variant.as_many_as
+        recipe, other = self.variant.recipe, self.variant.waits_for
         if other is None:
             return recipe
-        return recipe.ending_with(read_report(self.folder.parents[1] / other / self.folder.name).counted)
+        measured = read_report(self.folder.parents[1] / other / self.folder.name)
+        bound = self.variant.within
+        most = measured.counted if bound is None else most_within(recipe, int(bound.share * measured.bytes_raw))
+        return recipe.ending_with(most)
 
 
 def runs_of_study(
@@ -93,15 +103,23 @@ def runs_of_study(
             raise RunError(f"two scenes are called {name!r}; rename one of the folders, or study them one by one")
     present = {variant.name for variant in variants}
     for variant in variants:
-        if variant.as_many_as is not None and variant.as_many_as not in present:
-            raise RecipeError(f"{variant.name} is held to {variant.as_many_as}, which --only leaves out; name both")
-    ordered = sorted(variants, key=lambda variant: variant.as_many_as is not None)
+        if variant.waits_for is not None and variant.waits_for not in present:
+            raise RecipeError(f"{variant.name} is held to {variant.waits_for}, which --only leaves out; name both")
+    ordered = sorted(variants, key=lambda variant: variant.waits_for is not None)
     return tuple(
         StudyRun(scene, variant, seed, out / name / variant.name / f"seed-{seed}", options).checked()
         for scene, name in zip(found, names, strict=True)
         for seed in range(seeds)
         for variant in ordered
     )
+
+
+def most_within(recipe: SplatRecipe, size: int) -> int:
+    """How many Gaussians a model of this recipe may have in ``size`` raw bytes; at least one."""
+    empty = recipe.model(torch.tensor([[-1.0] * 3, [1.0] * 3]), rasterizer_for("reference")).rendering_tensors()
+    shared = sum(map(raw_bytes, empty.values()))
+    row = sum(FLOAT_BYTES * math.prod(tensor.shape[1:]) for name, tensor in empty.items() if name.startswith(COLUMNS))
+    return max((size - shared) // row, 1)
 
 
 def _scene(path: Path) -> Path:

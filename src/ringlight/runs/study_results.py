@@ -8,7 +8,8 @@ from ringlight.measure.curves import Chart, Dot, Line, draw_charts
 from ringlight.measure.json_record import to_json
 from ringlight.measure.report import Report
 from ringlight.measure.study_table import ALL_SCENES, Label, Spread, StudyRow, StudyTable, study_rows
-from ringlight.methods.studies import Variant
+from ringlight.methods.variant import Variant
+from ringlight.runs.pareto_charts import pareto_picture
 from ringlight.runs.sheet import write_sheet
 from ringlight.runs.study import StudyRun
 
@@ -27,13 +28,17 @@ def study_table(variants: Sequence[Variant], runs: Sequence[StudyRun]) -> StudyT
 def write_results(out: Path, study: str, base: str, runs: Sequence[StudyRun], table: StudyTable) -> tuple[Path, ...]:
     """STUDY.md, STUDY.csv, STUDY.json and STUDY.png in the study's folder, in place of earlier ones. Raises
     OutputError."""
-    steps = runs[0].variant.recipe.steps
+    steps = max(run.variant.recipe.steps for run in runs)
     folders = [str(run.folder) for run in runs]
     record = {"study": study, "base": base, "steps": steps, "rows": table.rows, "runs": folders}
     texts = {"md": table.markdown(), "csv": table.csv(), "json": to_json(record)}
     for suffix, text in texts.items():
         write_text(out / f"{study}.{suffix}", text)
-    picture = draw_charts(study_charts(table.rows), f"{study}: {base}, {steps} steps")
+    title, variants = f"{study}: {base}, {steps} steps", tuple(dict.fromkeys(run.variant for run in runs))
+    with_curves = any(variant.curves for variant in variants)
+    picture = (
+        pareto_picture(variants, table.rows, title) if with_curves else draw_charts(study_charts(table.rows), title)
+    )
     write_sheet(picture, out / f"{study}.png")
     return tuple(out / f"{study}.{suffix}" for suffix in (*texts, "png"))
 
@@ -50,7 +55,7 @@ def study_charts(rows: Sequence[StudyRow]) -> tuple[Chart, ...]:
             lines.append(Line(scene, tuple(_dot(row, getattr(row, measure), names) for row in of_scene)))
         return Chart(title, tuple(lines), names)
 
-    return chart("PSNR, dB", "psnr"), chart("SSIM", "ssim"), chart("training, CPU seconds", "train_cpu_seconds")
+    return chart("PSNR, dB", "psnr"), chart("SSIM", "ssim"), chart("training, core seconds", "core_seconds")
 
 
 def _dot(row: StudyRow, value: Spread, names: tuple[str, ...]) -> Dot:
