@@ -6,6 +6,7 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "convention.hpp"
 #include "raster/camera.hpp"
 #include "simd/dispatch.hpp"
 #include "step/sh.hpp"
@@ -41,6 +42,44 @@ void colors(const Points& means, const Points& constant, const Rest& rest, const
   table.rest = rest.data();
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN(sh_colors)(table, out.data(), slopes ? slopes->data() : nullptr);
+}
+
+using Matrix = Tensor<const float, -1, -1>;
+using MatrixOut = Tensor<float, -1, -1>;
+
+SharedBasis as_basis(const Harmonics& table, const Matrix& weights, const Rest& basis) {
+  const std::size_t count = basis.shape(0);
+  require(count >= 1 && count <= convention::SH_MAX_BASIS, "sh_basis: a basis has 1 to SH_MAX_BASIS rows");
+  require(3 * basis.shape(1) == SH_REST, "sh_basis: the basis must be [K 15 3]");
+  require(weights.shape(0) == table.count && weights.shape(1) == count, "sh_basis: weights must be [N K]");
+  return {weights.data(), basis.data(), static_cast<int>(count)};
+}
+
+void basis_colors(const Points& means, const Points& constant, const Matrix& weights, const Rest& basis,
+                  const Camera& camera, int degree, const PointsOut& out, const std::optional<Array>& slopes) {
+  Harmonics table = as_table(means, SH_REST / 3, camera, degree);
+  const SharedBasis mixed = as_basis(table, weights, basis);
+  require(constant.shape(0) == table.count && out.shape(0) == table.count,
+          "sh_basis_colors: all columns must have the same number of rows");
+  require(!slopes || slopes->size() >= slope_count(table.count),
+          "sh_basis_colors: slopes must hold sh_slopes(rows) floats");
+  table.constant = constant.data();
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(sh_basis_colors)(table, mixed, out.data(), slopes ? slopes->data() : nullptr);
+}
+
+void basis_gradient(const Points& means, const Camera& camera, int degree, const Points& by_constant,
+                    const Matrix& weights, const Rest& basis, const MatrixOut& by_weights, const RestOut& by_basis) {
+  const Harmonics table = as_table(means, SH_REST / 3, camera, degree);
+  const SharedBasis mixed = as_basis(table, weights, basis);
+  require(by_constant.shape(0) == table.count, "sh_basis_gradient: by_constant must have one row per Gaussian");
+  require(by_weights.shape(0) == table.count && by_weights.shape(1) == weights.shape(1),
+          "sh_basis_gradient: by_weights must be like weights");
+  require(by_basis.shape(0) == basis.shape(0) && by_basis.shape(1) == basis.shape(1),
+          "sh_basis_gradient: by_basis must be like basis");
+  const nb::gil_scoped_release unlocked;
+  const auto run = RINGLIGHT_CHOSEN(sh_basis_gradient);
+  run(table, mixed, by_constant.data(), by_weights.data(), by_basis.data());
 }
 
 void gradient(const Points& upstream, const Points& colors, const Input& slopes, const PointsOut& by_means,
@@ -90,6 +129,12 @@ void bind_sh(nb::module_& module) {
   module.def("sh_gradient", &gradient, "upstream"_a, "colors"_a, "slopes"_a, "by_means"_a, "by_constant"_a,
              "add"_a,
              "Fill by_constant with the gradient of sh_colors; by_means too, or add to it.");
+  module.def("sh_basis_colors", &basis_colors, "means"_a, "constant"_a, "weights"_a, "basis"_a, "camera"_a, "degree"_a,
+             "colors"_a, "slopes"_a.none() = nb::none(),
+             "sh_colors of rest = weights basis, which is never written: weights [N K], basis [K 15 3].");
+  module.def("sh_basis_gradient", &basis_gradient, "means"_a, "camera"_a, "degree"_a, "by_constant"_a, "weights"_a,
+             "basis"_a, "by_weights"_a, "by_basis"_a,
+             "Fill by_weights and by_basis from what sh_gradient left in by_constant.");
   module.def("sh_rest_gradient", &rest_gradient, "means"_a, "camera"_a, "degree"_a, "by_constant"_a, "by_rest"_a,
              "Fill by_rest from what sh_gradient left in by_constant; zero above the degree.");
   module.def("sh_rest_adam", &rest_adam, "means"_a, "camera"_a, "degree"_a, "by_constant"_a, "rest"_a, "mean"_a,

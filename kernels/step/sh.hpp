@@ -23,6 +23,13 @@ struct Harmonics {
   int degree;
 };
 
+// Coefficients that are not stored, but mixed of a few that all Gaussians share: rest = weights basis.
+struct SharedBasis {
+  const float* weights;  // [N K]
+  const float* basis;    // [K 15 3]
+  int count;             // K, 1 to SH_MAX_BASIS
+};
+
 // dL/d(colour) [N 3], and what sh_colors left.
 struct HarmonicsUpstream {
   const float *upstream, *colors, *slopes;
@@ -37,10 +44,13 @@ struct HarmonicsGradient {
 
 // `slopes` ([N, rounded up to 16, x 9], in an order of the kernels' own) may be null where no gradient is wanted.
 // Colours are clamped at black; a clamped one is negative zero.
-// `by_constant`: sh_gradient's; means, position and degree as they were then. sh_rest_adam returns what adam does.
+// `by_constant`, also for sh_basis_gradient, which fills by_weights [N K] and by_basis [K 15 3]: sh_gradient's; means, position and degree as they were then. sh_rest_adam returns what adam does.
 #define RINGLIGHT_HARMONICS(isa)                                                                          \
   namespace isa {                                                                                         \
   void sh_colors(const Harmonics& table, float* colors, float* slopes);                                   \
+  void sh_basis_colors(const Harmonics& table, const SharedBasis& mixed, float* colors, float* slopes);   \
+  void sh_basis_gradient(const Harmonics& table, const SharedBasis& mixed, const float* by_constant,      \
+                         float* by_weights, float* by_basis);                                             \
   void sh_gradient(const HarmonicsUpstream& from, const HarmonicsGradient& to);                           \
   void sh_rest_gradient(const Harmonics& table, const float* by_constant, float* by_rest);                \
   std::size_t sh_rest_adam(const Harmonics& table, const float* by_constant, const AdamRows& rows,        \

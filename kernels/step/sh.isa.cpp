@@ -4,6 +4,7 @@
 
 #include "machine/parallel.hpp"
 #include "step/sh_block.isa.hpp"
+#include "step/sh_mix.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -136,13 +137,15 @@ void differentiate_block(const HarmonicsUpstream& from, const HarmonicsGradient&
 
 }  // namespace
 
-void sh_colors(const Harmonics& table, float* colors, float* slopes) {
+// `load(block, coefficients)` fills in those of a block.
+template <class Load>
+static inline void colors_of(const Harmonics& table, float* colors, float* slopes, Load load) {
   parallel_ranges(table.count, GRAIN, [&](std::size_t begin, std::size_t end) {
     Block block;
     alignas(64) Coefficients coefficients;
     for (std::size_t first = begin; first < end; first += LANES) {
       open_block(table, first, end, block);
-      if (block.count > 0) load_coefficients(table, block, coefficients);
+      if (block.count > 0) load(block, coefficients);
       Lanes sums[3];
       sum_harmonics(table, block, coefficients, sums);
       for (int c = 0; c < 3; c++)
@@ -150,6 +153,18 @@ void sh_colors(const Harmonics& table, float* colors, float* slopes) {
       store_triples(sums, block, colors);
       if (slopes) find_slopes(table.degree, block, coefficients, slopes + first * SH_SLOPES);
     }
+  });
+}
+
+void sh_colors(const Harmonics& table, float* colors, float* slopes) {
+  colors_of(table, colors, slopes, [&](const Block& block, Lanes* coefficients) __attribute__((always_inline)) {
+    load_coefficients(table, block, coefficients);
+  });
+}
+
+void sh_basis_colors(const Harmonics& table, const SharedBasis& mixed, float* colors, float* slopes) {
+  colors_of(table, colors, slopes, [&](const Block& block, Lanes* coefficients) __attribute__((always_inline)) {
+    mix_coefficients(mixed, block, coefficients);
   });
 }
 

@@ -115,7 +115,7 @@ def pareto(tmp_path_factory: pytest.TempPathFactory, tiny: Path) -> Path:
 
     out = tmp_path_factory.mktemp("pareto") / "out"
     words = ("--steps", "4", "--seeds", "1", "--quiet", "--lpips", "--only", *PARETO)
-    assert run(["study", "pareto", str(tiny), "--out", str(out), *words]) == 0
+    assert run(["study", "pareto", str(tiny), "--base", "ringlight-ring", "--out", str(out), *words]) == 0
     return out
 
 

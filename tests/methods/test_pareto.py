@@ -49,7 +49,7 @@ def test_short_runs_have_fewer_lengths() -> None:
 
 def test_a_method_without_a_field_is_refused() -> None:
     assert "pareto" in STUDY_NAMES
-    with pytest.raises(RecipeError, match="give ringlight-paper or ringlight-ring or ringlight-mirror"):
+    with pytest.raises(RecipeError, match="give ringlight-basis or ringlight-paper"):
         study_named("pareto", "3dgs", None)
     with pytest.raises(RecipeError, match="perhaps you meant 'pareto'"):
         study_named("paretto", None, None)

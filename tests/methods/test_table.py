@@ -21,6 +21,7 @@ def test_presets_of_one_paper_share_their_method():
     names = {preset: method_of(recipe) for preset, recipe in METHODS.items()}
     assert names == {
         "ringlight": "ringlight",
+        "ringlight-basis": "ringlight-basis",
         "ringlight-ring": "ringlight-ring",
         "ringlight-mirror": "ringlight-mirror",
         "ringlight-paper": "ringlight-ring",

@@ -37,6 +37,11 @@ def test_harmonics_of_a_shorter_run_learn_faster(steps: int, rate: float):
     assert rates_of(ThreeDGSRecipe(steps=steps))["columns.sh_rest"] == (pytest.approx(rate), pytest.approx(rate))
 
 
+@pytest.mark.parametrize(("steps", "rate"), [(30_000, 2.5e-3), (20_000, 3.75e-3), (15_000, 5e-3), (700, 5e-3)])
+def test_base_colours_of_a_shorter_run_learn_faster(steps: int, rate: float):
+    assert rates_of(ThreeDGSRecipe(steps=steps))["columns.sh_dc"] == (pytest.approx(rate), pytest.approx(rate))
+
+
 @pytest.mark.parametrize("steps", [700, 7_000])
 def test_the_paper_takes_its_rates_at_any_length(steps: int):
     assert rates_of(dataclasses.replace(PAPER, steps=steps)) == rates_of(PAPER)
@@ -50,7 +55,7 @@ def test_a_run_records_the_rates_it_takes():
     recipe = ThreeDGSRecipe(steps=3_000)
     settled, why = recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
     assert why is None
-    assert settled.sh_rest_rate == pytest.approx(1.25e-3)
+    assert (settled.sh_rate, settled.sh_rest_rate) == (pytest.approx(5e-3), pytest.approx(1.25e-3))
     assert None not in dataclasses.asdict(settled.rates).values()
     assert recipe_from_dict(ThreeDGSRecipe, recipe_to_dict(settled)) == settled
     assert rates_of(settled) == rates_of(recipe)

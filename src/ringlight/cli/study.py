@@ -42,9 +42,9 @@ class StudyArguments:
     ]
     """Folders of photographs with cameras. toaster and carpaint are bundled."""
     options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
-    base: Literal["ringlight-paper", "ringlight-ring", "ringlight-mirror"] | None = None
+    base: Literal["ringlight-paper", "ringlight-ring", "ringlight-basis", "ringlight-mirror"] | None = None
     """What the variants change: by default the paper's settings. What pareto holds against 3dgs: by default
-    ringlight-ring."""
+    ringlight-basis."""
     steps: int | None = None
     """Training steps of each run, for pareto of the longest; by default the method's 30000."""
     seeds: int = 2

@@ -53,7 +53,7 @@ class SphericalHarmonics(nn.Module):
         """ "rgb" [N 3], clamped at black."""
         columns = {"means": gaussians.means, **{name: gaussians.appearance[name] for name in SH_COLUMNS}}
         degree = int(self.active_degree)
-        if _runs_native(*columns.values()):
+        if runs_native(*columns.values()):
             return _native_emission(columns, camera.native, degree, want)
 
         def colors(columns: dict[str, Tensor]) -> Channels:
@@ -113,7 +113,8 @@ def sh_colors(
     return sh_colors_by_triton(means, dc, rest, position, degree)
 
 
-def _runs_native(*tensors: Tensor) -> bool:
+def runs_native(*tensors: Tensor) -> bool:
+    """Whether the compiled kernels take these tensors."""
     return all(tensor.dtype == torch.float32 and tensor.is_cpu and tensor.is_contiguous() for tensor in tensors)
 
 

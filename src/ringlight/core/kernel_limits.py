@@ -6,6 +6,9 @@ Numbers alone: settings are checked by them before the compiled module, or torch
 MAX_IMAGE_SIDE = 8192
 """Pixels."""
 
+SH_MAX_BASIS = 16
+"""Rows of a shared basis of harmonics."""
+
 RING_MAX_RANK = 32
 """Rows of a matrix of the ring."""
 RING_MAX_FEATURES = 64

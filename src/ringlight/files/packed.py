@@ -64,6 +64,7 @@ PLAN = (
     ("columns.opacity_logits", "share8"),
     ("columns.base", "share8"),
     ("columns.latents", "fixed8"),
+    ("columns.basis_weights", "fixed8"),
     ("columns.normals", "directions20"),
     ("columns.sh_dc", "fixed16"),
     ("columns.sh_rest", "fixed8"),

@@ -23,7 +23,7 @@ from ringlight.data.surface import guessed_masks, points_on_hull
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
-from ringlight.methods.three_dgs import ThreeDGSRecipe
+from ringlight.methods.three_dgs import PAPER_DC_RATE, PAPER_REST_RATE, ThreeDGSRecipe
 from ringlight.rasterize.contract import Rasterizer
 
 STEPS = 1000
@@ -37,9 +37,6 @@ HELD_OUT_EVERY = 10
 
 FEWEST_VIEWS = 12
 """Of fewer photographs a hull is a rough guess, and the rest too few to judge by."""
-
-REST_RATE = 1.25e-4
-"""Of the harmonics: 3DGS's, which is slow for so short a run. With it matte scenes and mirrors are told apart."""
 
 LEAST_GAIN = 1.0
 """dB, from which on a scene counts as reflecting. Matte scenes gained at most 0.4, mirrors and coats at least 1.5."""
@@ -120,14 +117,16 @@ def _harmonics(
     points: PointCloud, scene: Scene, mirror: RingLightMirrorRecipe, rasterize: Rasterizer, seed: int
 ) -> Training:
     """3DGS on the surface that the mirror starts from, if points have normals as opaque; as many Gaussians, their
-    geometry as fast, no resets either."""
+    geometry as fast, no resets either. Their rates are 3DGS's, which are slow for so short a run: mirrors and matte
+    scenes are told apart by what they gain over these."""
     recipe = ThreeDGSRecipe(
         steps=mirror.steps,
         coarse_steps=0,
         densify=mirror.densify_on_hull(scene),
         antialiased=mirror.antialiased,
         rates=mirror.rates,
-        sh_rest_rate=REST_RATE,
+        sh_rate=PAPER_DC_RATE,
+        sh_rest_rate=PAPER_REST_RATE,
     )
     training = recipe.build_on(points, scene, rasterize, seed)
     if points.normals is None:

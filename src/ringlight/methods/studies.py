@@ -12,6 +12,7 @@ from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import PerceptronSettings
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.methods.pareto import pareto
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
 from ringlight.methods.splat_recipe import SplatRecipe
@@ -33,8 +34,12 @@ BASES = {"ringlight-paper": PAPER, "ringlight-ring": RingLightRingRecipe()}
 """Presets with a light field to study."""
 BASE = "ringlight-paper"
 
-PARETO, PARETO_BASE = "pareto", "ringlight-ring"
-PARETO_BASES: dict[str, SplatRecipe] = {**BASES, "ringlight-mirror": RingLightMirrorRecipe()}
+PARETO, PARETO_BASE = "pareto", "ringlight-basis"
+PARETO_BASES: dict[str, SplatRecipe] = {
+    "ringlight-basis": RingLightBasisRecipe(),
+    **BASES,
+    "ringlight-mirror": RingLightMirrorRecipe(),
+}
 """What is held against 3dgs over sizes and lengths."""
 
 Lit = TypeVar("Lit", bound=SplatRecipe)

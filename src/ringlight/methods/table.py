@@ -7,12 +7,14 @@ from ringlight.errors import RecipeError
 from ringlight.methods import ringlight_ring, three_dgs
 from ringlight.methods.recipe import Recipe, recipe_from_dict
 from ringlight.methods.ringlight import RingLightRecipe
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import RingLightRingRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 METHODS: dict[str, Recipe] = {
     "ringlight": RingLightRecipe(),
+    "ringlight-basis": RingLightBasisRecipe(),
     "ringlight-ring": RingLightRingRecipe(),
     "ringlight-mirror": RingLightMirrorRecipe(),
     "ringlight-paper": ringlight_ring.PAPER,

@@ -36,8 +36,19 @@ if TYPE_CHECKING:
 DEGREE_SHARE = 7
 """In short runs the SH degree rises every seventh of the run, so that degree 3 has most of it to learn."""
 
-PAPER_REST_RATE = 1.25e-4
-"""3DGS's learning rate of the view-dependent coefficients."""
+PAPER_DC_RATE, PAPER_REST_RATE = 2.5e-3, 1.25e-4
+"""3DGS's learning rates of the constant and of the view-dependent coefficients."""
+
+MOST_DC, MOST_REST = 2, 20
+"""Times these are they at most, however short the run (docs/experiments/baseline.md)."""
+
+
+def harmonics_rates(of_dc: float | None, of_rest: float | None, steps: int) -> tuple[float, float]:
+    """Both rates, with what is left to the run's length, ``steps``, decided."""
+    faster = shorter_by(steps)
+    constant = PAPER_DC_RATE * min(faster, MOST_DC) if of_dc is None else of_dc
+    return constant, PAPER_REST_RATE * min(faster, MOST_REST) if of_rest is None else of_rest
+
 
 COARSE_SHARE = 10
 """Smaller photographs take no more of a short run than a tenth at each size: 1,000 steps of which all 1,000 saw
@@ -57,11 +68,12 @@ class ThreeDGSRecipe(SplatRecipe):
     """Degree of the spherical harmonics, 0 to 3."""
     sh_every: int = 1000
     """Steps after which one more degree is switched on (a seventh of the run if that is less)."""
-    sh_rate: float = 2.5e-3
-    """Learning rate of the constant coefficients."""
+    sh_rate: float | None = None
+    """Learning rate of the constant coefficients. By default 3DGS's 2.5e-3 in a run of its 30,000 steps or more; a run
+    half as long takes twice of it, and so do shorter ones."""
     sh_rest_rate: float | None = None
     """Learning rate of the view-dependent coefficients. By default 3DGS's 1.25e-4 in a run of its 30,000 steps or more;
-    a run half as long takes twice of it, and none more than ``sh_rate``."""
+    a run half as long takes twice of it, and none more than 2.5e-3."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
@@ -76,18 +88,12 @@ class ThreeDGSRecipe(SplatRecipe):
     def __post_init__(self) -> None:
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
-        check_rates(sh_rate=self.sh_rate, sh_rest_rate=self.sh_rest_rate or 0.0)
-
-    @property
-    def rest_rate(self) -> float:
-        """``sh_rest_rate``, decided."""
-        if self.sh_rest_rate is not None:
-            return self.sh_rest_rate
-        return min(PAPER_REST_RATE * shorter_by(self.steps), self.sh_rate)
+        check_rates(sh_rate=self.sh_rate or 0.0, sh_rest_rate=self.sh_rest_rate or 0.0)
 
     def at_length(self) -> "ThreeDGSRecipe":
         """See :meth:`SplatRecipe.at_length`."""
-        return replace(super().at_length(), sh_rest_rate=self.rest_rate)
+        of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
+        return replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.harmonics import SphericalHarmonics
@@ -98,11 +104,12 @@ class ThreeDGSRecipe(SplatRecipe):
     def course(self, scene: "Scene") -> "Course":
         from ringlight.methods.assembly import Course
 
+        of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
         every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
         return Course(
             groups={
-                "columns.sh_dc": Adam(Rate.constant(self.sh_rate)),
-                "columns.sh_rest": Adam(Rate.constant(self.rest_rate)),
+                "columns.sh_dc": Adam(Rate.constant(of_dc)),
+                "columns.sh_rest": Adam(Rate.constant(of_rest)),
             },
             unlocks={"color.active_degree": {degree * every: degree for degree in range(1, self.sh_degree + 1)}},
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
@@ -111,6 +118,7 @@ class ThreeDGSRecipe(SplatRecipe):
 
 PAPER = ThreeDGSRecipe(
     coarse_steps=250,
+    sh_rate=PAPER_DC_RATE,
     sh_rest_rate=PAPER_REST_RATE,
     rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES),
     densify=DensifySettings(begin=PAPER_BEGIN),

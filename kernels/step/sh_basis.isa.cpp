@@ -1,0 +1,111 @@
+// The gradient of harmonics that are a mix of shared ones: by each Gaussian's weights, and by what is shared, which is
+// a sum over all Gaussians. It is taken in a fixed number of shards, which are added in order: the same bits for any
+// number of threads.
+#include <cstring>
+
+#include "machine/parallel.hpp"
+#include "machine/scratch.isa.hpp"
+#include "step/sh_mix.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+// Shards: a power of two, so that two, four or eight threads have equal shares. A function of the number of rows alone:
+// the order of summation must not depend on the machine.
+std::size_t shards_of(std::size_t rows) { return rows <= 1024 ? 1 : rows <= 8192 ? 2 : rows <= 65536 ? 4 : 8; }
+
+// dL/d(colour) of the block, planar; false where no Gaussian of it got any.
+bool find_gradient(const float* by_constant, const Block& block, Lanes* by_sum) {
+  load_triples(by_constant, block, by_sum);
+  bool any = false;
+  for (int c = 0; c < 3; c++)
+    for (int i = 0; i < LANES; i++) {
+      by_sum[c][i] *= 1 / C0;
+      if (i >= block.rows) by_sum[c][i] = 0;  // surplus lanes repeat the last row
+      any |= by_sum[c][i] != 0;               // what is not a number is handed on
+    }
+  return any;
+}
+
+// by_weights[j] = sum of basis[j][k][c] harmonics[k] by_sum[c].
+void weights_gradient(const SharedBasis& mixed, const Block& block, const Lanes* by_sum, float* by_weights) {
+  alignas(64) Lanes planar[convention::SH_MAX_BASIS];
+  // Two at a time: a sum waits for the one before it, six do not wait for each other.
+  for (int j = 0; j < mixed.count; j += 2) {
+    const int other = j + 1 < mixed.count ? j + 1 : j;
+    const float *const one = mixed.basis + SH_REST * j, *const two = mixed.basis + SH_REST * other;
+    Vec seen[2][3] = {{Vec(0.f), Vec(0.f), Vec(0.f)}, {Vec(0.f), Vec(0.f), Vec(0.f)}};
+    for (int k = 0; k < block.count; k++) {
+      const Vec harmonic = load(block.basis[k]);
+      for (int c = 0; c < 3; c++) {
+        seen[0][c] = fma(harmonic, Vec(one[3 * k + c]), seen[0][c]);
+        seen[1][c] = fma(harmonic, Vec(two[3 * k + c]), seen[1][c]);
+      }
+    }
+    const int places[] = {j, other};
+    for (int i = 0; i < 2; i++) {
+      Vec sum = seen[i][0] * load(by_sum[0]);
+      for (int c = 1; c < 3; c++) sum = fma(seen[i][c], load(by_sum[c]), sum);
+      store(planar[places[i]], sum);
+    }
+  }
+  float* const rows = by_weights + static_cast<std::size_t>(mixed.count) * block.first;
+  for (int lane = 0; lane < block.rows; lane++)
+    for (int j = 0; j < mixed.count; j++) rows[mixed.count * lane + j] = planar[j][lane];
+}
+
+// sums[j][k][c][lane] += weights[j] harmonics[k] by_sum[c].
+void add_basis_gradient(const SharedBasis& mixed, const Block& block, const Lanes* by_sum, float* sums) {
+  alignas(64) Lanes weights[convention::SH_MAX_BASIS];
+  load_weights(mixed, block, weights);
+  for (int j = 0; j < mixed.count; j++)
+    for (int c = 0; c < 3; c++) {
+      const Vec factor = load(weights[j]) * load(by_sum[c]);
+      float* const to = sums + (SH_REST * j + c) * LANES;
+      for (int k = 0; k < block.count; k++) {
+        float* const sum = to + 3 * k * LANES;
+        store(sum, fma(load(block.basis[k]), factor, load(sum)));
+      }
+    }
+}
+
+void run_shard(const Harmonics& table, const SharedBasis& mixed, const float* by_constant, std::size_t begin,
+               std::size_t end, float* by_weights, float* sums) {
+  std::memset(sums, 0, SH_REST * LANES * sizeof(float) * mixed.count);
+  Block block;
+  for (std::size_t first = begin; first < end; first += LANES) {
+    Lanes by_sum[3];
+    block.first = first;
+    block.rows = end - first < LANES ? static_cast<int>(end - first) : LANES;
+    if (!find_gradient(by_constant, block, by_sum)) {
+      std::memset(by_weights + mixed.count * first, 0, sizeof(float) * mixed.count * block.rows);
+      continue;
+    }
+    open_block(table, first, end, block);
+    weights_gradient(mixed, block, by_sum, by_weights);
+    add_basis_gradient(mixed, block, by_sum, sums);
+  }
+}
+
+}  // namespace
+
+void sh_basis_gradient(const Harmonics& table, const SharedBasis& mixed, const float* by_constant, float* by_weights,
+                       float* by_basis) {
+  const std::size_t shards = shards_of(table.count), width = static_cast<std::size_t>(SH_REST) * mixed.count;
+  const std::size_t blocks = (table.count + LANES - 1) / LANES;
+  const Scratch memory(shards * width * LANES * sizeof(float));  // a vector for each number of each shard
+  float* const sums = memory.floats();
+  parallel_for(shards, [&](std::size_t shard) {
+    const std::size_t begin = blocks * shard / shards * LANES, end = blocks * (shard + 1) / shards * LANES;
+    run_shard(table, mixed, by_constant, begin, end < table.count ? end : table.count, by_weights,
+              sums + shard * width * LANES);
+  });
+  for (std::size_t i = 0; i < width; i++) {
+    float sum = 0;
+    for (std::size_t shard = 0; shard < shards; shard++)
+      for (int lane = 0; lane < LANES; lane++) sum += sums[(shard * width + i) * LANES + lane];
+    by_basis[i] = sum;
+  }
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

@@ -1,0 +1,40 @@
+// Coefficients of a block of Gaussians as a mix of shared ones.
+#pragma once
+#include "step/sh_block.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr int TOGETHER = 9;
+static_assert(SH_REST % TOGETHER == 0);
+
+// [K][LANES], the block's rows of weights[N][K].
+inline void load_weights(const SharedBasis& mixed, const Block& block, Lanes* weights) {
+  const int count = mixed.count;
+  const float* const rows = mixed.weights + static_cast<std::size_t>(count) * block.first;
+  for (int lane = 0; lane < LANES; lane++) {
+    const int row = lane < block.rows ? lane : block.rows - 1;
+    for (int j = 0; j < count; j++) weights[j][lane] = rows[count * row + j];
+  }
+}
+
+// For the harmonics that are in use.
+inline void mix_coefficients(const SharedBasis& mixed, const Block& block, Lanes* coefficients) {
+  alignas(64) Lanes weights[convention::SH_MAX_BASIS];
+  load_weights(mixed, block, weights);
+  const int count = mixed.count;
+  // Three harmonics' colours at a time: a sum waits for the one before it, nine do not wait for each other. The counts
+  // of degree 1 to 3, 3, 8 and 15, leave no more than what is there: unused ones are mixed too.
+  for (int first = 0; first < 3 * block.count; first += TOGETHER) {
+    Vec sums[TOGETHER];
+    for (int j = 0; j < count; j++) {
+      const Vec weight = load(weights[j]);
+      const float* const basis = mixed.basis + SH_REST * j + first;
+      for (int k = 0; k < TOGETHER; k++) sums[k] = j ? fma(weight, Vec(basis[k]), sums[k]) : weight * Vec(basis[k]);
+    }
+    for (int k = 0; k < TOGETHER; k++) store(coefficients[first + k], sums[k]);
+  }
+}
+
+}  // namespace
+}  // namespace ringlight::RINGLIGHT_ISA

@@ -1,0 +1,96 @@
+"""ringlight-basis: harmonics mixed of a few that all Gaussians share, and as many weights for each Gaussian.
+
+Ours. What the paper's light field is to the place and the direction, a tensor of low rank, this is to the Gaussian and
+the direction (``color/shared_basis.py``); training is 3DGS's (Kerbl et al. 2023), with growing and dropping.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from ringlight.core.kernel_limits import SH_MAX_BASIS
+from ringlight.errors import RecipeError
+from ringlight.fit.photometric import PhotometricLoss
+from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.methods.three_dgs import COARSE_SHARE, DEGREE_SHARE, harmonics_rates
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.color.contract import ColorModel
+    from ringlight.core.scene import Scene
+    from ringlight.methods.assembly import Course
+    from ringlight.shade.contract import Shader
+
+WEIGHTS_END, BASIS_END = 0.2, 0.1
+"""Of their rates at the start."""
+
+THRESHOLD, DROP_SHARE = 8e-5, 0.6
+"""Density control grows more than it keeps (docs/experiments/growing-and-dropping.md)."""
+
+
+@dataclass(frozen=True)
+class RingLightBasisRecipe(SplatRecipe):
+    """Gaussians with a few weights of harmonics that all share."""
+
+    steps: int = 30_000
+    """Training steps, one photograph each."""
+    coarse_steps: int = 700
+    """Steps with photographs at a quarter of their size, and as many again at half (a tenth of the run if that is
+    less); 0 for none."""
+    basis_size: int = 8
+    """Shared functions of the direction, and weights of each Gaussian, 1 to 16."""
+    sh_every: int = 1000
+    """Steps after which one more degree of the harmonics is switched on (a seventh of the run if that is less)."""
+    sh_rate: float | None = None
+    """Learning rate of the constant coefficients, by default as that of 3dgs in a run of this length."""
+    weights_rate: float = 5e-3
+    """Learning rate of the weights at the start; it ends at a fifth."""
+    basis_rate: float = 1e-2
+    """Learning rate of what is shared at the start; it ends at a tenth. A fifth of it costs 0.3 dB in short runs."""
+    antialiased: bool = False
+    """Rasterize with the opacity compensation of Mip-Splatting."""
+    visible_only: bool = False
+    """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    rates: GaussianRates = field(default_factory=GaussianRates)
+    """Learning rates of the geometry."""
+    densify: DensifySettings = field(
+        default_factory=lambda: DensifySettings(threshold=THRESHOLD, drop_share=DROP_SHARE, reset_every=0)
+    )
+    """Adaptive density control. Without opacity resets: 0.2 dB more on chair_400 after 3,000 steps."""
+    loss: PhotometricLoss = field(default_factory=PhotometricLoss)
+    """What is compared with the photographs."""
+
+    def __post_init__(self) -> None:
+        if self.coarse_steps < 0:
+            raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
+        if not 1 <= self.basis_size <= SH_MAX_BASIS:
+            raise RecipeError(f"basis_size is {self.basis_size}; give 1 to {SH_MAX_BASIS}")
+        check_rates(sh_rate=self.sh_rate or 0.0, weights_rate=self.weights_rate, basis_rate=self.basis_rate)
+
+    def at_length(self) -> "RingLightBasisRecipe":
+        """See :meth:`SplatRecipe.at_length`."""
+        return replace(super().at_length(), sh_rate=harmonics_rates(self.sh_rate, None, self.steps)[0])
+
+    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
+        from ringlight.color.shared_basis import SharedBasis
+        from ringlight.shade.passthrough import PassThrough
+
+        return SharedBasis(self.basis_size, seed), PassThrough()
+
+    def course(self, scene: "Scene") -> "Course":
+        from ringlight.methods.assembly import Course
+
+        every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
+        of_dc, _ = harmonics_rates(self.sh_rate, None, self.steps)
+        return Course(
+            groups={
+                "columns.sh_dc": Adam(Rate.constant(of_dc)),
+                "columns.basis_weights": Adam(Rate(self.weights_rate, WEIGHTS_END * self.weights_rate)),
+                "color.basis": Adam(Rate(self.basis_rate, BASIS_END * self.basis_rate)),
+            },
+            unlocks={"color.active_degree": {degree * every: degree for degree in (1, 2, 3)}},
+            coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
+        )
