@@ -39,7 +39,7 @@ print(peak_of_steps(int(sys.argv[2]), int(sys.argv[3])))
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-@pytest.mark.parametrize("method", ["3dgs", "ringlight-ring"])
+@pytest.mark.parametrize("method", ["3dgs", "ringlight-basis", "ringlight-ring"])
 def test_a_step_needs_less_than_the_bound(method: str):
     command = [sys.executable, "-c", STEPS, method, *map(str, SIZE)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)

@@ -39,7 +39,12 @@ def main() -> int:
     """Exit code 1 where any differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--steps", type=int, default=300)
-    parser.add_argument("--methods", nargs="+", default=["3dgs", "ringlight-ring", "ringlight-mirror"], choices=METHODS)
+    parser.add_argument(
+        "--methods",
+        nargs="+",
+        default=["3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror"],
+        choices=METHODS,
+    )
     parser.add_argument("--record", type=Path, help="JSON file to write")
     asked = parser.parse_args()
     rows = []

@@ -35,7 +35,7 @@ def trained(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, P
     """Finished runs by method; tests that write into one take a copy."""
     home = tmp_path_factory.mktemp("runs")
     runs = {}
-    for method, flags in (("3dgs", ()), ("ringlight-ring", SMALL_LIGHT)):
+    for method, flags in (("3dgs", ()), ("ringlight-basis", ()), ("ringlight-ring", SMALL_LIGHT)):
         runs[method] = home / method
         assert run(["train", str(tiny), method, "--out", str(runs[method]), *QUICK, *flags]) == 0
     return runs

@@ -15,7 +15,7 @@ from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
 
 
-@pytest.mark.parametrize("method", ["3dgs", "ringlight-ring"])
+@pytest.mark.parametrize("method", ["3dgs", "ringlight-basis", "ringlight-ring"])
 def test_a_compressed_run_is_a_model_and_its_loss_is_told(
     method: str, trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:

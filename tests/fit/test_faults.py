@@ -18,7 +18,7 @@ from tiny_scene import tiny_scene
 
 BAD = (float("nan"), float("inf"), -float("inf"))
 
-FAMILIES = ("3dgs", "ringlight-ring", "ringlight-mirror")
+FAMILIES = ("3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror")
 """Of recipes: harmonics, light on Gaussians, light on pixels."""
 
 

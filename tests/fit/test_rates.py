@@ -18,6 +18,30 @@ def test_progress_outside_the_run_is_clamped():
     assert Rate(1e-2, 1e-4).at(2.0) == pytest.approx(1e-4)
 
 
+def test_a_held_rate_falls_at_the_end():
+    rate = Rate(1e-2, 1e-4, hold=0.75)
+    assert rate.at(0.0) == rate.at(0.75) == 1e-2
+    assert rate.at(0.875) == pytest.approx(1e-3)
+    assert rate.at(1.0) == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("hold", [-0.1, 1.0, float("nan")])
+def test_a_rate_that_is_held_for_no_share_of_the_run_is_refused(hold: float):
+    with pytest.raises(RecipeError, match="held for"):
+        Rate(1e-2, 1e-4, hold)
+
+
+def test_opacities_and_rotations_fall_only_where_that_is_asked_for():
+    kept = GaussianRates().at_length(100).groups(1.0)
+    assert kept["columns.opacity_logits"].rate == Rate.constant(0.025)
+    fallen = GaussianRates(hold=0.5).at_length(100).groups(1.0)
+    assert fallen["columns.opacity_logits"].rate.at(0.5) == 0.025
+    assert fallen["columns.opacity_logits"].rate.at(1.0) == pytest.approx(0.0025)
+    assert fallen["columns.quats"].rate.at(1.0) == pytest.approx(1e-4)
+    with pytest.raises(RecipeError, match=r"rates\.hold is 1\.5"):
+        GaussianRates(hold=1.5)
+
+
 def test_a_rate_of_zero_freezes():
     assert Rate.constant(0.0).at(0.3) == 0.0
 

@@ -149,7 +149,7 @@ def model() -> Target:
                 stored.model.render(stored.cameras[0].resized(8, 8), torch.ones(3))
         recorded_scene(Opened(path, None, stored))
 
-    wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in ("3dgs", "ringlight-ring")]
+    wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in ("3dgs", "ringlight-basis", "ringlight-ring")]
     seeds = [(0, wholes[0]), *((0, _without_checksum(whole)) for whole in wholes)]
     return Target(seeds, _reading("model.safetensors", open_and_draw))
 
@@ -182,7 +182,7 @@ def checkpoint() -> Target:
 
 def recipe() -> Target:
     seeds = []
-    for method in ("3dgs", "ringlight-ring"):
+    for method in ("3dgs", "ringlight-basis", "ringlight-ring"):
         RunRecord(method, METHODS[method], Path("scene"), SceneOptions(), 0, "auto", "0.1").write(HOME)
         seeds.append((0, (HOME / RECORD_NAME).read_bytes()))
     return Target(seeds, _reading(RECORD_NAME, lambda path: RunRecord.read(path.parent)))

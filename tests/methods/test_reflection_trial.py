@@ -38,7 +38,7 @@ def test_points_that_lie_on_nothing_are_no_surface():
     scene = opaque_scene()
     random = dataclasses.replace(scene, points=random_points(scene.box, 50, seed=0))
     settled, why = METHODS["ringlight"].settled(random, rasterizer_for("auto"), 0)
-    assert method_of(settled) == "ringlight-ring"
+    assert method_of(settled) == "ringlight-basis"
     assert "fewer than 100 points" in why
 
 
@@ -51,13 +51,13 @@ def test_masks_that_leave_nothing_are_lit_forward():
     scene = tiny_scene(views=FEWEST_VIEWS)
     beside = dataclasses.replace(scene, box=scene.box + 100)
     settled, why = METHODS["ringlight"].settled(beside, rasterizer_for("auto"), 0)
-    assert method_of(settled) == "ringlight-ring"
+    assert method_of(settled) == "ringlight-basis"
     assert "leaves no surface" in why
 
 
 def test_few_photographs_without_masks_are_lit_forward():
     settled, why = METHODS["ringlight"].settled(opaque_scene(FEWEST_VIEWS - 1), rasterizer_for("auto"), 0)
-    assert method_of(settled) == "ringlight-ring"
+    assert method_of(settled) == "ringlight-basis"
     assert f"fewer than {FEWEST_VIEWS}" in why
 
 

@@ -12,7 +12,7 @@ from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
 
 RINGLIGHT = RingLightRecipe()
-METHOD_OF_SHADING = {"forward": "ringlight-ring", "deferred": "ringlight-mirror"}
+METHOD_OF_SHADING = {"forward": "ringlight-basis", "deferred": "ringlight-mirror"}
 
 
 def settled(recipe: RingLightRecipe):
@@ -21,7 +21,7 @@ def settled(recipe: RingLightRecipe):
 
 @pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
 def test_who_asks_for_a_shading_gets_its_method_without_a_reason(shading: str, method: str):
-    assert settled(dataclasses.replace(RINGLIGHT, shading=shading)) == (METHODS[method], None)
+    assert settled(dataclasses.replace(RINGLIGHT, shading=shading)) == (METHODS[method].at_length(), None)
 
 
 @pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
@@ -38,7 +38,7 @@ def test_where_it_is_open_the_trial_decides_and_gives_the_reason(
 @pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
 def test_its_settings_are_those_of_the_chosen_method(shading: str, method: str):
     recipe = RingLightRecipe(70, shading, visible_only=True, densify=GrowthBound(900))
-    expected = dataclasses.replace(METHODS[method], steps=70, visible_only=True).ending_with(900)
+    expected = dataclasses.replace(METHODS[method], steps=70, visible_only=True).ending_with(900).at_length()
     assert settled(recipe)[0] == expected
 
 

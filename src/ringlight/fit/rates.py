@@ -8,14 +8,20 @@ from ringlight.errors import RecipeError
 
 @dataclass(frozen=True)
 class Rate:
-    """From ``start`` to ``end``, log-linear over the run (3DGS, section 7.3); constant where they are equal."""
+    """From ``start`` to ``end``, log-linear over the run (3DGS, section 7.3); constant where they are equal.
+
+    It falls from the share ``hold`` of the run on; until then it keeps its start.
+    """
 
     start: float
     end: float
+    hold: float = 0.0
 
     def __post_init__(self) -> None:
         if not (0 <= self.start < math.inf and 0 <= self.end < math.inf):
             raise RecipeError(f"a learning rate goes from {self.start:g} to {self.end:g}; give 0 (frozen) or more")
+        if not 0 <= self.hold < 1:
+            raise RecipeError(f"a learning rate is held for {self.hold:g} of the run; give 0 to below 1")
 
     @staticmethod
     def constant(rate: float) -> "Rate":
@@ -26,7 +32,7 @@ class Rate:
         """The rate at ``progress`` in [0, 1]."""
         if self.start == self.end:
             return self.start
-        share = min(max(progress, 0.0), 1.0)
+        share = min(max((progress - self.hold) / (1 - self.hold), 0.0), 1.0)
         return float(self.start ** (1 - share) * self.end**share)
 
 
@@ -65,6 +71,10 @@ FAST_SCALES = 2e-2
 small for its place is so for less of a run."""
 
 
+HELD_END = 0.1
+"""Of a rate that is held and then falls, at the end of the run."""
+
+
 def shorter_by(steps: int) -> float:
     """How many times as long as this run one of 3DGS is; at least one."""
     return max(PAPER_STEPS / max(steps, 1), 1.0)
@@ -89,9 +99,18 @@ class GaussianRates:
     """Rate of the log scales at the end."""
     rotations: float = 1e-3
     """Rate of the quaternions."""
+    hold: float = 1.0
+    """Share of the run in which opacities and rotations keep their rate, which then falls to a tenth; 1: it never
+    falls, as in 3DGS."""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.hold <= 1:
+            raise RecipeError(f"rates.hold is {self.hold:g}; give a share of the run, from 0 to 1")
         check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items() if rate is not None})
+
+    def held(self, rate: float) -> Rate:
+        """``rate``, and its fall at the end of the run."""
+        return Rate.constant(rate) if self.hold == 1 else Rate(rate, HELD_END * rate, self.hold)
 
     def at_length(self, steps: int) -> "GaussianRates":
         """The same with what is left to the run's length, ``steps``, decided."""
@@ -107,7 +126,7 @@ class GaussianRates:
             raise RecipeError("rates.means or rates.scales is left to the run's length; ask at_length first")
         return {
             "columns.means": Adam(Rate(self.means * extent, self.means_end * extent)),
-            "columns.opacity_logits": Adam(Rate.constant(self.opacities)),
+            "columns.opacity_logits": Adam(self.held(self.opacities)),
             "columns.log_scales": Adam(Rate(self.scales, self.scales_end)),
-            "columns.quats": Adam(Rate.constant(self.rotations)),
+            "columns.quats": Adam(self.held(self.rotations)),
         }

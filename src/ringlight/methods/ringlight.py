@@ -1,4 +1,4 @@
-"""ringlight: looks at the scene and chooses how to light it, by the ring or as a mirror.
+"""ringlight: looks at the scene and chooses how to light it, by a shared basis of harmonics or as a mirror.
 
 What it leaves open is decided here and in ``reflection_trial.py``, once, when a run starts: the run, its files and its
 report are of the method that was chosen.
@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 from ringlight.errors import RecipeError
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
-from ringlight.methods.ringlight_ring import RingLightRingRecipe
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -37,15 +37,15 @@ class GrowthBound:
 
 @dataclass(frozen=True)
 class RingLightRecipe:
-    """RingLight: ringlight-ring or ringlight-mirror, whichever suits the scene."""
+    """RingLight: ringlight-basis or ringlight-mirror, whichever suits the scene."""
 
     steps: int = 30_000
     """Training steps, one photograph each."""
     shading: Literal["auto", "forward", "deferred"] = "auto"
-    """forward lights each Gaussian by the ring: ringlight-ring. deferred lights each pixel of the surface that they
-    blend to: ringlight-mirror. auto: decided by a short trial where masks or an even background cut the subject out of
-    the photographs, so that a surface can be carved; elsewhere deferred, from points on a surface, and forward without
-    such points or with few photographs."""
+    """forward lights each Gaussian: ringlight-basis. deferred lights each pixel of the surface that they blend to:
+    ringlight-mirror. auto: decided by a short trial where masks or an even background cut the subject out of the
+    photographs, so that a surface can be carved; elsewhere deferred, from points on a surface, and forward without such
+    points or with few photographs."""
     antialiased: bool | None = None
     """Rasterize with the opacity compensation of Mip-Splatting; by default only with deferred shading."""
     visible_only: bool = False
@@ -55,19 +55,21 @@ class RingLightRecipe:
 
     def settled(
         self, scene: "Scene", rasterize: "Rasterizer", seed: int
-    ) -> "tuple[RingLightRingRecipe | RingLightMirrorRecipe, str | None]":
+    ) -> "tuple[RingLightBasisRecipe | RingLightMirrorRecipe, str | None]":
         """The recipe of the chosen method with these settings, and why it was chosen, unless the user did."""
         shading, why = self.shading, None
         if shading == "auto":
             from ringlight.methods.reflection_trial import chosen_shading
 
             shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
-            method = "ringlight-ring" if shading == "forward" else "ringlight-mirror"
+            method = "ringlight-basis" if shading == "forward" else "ringlight-mirror"
             why = f"shading: {shading}, as {method} ({reason})"
-        chosen: RingLightRingRecipe | RingLightMirrorRecipe
-        chosen = RingLightRingRecipe() if shading == "forward" else RingLightMirrorRecipe()
+        chosen: RingLightBasisRecipe | RingLightMirrorRecipe
+        chosen = RingLightBasisRecipe() if shading == "forward" else RingLightMirrorRecipe()
         chosen = replace(chosen, steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
-        return chosen if self.antialiased is None else replace(chosen, antialiased=self.antialiased), why
+        if self.antialiased is not None:
+            chosen = replace(chosen, antialiased=self.antialiased)
+        return chosen.at_length(), why
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.settled(scene, rasterize, seed)[0].build(scene, rasterize, seed)
