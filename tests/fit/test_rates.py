@@ -32,7 +32,7 @@ def test_a_rate_that_is_held_for_no_share_of_the_run_is_refused(hold: float):
 
 
 def test_opacities_and_rotations_fall_only_where_that_is_asked_for():
-    kept = GaussianRates().at_length(100).groups(1.0)
+    kept = GaussianRates(hold=1.0).at_length(100).groups(1.0)
     assert kept["columns.opacity_logits"].rate == Rate.constant(0.025)
     fallen = GaussianRates(hold=0.5).at_length(100).groups(1.0)
     assert fallen["columns.opacity_logits"].rate.at(0.5) == 0.025
@@ -61,18 +61,18 @@ def test_only_the_centres_scale_with_the_scene():
 
 
 def test_what_is_left_to_the_length_is_3dgs_at_its_own_length():
-    assert GaussianRates().at_length(30_000) == GaussianRates(means=1.6e-4, scales=5e-3)
+    assert GaussianRates().at_length(30_000) == GaussianRates(means=1.6e-4, scales=5e-3, hold=1.0)
     assert GaussianRates().at_length(100_000) == GaussianRates().at_length(30_000)
 
 
 def test_a_shorter_run_begins_faster_up_to_a_bound():
-    assert GaussianRates().at_length(15_000) == GaussianRates(means=3.2e-4, scales=1e-2)
-    assert GaussianRates().at_length(1_000) == GaussianRates(means=3.2e-4, scales=2e-2)
+    assert GaussianRates().at_length(15_000) == GaussianRates(means=3.2e-4, scales=1e-2, hold=0.75)
+    assert GaussianRates().at_length(1_000) == GaussianRates(means=3.2e-4, scales=2e-2, hold=0.75)
 
 
 @pytest.mark.parametrize("steps", [1, 700, 30_000])
 def test_what_is_stated_does_not_depend_on_the_length(steps: int):
-    stated = GaussianRates(means=1e-5, scales=0.0)
+    stated = GaussianRates(means=1e-5, scales=0.0, hold=0.4)
     assert stated.at_length(steps) == stated
 
 

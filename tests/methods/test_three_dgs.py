@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from ringlight.fit.rates import Adam
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import METHODS
 from ringlight.methods.three_dgs import PAPER, ThreeDGSRecipe
@@ -11,9 +12,13 @@ from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
 
 
+def groups_of(recipe: ThreeDGSRecipe) -> dict[str, Adam]:
+    return recipe.build(tiny_scene(), rasterizer_for("auto"), 0).optimizer.groups
+
+
 def rates_of(recipe: ThreeDGSRecipe) -> dict[str, tuple[float, float]]:
-    training = recipe.build(tiny_scene(), rasterizer_for("auto"), 0)
-    return {name: (group.rate.start, group.rate.end) for name, group in training.optimizer.groups.items()}
+    """At the start, and three quarters through the run."""
+    return {name: (group.rate.at(0.0), group.rate.at(0.75)) for name, group in groups_of(recipe).items()}
 
 
 def test_at_its_own_length_the_default_has_the_papers_rates():
@@ -40,6 +45,13 @@ def test_harmonics_of_a_shorter_run_learn_faster(steps: int, rate: float):
 @pytest.mark.parametrize(("steps", "rate"), [(30_000, 2.5e-3), (20_000, 3.75e-3), (15_000, 5e-3), (700, 5e-3)])
 def test_base_colours_of_a_shorter_run_learn_faster(steps: int, rate: float):
     assert rates_of(ThreeDGSRecipe(steps=steps))["columns.sh_dc"] == (pytest.approx(rate), pytest.approx(rate))
+
+
+def test_rates_of_a_shorter_run_fall_at_its_end():
+    shorter, whole = groups_of(ThreeDGSRecipe(steps=29_999)), groups_of(ThreeDGSRecipe())
+    for name in ("columns.sh_dc", "columns.sh_rest", "columns.opacity_logits", "columns.quats"):
+        assert shorter[name].rate.at(1.0) == pytest.approx(shorter[name].rate.at(0.0) / 10)
+        assert whole[name].rate.at(1.0) == whole[name].rate.at(0.0)
 
 
 @pytest.mark.parametrize("steps", [700, 7_000])

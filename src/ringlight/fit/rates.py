@@ -71,8 +71,9 @@ FAST_SCALES = 2e-2
 small for its place is so for less of a run."""
 
 
-HELD_END = 0.1
-"""Of a rate that is held and then falls, at the end of the run."""
+SHORT_HOLD, HELD_END = 0.75, 0.1
+"""In short runs rates are held for this share of the steps, and fall to this share of their start: what was learned at
+high rates settles. Worth 0.1 dB after 3,000 and 7,000 steps (docs/experiments/baseline.md)."""
 
 
 def shorter_by(steps: int) -> float:
@@ -99,17 +100,20 @@ class GaussianRates:
     """Rate of the log scales at the end."""
     rotations: float = 1e-3
     """Rate of the quaternions."""
-    hold: float = 1.0
-    """Share of the run in which opacities and rotations keep their rate, which then falls to a tenth; 1: it never
-    falls, as in 3DGS."""
+    hold: float | None = None
+    """Share of the run in which rates that do not fall otherwise, of opacities, rotations and the like, are kept; then
+    they fall to a tenth. 1: they never fall, as in 3DGS. By default 1 in a run of its 30,000 steps or more, 0.75 in
+    shorter ones."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.hold <= 1:
+        if self.hold is not None and not 0 <= self.hold <= 1:
             raise RecipeError(f"rates.hold is {self.hold:g}; give a share of the run, from 0 to 1")
         check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items() if rate is not None})
 
     def held(self, rate: float) -> Rate:
-        """``rate``, and its fall at the end of the run."""
+        """``rate``, and its fall at the end of the run. Raises RecipeError where that is left to the run's length."""
+        if self.hold is None:
+            raise RecipeError("rates.hold is left to the run's length; ask at_length first")
         return Rate.constant(rate) if self.hold == 1 else Rate(rate, HELD_END * rate, self.hold)
 
     def at_length(self, steps: int) -> "GaussianRates":
@@ -117,7 +121,8 @@ class GaussianRates:
         faster = shorter_by(steps)
         means = min(PAPER_MEANS * faster, FAST_MEANS) if self.means is None else self.means
         scales = min(PAPER_SCALES * faster, FAST_SCALES) if self.scales is None else self.scales
-        return replace(self, means=means, scales=scales)
+        hold = (1.0 if steps >= PAPER_STEPS else SHORT_HOLD) if self.hold is None else self.hold
+        return replace(self, means=means, scales=scales, hold=hold)
 
     def groups(self, extent: float) -> dict[str, Adam]:
         """Adam groups by parameter name, for a scene of this extent in world units. Raises RecipeError where rates are

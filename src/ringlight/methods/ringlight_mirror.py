@@ -85,7 +85,7 @@ class RingLightMirrorRecipe(SplatRecipe):
     a step a fifth longer. Four tenths of the pixels differentiated are within 0.1 dB of a half; a quarter is not on
     small photographs, 0.2 dB. Sixteen nodes an axis are worth 0.1 dB on test views of chrome and a clear coat, 0.5 dB
     on family_24; 64 learn chrome by heart."""
-    rates: GaussianRates = field(default_factory=lambda: GaussianRates(means=3e-4, scales=FAST_SCALES))
+    rates: GaussianRates = field(default_factory=lambda: GaussianRates(means=3e-4, scales=FAST_SCALES, hold=1.0))
     """Learning rates of the geometry. Together with fewer Gaussians at the start they are worth half a decibel after
     3,000 steps, on chrome and on a clear coat, and nothing after 15,000."""
     densify: DensifySettings = field(

@@ -17,7 +17,6 @@ from ringlight.fit.rates import (
     PAPER_SCALES,
     Adam,
     GaussianRates,
-    Rate,
     check_rates,
     shorter_by,
 )
@@ -105,11 +104,12 @@ class ThreeDGSRecipe(SplatRecipe):
         from ringlight.methods.assembly import Course
 
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
+        held = self.rates.at_length(self.steps).held
         every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
         return Course(
             groups={
-                "columns.sh_dc": Adam(Rate.constant(of_dc)),
-                "columns.sh_rest": Adam(Rate.constant(of_rest)),
+                "columns.sh_dc": Adam(held(of_dc)),
+                "columns.sh_rest": Adam(held(of_rest)),
             },
             unlocks={"color.active_degree": {degree * every: degree for degree in range(1, self.sh_degree + 1)}},
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
@@ -120,7 +120,7 @@ PAPER = ThreeDGSRecipe(
     coarse_steps=250,
     sh_rate=PAPER_DC_RATE,
     sh_rest_rate=PAPER_REST_RATE,
-    rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES),
+    rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES, hold=1.0),
     densify=DensifySettings(begin=PAPER_BEGIN),
 )
 """The paper's settings, at any length: made for 30,000 steps, and starved in shorter runs."""
