@@ -6,6 +6,7 @@ trained at five lengths without a bound on its size, and at five sizes in a run 
 
 from dataclasses import replace
 
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.methods.variant import Curve, SizeBound, Variant
@@ -13,18 +14,14 @@ from ringlight.methods.variant import Curve, SizeBound, Variant
 PARTS = (16, 8, 4, 2, 1)
 """Lengths are these parts of the longest run; sizes these parts of the bytes that 3dgs, as it is, ends with."""
 
-THRESHOLD, DROP_SHARE = 8e-5, 0.6
-"""Density control of the harmonics: that of ringlight-ring, whose loss has other gradients. On chair_400 with it degree
-1 after 7,000 steps reaches in half of the bytes what degree 3 does with 3DGS's own."""
-
 EAGER = 0.25
 """Times the threshold, where a size is to be filled: it is then the bound that ends the growth."""
 
 
 def pareto(method: str, recipe: SplatRecipe) -> tuple[Variant, ...]:
-    """The variants: 3dgs as it is, harmonics of degree 0 to 3 that grow and drop as the ring does, and ``recipe``."""
+    """The variants: 3dgs as it is; harmonics of degree 0 to 3 that grow and drop as ringlight-basis does; ``recipe``."""
     plain = ThreeDGSRecipe(steps=recipe.steps)
-    dense = replace(plain, densify=replace(plain.densify, threshold=THRESHOLD, drop_share=DROP_SHARE))
+    dense = replace(plain, densify=RingLightBasisRecipe().densify)
     by_degree = {f"3dgs-degree-{degree}": replace(dense, sh_degree=degree) for degree in range(plain.sh_degree + 1)}
     whole = _name("3dgs", "steps", recipe.steps)
     bounded = [
