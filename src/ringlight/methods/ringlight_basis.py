@@ -29,8 +29,8 @@ HOLD = 0.75
 rates. Worth 0.1 dB after 3,000 and 7,000 steps; rates that fall all along cost 0.8 dB."""
 
 THRESHOLD, DROP_SHARE = 1.1e-4, 0.6
-"""Density control grows more than it keeps (docs/experiments/growing-and-dropping.md). With this threshold a model takes
-about a third of the raw bytes of 3dgs."""
+"""Density control grows more than it keeps (docs/experiments/growing-and-dropping.md). With this threshold models
+take about a third of the raw bytes of 3dgs."""
 
 
 @dataclass(frozen=True)
