@@ -71,5 +71,5 @@ def test_torchs_step_is_ours(fused):
 
 
 def test_unknown_parts_are_refused_by_name():
-    with pytest.raises(RecipeError, match=r"'shiny'; known: harmonics, ring"):
+    with pytest.raises(RecipeError, match=r"'shiny'; known: harmonics, basis, ring"):
         bench_parts(["shiny"], [Size(10, 8)], ONCE, 0, CPU)

@@ -14,6 +14,7 @@ from ringlight.color.contract import ColorModel
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.mirror import Mirror
 from ringlight.color.ringlight import RingLight
+from ringlight.color.shared_basis import SharedBasis
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradients
@@ -24,6 +25,7 @@ from ringlight.core.want import Want
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.losses.photometric_gradient import Target, photometric_gradient, photometric_reference
 from ringlight.fit.photometric import PhotometricLoss
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import OURS, PAPER
 from ringlight.models.splats import move
@@ -197,6 +199,7 @@ def torch_step(columns: Sequence[Tensor], gradients: Sequence[Tensor], *, fused:
 
 PARTS: dict[str, Maker] = {
     "harmonics": color_part(SphericalHarmonics),
+    "basis": color_part(lambda: SharedBasis(RingLightBasisRecipe().basis_size)),
     "ring": color_part(lambda: RingLight(OURS, BOX)),
     "ring-paper": color_part(lambda: RingLight(PAPER.light, BOX)),
     "ring-exact": color_part(lambda: RingLight(replace(PAPER.light, evaluation="exact"), BOX)),

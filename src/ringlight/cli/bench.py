@@ -72,6 +72,7 @@ class PartsArguments:
 
     names: tyro.conf.Positional[tuple[str, ...]] = (
         "harmonics",
+        "basis",
         "ring",
         "ring-paper",
         "mirror",
@@ -79,9 +80,9 @@ class PartsArguments:
         "photometric",
         "adam",
     )
-    """Colours of all Gaussians: harmonics, ring (ringlight-ring's), ring-paper, ring-exact (the paper's without
-    tables), mirror. Per pixel: reflection (ringlight-mirror's shader), reflection-wide (hidden layers of 64),
-    photometric (the loss). adam updates a 3dgs table."""
+    """Colours of all Gaussians: harmonics, basis (ringlight-basis's), ring (ringlight-ring's), ring-paper, ring-exact
+    (the paper's without tables), mirror. Per pixel: reflection (ringlight-mirror's shader), reflection-wide (hidden
+    layers of 64), photometric (the loss). adam updates a 3dgs table."""
     sizes: tuple[str, ...] = ("10k@200", "100k@400")
     """Gaussians@pixels on a side."""
     device: Device = "auto"
@@ -151,7 +152,7 @@ class StepArguments:
 class FpsArguments:
     """Pictures per second of whole models with the light switched on."""
 
-    methods: tuple[str, ...] = ("3dgs", "ringlight-ring")
+    methods: tuple[str, ...] = ("3dgs", "ringlight-basis")
     """Methods whose models are shown."""
     sizes: tuple[str, ...] = ("100k@400", "300k@800")
     """Gaussians@pixels on a side."""
