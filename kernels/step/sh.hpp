@@ -44,7 +44,8 @@ struct HarmonicsGradient {
 
 // `slopes` ([N, rounded up to 16, x 9], in an order of the kernels' own) may be null where no gradient is wanted.
 // Colours are clamped at black; a clamped one is negative zero.
-// `by_constant`, also for sh_basis_gradient, which fills by_weights [N K] and by_basis [K 15 3]: sh_gradient's; means, position and degree as they were then. sh_rest_adam returns what adam does.
+// `by_constant`: sh_gradient's; means, position and degree as they were then. sh_rest_adam returns what adam does.
+// sh_basis_gradient fills by_weights [N K] and by_basis [K 15 3].
 #define RINGLIGHT_HARMONICS(isa)                                                                          \
   namespace isa {                                                                                         \
   void sh_colors(const Harmonics& table, float* colors, float* slopes);                                   \

@@ -135,17 +135,15 @@ void differentiate_block(const HarmonicsUpstream& from, const HarmonicsGradient&
   store_triples(by_means, block, to.means);
 }
 
-}  // namespace
-
-// `load(block, coefficients)` fills in those of a block.
-template <class Load>
-static inline void colors_of(const Harmonics& table, float* colors, float* slopes, Load load) {
+// `fill(block, coefficients)` writes the coefficients of a block's rows, planar.
+template <class Fill>
+void colors_of(const Harmonics& table, float* colors, float* slopes, Fill fill) {
   parallel_ranges(table.count, GRAIN, [&](std::size_t begin, std::size_t end) {
     Block block;
     alignas(64) Coefficients coefficients;
     for (std::size_t first = begin; first < end; first += LANES) {
       open_block(table, first, end, block);
-      if (block.count > 0) load(block, coefficients);
+      if (block.count > 0) fill(block, coefficients);
       Lanes sums[3];
       sum_harmonics(table, block, coefficients, sums);
       for (int c = 0; c < 3; c++)
@@ -155,6 +153,8 @@ static inline void colors_of(const Harmonics& table, float* colors, float* slope
     }
   });
 }
+
+}  // namespace
 
 void sh_colors(const Harmonics& table, float* colors, float* slopes) {
   colors_of(table, colors, slopes, [&](const Block& block, Lanes* coefficients) __attribute__((always_inline)) {

@@ -10,21 +10,26 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-// Shards: a power of two, so that two, four or eight threads have equal shares. A function of the number of rows alone:
-// the order of summation must not depend on the machine.
-std::size_t shards_of(std::size_t rows) { return rows <= 1024 ? 1 : rows <= 8192 ? 2 : rows <= 65536 ? 4 : 8; }
+// Each shard has sums of its own, 23 KB of eight functions, so that few blocks have few shards. A function of the number
+// of blocks alone: the order of summation must not depend on the machine.
+constexpr std::size_t BLOCKS_PER_SHARD = 256, MOST_SHARDS = 16;
 
-// dL/d(colour) of the block, planar; false where no Gaussian of it got any.
-bool find_gradient(const float* by_constant, const Block& block, Lanes* by_sum) {
+std::size_t shards_of(std::size_t blocks) {
+  const std::size_t shards = (blocks + BLOCKS_PER_SHARD - 1) / BLOCKS_PER_SHARD;
+  return shards < 1 ? 1 : shards < MOST_SHARDS ? shards : MOST_SHARDS;
+}
+
+// dL/d(colour) of the block, planar, and the lanes that got any, lane i as bit i; what is not a number counts.
+unsigned find_gradient(const float* by_constant, const Block& block, Lanes* by_sum) {
   load_triples(by_constant, block, by_sum);
-  bool any = false;
+  unsigned lit = 0;
   for (int c = 0; c < 3; c++)
     for (int i = 0; i < LANES; i++) {
       by_sum[c][i] *= 1 / C0;
       if (i >= block.rows) by_sum[c][i] = 0;  // surplus lanes repeat the last row
-      any |= by_sum[c][i] != 0;               // what is not a number is handed on
+      lit |= static_cast<unsigned>(by_sum[c][i] != 0) << i;
     }
-  return any;
+  return lit;
 }
 
 // by_weights[j] = sum of basis[j][k][c] harmonics[k] by_sum[c].
@@ -55,12 +60,12 @@ void weights_gradient(const SharedBasis& mixed, const Block& block, const Lanes*
 }
 
 // sums[j][k][c][lane] += weights[j] harmonics[k] by_sum[c].
-void add_basis_gradient(const SharedBasis& mixed, const Block& block, const Lanes* by_sum, float* sums) {
+void add_basis_gradient(const SharedBasis& mixed, const Block& block, Mask lit, const Lanes* by_sum, float* sums) {
   alignas(64) Lanes weights[convention::SH_MAX_BASIS];
   load_weights(mixed, block, weights);
   for (int j = 0; j < mixed.count; j++)
     for (int c = 0; c < 3; c++) {
-      const Vec factor = load(weights[j]) * load(by_sum[c]);
+      const Vec factor = keep(lit, load(weights[j])) * load(by_sum[c]);
       float* const to = sums + (SH_REST * j + c) * LANES;
       for (int k = 0; k < block.count; k++) {
         float* const sum = to + 3 * k * LANES;
@@ -69,21 +74,26 @@ void add_basis_gradient(const SharedBasis& mixed, const Block& block, const Lane
     }
 }
 
-void run_shard(const Harmonics& table, const SharedBasis& mixed, const float* by_constant, std::size_t begin,
-               std::size_t end, float* by_weights, float* sums) {
+// Every `shards`-th block from `shard` on: blocks that nobody sees are neighbours, and cost nothing.
+void run_shard(const Harmonics& table, const SharedBasis& mixed, const float* by_constant, std::size_t shard,
+               std::size_t shards, float* by_weights, float* sums) {
   std::memset(sums, 0, SH_REST * LANES * sizeof(float) * mixed.count);
   Block block;
-  for (std::size_t first = begin; first < end; first += LANES) {
+  for (std::size_t first = shard * LANES; first < table.count; first += shards * LANES) {
     Lanes by_sum[3];
     block.first = first;
-    block.rows = end - first < LANES ? static_cast<int>(end - first) : LANES;
-    if (!find_gradient(by_constant, block, by_sum)) {
+    block.rows = table.count - first < LANES ? static_cast<int>(table.count - first) : LANES;
+    const unsigned lit = find_gradient(by_constant, block, by_sum);
+    if (!lit) {
       std::memset(by_weights + mixed.count * first, 0, sizeof(float) * mixed.count * block.rows);
       continue;
     }
-    open_block(table, first, end, block);
+    open_block(table, first, table.count, block);
+    // Rows that got no gradient must not reach the sums, which all share, even if they are not numbers.
+    const Mask lanes = mask_from_bits(lit);
+    for (int k = 0; k < block.count; k++) store(block.basis[k], keep(lanes, load(block.basis[k])));
     weights_gradient(mixed, block, by_sum, by_weights);
-    add_basis_gradient(mixed, block, by_sum, sums);
+    add_basis_gradient(mixed, block, lanes, by_sum, sums);
   }
 }
 
@@ -91,14 +101,12 @@ void run_shard(const Harmonics& table, const SharedBasis& mixed, const float* by
 
 void sh_basis_gradient(const Harmonics& table, const SharedBasis& mixed, const float* by_constant, float* by_weights,
                        float* by_basis) {
-  const std::size_t shards = shards_of(table.count), width = static_cast<std::size_t>(SH_REST) * mixed.count;
-  const std::size_t blocks = (table.count + LANES - 1) / LANES;
+  const std::size_t shards = shards_of((table.count + LANES - 1) / LANES);
+  const std::size_t width = static_cast<std::size_t>(SH_REST) * mixed.count;
   const Scratch memory(shards * width * LANES * sizeof(float));  // a vector for each number of each shard
   float* const sums = memory.floats();
   parallel_for(shards, [&](std::size_t shard) {
-    const std::size_t begin = blocks * shard / shards * LANES, end = blocks * (shard + 1) / shards * LANES;
-    run_shard(table, mixed, by_constant, begin, end < table.count ? end : table.count, by_weights,
-              sums + shard * width * LANES);
+    run_shard(table, mixed, by_constant, shard, shards, by_weights, sums + shard * width * LANES);
   });
   for (std::size_t i = 0; i < width; i++) {
     float sum = 0;

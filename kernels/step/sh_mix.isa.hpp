@@ -23,8 +23,8 @@ inline void mix_coefficients(const SharedBasis& mixed, const Block& block, Lanes
   alignas(64) Lanes weights[convention::SH_MAX_BASIS];
   load_weights(mixed, block, weights);
   const int count = mixed.count;
-  // Three harmonics' colours at a time: a sum waits for the one before it, nine do not wait for each other. The counts
-  // of degree 1 to 3, 3, 8 and 15, leave no more than what is there: unused ones are mixed too.
+  // A sum waits for the one before it, nine do not wait for each other. At degree 2 the last nine reach into the next
+  // degree, which is there in every basis, and is not used.
   for (int first = 0; first < 3 * block.count; first += TOGETHER) {
     Vec sums[TOGETHER];
     for (int j = 0; j < count; j++) {

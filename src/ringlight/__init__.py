@@ -1,4 +1,4 @@
-"""3D Gaussian scenes lit by one shared neural tensor-ring light field.
+"""3D Gaussian scenes lit by one shared light field.
 
 The public names below are loaded when they are first used: ``import ringlight`` does not import torch.
 

@@ -77,6 +77,15 @@ def test_it_is_a_colour_model():
     assert isinstance(SharedBasis(8), ColorModel)
 
 
+def test_many_rows_are_summed_in_all_shards(kernels):
+    count = 70_000
+    table, model, upstream = table_of(count, 2), model_of(2), upstream_of(count)
+    upstream[~sure_rows(table, model)] = 0
+    exact = colors_and_gradients(model_of(2, dtype=torch.float64), as_double(table), upstream.double())["color.basis"]
+    found = colors_and_gradients(model, table, upstream)["color.basis"].double()
+    torch.testing.assert_close(found, exact, rtol=0, atol=TOLERANCE * float(exact.abs().max()))
+
+
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 @pytest.mark.parametrize("size", [1, 2, 5, 8, SH_MAX_BASIS])
 @pytest.mark.parametrize("count", COUNTS)
@@ -92,8 +101,9 @@ def test_native_equals_the_reference_in_value_and_gradient(kernels, count: int, 
         torch.testing.assert_close(found.double(), expected, rtol=0, atol=TOLERANCE * max(scale, 1.0), msg=name)
 
 
-def test_it_shows_what_written_out_harmonics_show():
-    table, model = table_of(300, 6), model_of(6)
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_it_shows_what_written_out_harmonics_show(degree: int):
+    table, model = table_of(300, 6), model_of(6, degree)
     written = model.harmonics(table)
     appearance = {"sh_dc": written.sh_dc, "sh_rest": written.sh_rest.contiguous()}
     other = Gaussians(table.means, table.log_scales, table.quats, table.opacity_logits, appearance)
@@ -102,12 +112,13 @@ def test_it_shows_what_written_out_harmonics_show():
     torch.testing.assert_close(ours, shown, rtol=0, atol=1e-5)
 
 
-def test_harmonics_above_the_degree_are_not_read_and_get_zero_gradient(kernels):
-    table, model = table_of(37, 8), model_of(8, degree=1)
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_harmonics_above_the_degree_are_not_shown_and_get_zero_gradient(kernels, degree: int):
+    table, model, used = table_of(37, 8), model_of(8, degree), (degree + 1) ** 2 - 1
     with torch.no_grad():
-        model.basis[:, 3:] = float("nan")
+        model.basis[:, used:] = float("nan")
     found = colors_and_gradients(model, table, torch.ones(37, 3))
-    assert (found.pop("color.basis")[:, 3:] == 0).all()
+    assert (found.pop("color.basis")[:, used:] == 0).all()
     assert all(tensor.isfinite().all() for tensor in found.values())
 
 
@@ -122,12 +133,21 @@ def test_the_same_bits_for_any_number_of_threads(kernels):
         assert all(torch.equal(tensor, other[name]) for name, tensor in results[0].items())
 
 
+@pytest.mark.parametrize("column", ["means", "basis_weights"])
+def test_an_unseen_row_that_is_not_a_number_does_not_reach_what_all_share(kernels, column: str):
+    table, model, upstream = table_of(50, 4), model_of(4), torch.ones(50, 3)
+    upstream[20] = 0
+    table.columns()[column][20] = float("nan")
+    assert colors_and_gradients(model, table, upstream)["color.basis"].isfinite().all()
+
+
 def test_what_is_not_a_number_stays_in_its_row_and_is_not_hidden(kernels):
     table, model = table_of(50, 4), model_of(4)
     table.appearance["basis_weights"][20] = float("nan")
     found = colors_and_gradients(model, table, torch.ones(50, 3))
     others = torch.arange(50) != 20
     assert found["rgb"][20].isnan().all()
+    assert found["color.basis"].isfinite().all()
     for name in ("rgb", "columns.means", "columns.sh_dc", "columns.basis_weights"):
         assert found[name][others].isfinite().all(), name
 
@@ -141,6 +161,13 @@ def test_it_begins_with_the_points_own_colours():
     torch.testing.assert_close(model.emit(start, camera(), ("rgb",), Want.EXACT).channels, points.colors)
     layers = model.layers(start, camera())
     torch.testing.assert_close(layers["residual"], torch.zeros(4, 3), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("degree", [-1, 4, 9])
+def test_a_degree_that_is_not_there_is_refused(degree: int):
+    state = SharedBasis(8).state_dict() | {"active_degree": torch.tensor(degree)}
+    with pytest.raises(ValueError, match=f"active_degree is {degree}"):
+        SharedBasis(8).load_state_dict(state)
 
 
 def test_the_basis_is_drawn_by_the_seed():

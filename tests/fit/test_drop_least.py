@@ -113,3 +113,15 @@ def test_nothing_is_dropped_where_nothing_could_be_spared(settings: DensifySetti
 def test_shares_that_are_none_are_refused(wrong: dict[str, float]):
     with pytest.raises(RecipeError, match=rf"densify\.{next(iter(wrong))} is .*; give"):
         DensifySettings(**wrong)
+
+
+@pytest.mark.parametrize("bound", [0, 1, 5, 1000])
+def test_the_bound_holds_where_density_control_began_with_more(bound: int):
+    settings = DensifySettings(begin=0, every=1, stop=0.5, drop_share=0.6)
+    free, bounded = (
+        drop(model_of([2.0 + index for index in range(40)], [0.3] * 40), replace(settings, max_gaussians=most), 24)
+        for most in (0, bound)
+    )
+    assert free[0] == bounded[0] == 40
+    assert 5 < free[-1] <= 16
+    assert bounded[-1] == min(free[-1], bound or free[-1])

@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 from ringlight.errors import RecipeError
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.studies import PARETO_BASES, STUDY_NAMES, study_named
 from ringlight.methods.variant import Curve
 
@@ -30,6 +31,7 @@ def test_harmonics_of_all_degrees_grow_and_drop_alike() -> None:
     variants = [v for v in study_named("pareto", None, 3000) if v.name.startswith("3dgs-degree-")]
     without_degree = {dataclasses.replace(v.recipe, sh_degree=0) for v in variants if v.recipe.steps == 3000}
     assert len(without_degree) == 2, "eager where a size is to be filled"
+    assert {r.rates for r in without_degree} == {RingLightBasisRecipe(steps=3000).at_length().rates}
     assert (
         len({dataclasses.replace(r, densify=dataclasses.replace(r.densify, threshold=1.0)) for r in without_degree})
         == 1
@@ -47,7 +49,7 @@ def test_short_runs_have_fewer_lengths() -> None:
     assert len([v for v in study_named("pareto", None, 2) if Curve("3dgs", "length") in v.curves]) == 2
 
 
-def test_a_method_without_a_field_is_refused() -> None:
+def test_what_is_no_rival_of_3dgs_is_refused() -> None:
     assert "pareto" in STUDY_NAMES
     with pytest.raises(RecipeError, match="give ringlight-basis or ringlight-paper"):
         study_named("pareto", "3dgs", None)

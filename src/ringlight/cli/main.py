@@ -125,7 +125,7 @@ def _suggestion(word: str) -> str:
 def _overview() -> str:
     width = max(len(name) for name in VERBS)
     lines = [
-        f"ringlight {__version__}: 3D scenes from photographs, as Gaussians lit by one shared neural light field.",
+        f"ringlight {__version__}: 3D scenes from photographs, as Gaussians lit by one shared light field.",
         "",
         "usage: ringlight COMMAND ...        (ringlight COMMAND --help explains one)",
         "",

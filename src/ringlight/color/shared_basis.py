@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
 from ringlight.color.contract import Harmonics
-from ringlight.color.harmonics import runs_native, sh_colors
+from ringlight.color.harmonics import refuse_other_degrees, runs_native, sh_colors
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR, COLUMNS, Gradients, dense
@@ -35,14 +35,14 @@ REST = basis_count(MAX_DEGREE) - 1
 
 FIRST_DEVIATION = 0.3
 """Of the shared functions' coefficients at the start. Weights start at zero, so that nothing shows of them then, and a
-first step moves a colour by the weights' rate times about the deviation."""
+first step of each moves a colour by their rate times about the deviation."""
 
 
 class SharedBasis(nn.Module):
     """Columns "sh_dc" [N 3], the constant coefficient, and "basis_weights" [N K]; shared: ``basis`` [K 15 3].
 
     colour(v) = 0.5 + C0 sh_dc + sum over k of weights_k (sum over j of basis_kj Y_j(v)), clamped at black.
-    ``active_degree`` grows during training as in 3DGS; harmonics above it are neither read nor given a gradient.
+    ``active_degree`` grows during training as in 3DGS; harmonics above it are not shown and get no gradient.
     Raises RecipeError for a ``size`` K that the kernels do not take.
     """
 
@@ -56,7 +56,9 @@ class SharedBasis(nn.Module):
             raise RecipeError(f"basis_size is {size}; give 1 to {SH_MAX_BASIS} functions of the direction")
         drawn = torch.randn(size, REST, 3, generator=generator(seed, 0, BASIS))
         self.basis = nn.Parameter(FIRST_DEVIATION * drawn)
+        self.degree = MAX_DEGREE
         self.register_buffer("active_degree", torch.tensor(MAX_DEGREE))
+        self.register_load_state_dict_post_hook(refuse_other_degrees)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """The points' own colours, the same from every side."""
@@ -92,13 +94,14 @@ class SharedBasis(nn.Module):
 
     @torch.no_grad()
     def harmonics(self, gaussians: Gaussians) -> Harmonics:
-        """Written out."""
+        """Written out; those above the active degree, which are not shown, are zero."""
         rest = mixed_harmonics(gaussians.appearance[WEIGHTS], self.basis)
+        rest[:, basis_count(int(self.active_degree)) - 1 :] = 0
         return Harmonics(gaussians.appearance[DC], rest)
 
 
 def mixed_harmonics(weights: Float[Tensor, "N K"], basis: Float[Tensor, "K J 3"]) -> Float[Tensor, "N J 3"]:
-    """What the kernels mix and never write down."""
+    """What the CPU's kernels mix and never write down."""
     return (weights @ basis.flatten(1)).unflatten(1, basis.shape[1:])
 
 

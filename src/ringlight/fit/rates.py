@@ -83,7 +83,7 @@ def shorter_by(steps: int) -> float:
 
 @dataclass(frozen=True)
 class GaussianRates:
-    """Learning rates of the table's geometry (3DGS's defaults)."""
+    """Learning rates of the table's geometry; those of 3DGS, or what suits the length of a shorter run."""
 
     means: float | None = None
     """Rate of the centres at the start, in units of the scene's extent. By default 3DGS's 1.6e-4 in a run of its 30,000
@@ -101,9 +101,9 @@ class GaussianRates:
     rotations: float = 1e-3
     """Rate of the quaternions."""
     hold: float | None = None
-    """Share of the run in which rates that do not fall otherwise, of opacities, rotations and the like, are kept; then
-    they fall to a tenth. 1: they never fall, as in 3DGS. By default 1 in a run of its 30,000 steps or more, 0.75 in
-    shorter ones."""
+    """Share of the run in which the rates of opacities and rotations are kept, and those of the colours of 3dgs and
+    ringlight-basis; then they fall to a tenth. 1: they never fall, as in 3DGS. By default 1 in a run of its 30,000
+    steps or more, 0.75 in shorter ones."""
 
     def __post_init__(self) -> None:
         if self.hold is not None and not 0 <= self.hold <= 1:

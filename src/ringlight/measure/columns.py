@@ -82,7 +82,7 @@ def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]
         Column("x raw", 3, _size_ratio, always=False),
         _measured("file MB", 7, lambda report: report.bytes_file, "less", _megabytes),
         _measured("train", 8, lambda report: report.train_seconds, "less", _duration),
-        _optional("core s", 10, lambda report: report.core_seconds, "less", _whole),
+        _optional("core s", 10, lambda report: report.core_seconds, "", _whole),
         _optional("peak MB", 16, lambda report: report.peak_bytes, "less", _megabytes),
         _measured("it/s", 11, lambda report: report.steps_per_second, "more", _rate),
         _measured("FPS", 9, lambda report: report.fps, "more", _rate),

@@ -33,7 +33,7 @@ class Dot:
 
 @dataclass(frozen=True)
 class Line:
-    """Dots of one scene."""
+    """Dots of one scene, or of one method."""
 
     label: str
     dots: tuple[Dot, ...]

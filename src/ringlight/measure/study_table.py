@@ -61,7 +61,7 @@ class StudyRow:
     gaussians: Spread
     train_seconds: Spread
     """Wall clock; on a machine that does other things besides, CPU seconds say more."""
-    core_seconds: Spread
+    core_seconds: Spread | None
     """Processor seconds of the training, and of the trial before it."""
     shared_parameters: Spread
     """Numbers that all Gaussians share: field, networks, maps."""
@@ -114,7 +114,7 @@ def _row(label: Label, scene: str, seeds: list[list[Report]]) -> StudyRow:
     return StudyRow(
         scene, label.name, label.about, label.at, label.paper, len(seeds),
         spread("psnr"), spread("ssim_same"), known("lpips_alex"), known("psnr_train"), known("psnr_far"),
-        Spread.of(size), spread("counted"), spread("train_seconds"), spread("core_seconds"), Spread.of(shared),
+        Spread.of(size), spread("counted"), spread("train_seconds"), known("core_seconds"), Spread.of(shared),
     )  # fmt: skip
 
 
@@ -205,7 +205,7 @@ def _cells(row: StudyRow) -> list[str]:
         f"{row.raw_megabytes.mean:.2f}",
         f"{row.gaussians.mean:,.0f}",
         f"{row.train_seconds.mean:.0f}",
-        f"{row.core_seconds.mean:.0f}",
+        "-" if row.core_seconds is None else f"{row.core_seconds.mean:.0f}",
         f"{row.shared_parameters.mean:,.0f}",
         "-" if row.paper is None else f"{row.paper:.2f}",
     ]

@@ -92,7 +92,8 @@ def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -
         raise RecipeError(f"{where}: unknown setting {unknown[0]!r}; it was written by another version of ringlight")
     missing = sorted(known - set(values))
     if missing:
-        raise RecipeError(f"{where}: setting {missing[0]!r} is missing; {DAMAGED}")
+        another = "it was written by another version of ringlight, or it is damaged: train again"
+        raise RecipeError(f"{where}: setting {missing[0]!r} is missing; {another}")
     arguments = {}
     for name, value in values.items():
         if dataclasses.is_dataclass(hints[name]):

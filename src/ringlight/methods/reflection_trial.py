@@ -61,7 +61,8 @@ class ReflectionTrial:
         short = f"; reflections must gain {LEAST_GAIN:g} dB and gain {gain:.2f}" if 0 < gain < LEAST_GAIN else ""
         return (
             f"on the visual hull reflections reach {self.reflections:.1f} dB "
-            f"and harmonics at best {self.harmonics:.1f} dB after {self.steps} steps, on training views held out{short}"
+            f"and harmonics at 3DGS's rates {self.harmonics:.1f} dB after {self.steps} steps, "
+            f"on training views held out{short}"
         )
 
 

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from ringlight.methods.assembly import Course
     from ringlight.shade.contract import Shader
 
+HIGHEST_DEGREE = 3
+"""Of the shared functions: what 3DGS stores for each Gaussian, and what viewers know."""
+
 HOLD = 0.75
 """Of the run, of any length: a quarter of it, after the last Gaussians are dropped, settles what was learned at high
 rates. Worth 0.1 dB after 3,000 and 7,000 steps; rates that fall all along cost 0.8 dB."""
@@ -94,6 +97,6 @@ class RingLightBasisRecipe(SplatRecipe):
                 "columns.basis_weights": Adam(held(self.weights_rate)),
                 "color.basis": Adam(held(self.basis_rate)),
             },
-            unlocks={"color.active_degree": {degree * every: degree for degree in (1, 2, 3)}},
+            unlocks={"color.active_degree": {degree * every: degree for degree in range(1, HIGHEST_DEGREE + 1)}},
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
         )

@@ -61,8 +61,8 @@ class ThreeDGSRecipe(SplatRecipe):
     steps: int = 30_000
     """Training steps, one photograph each."""
     coarse_steps: int = 700
-    """Steps with photographs at a quarter of their size, and as many again at half (a fourteenth of the run
-    if that is less); 0 for none. 3DGS (section 7.1) takes 250."""
+    """Steps with photographs at a quarter of their size, and as many again at half (a tenth of the run if
+    that is less); 0 for none. 3DGS (section 7.1) takes 250."""
     sh_degree: int = 3
     """Degree of the spherical harmonics, 0 to 3."""
     sh_every: int = 1000
@@ -123,4 +123,5 @@ PAPER = ThreeDGSRecipe(
     rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES, hold=1.0),
     densify=DensifySettings(begin=PAPER_BEGIN),
 )
-"""The paper's settings, at any length: made for 30,000 steps, and starved in shorter runs."""
+"""The paper's rates and coarse photographs at any length: made for 30,000 steps, and starved in shorter runs. The
+harmonics' degree rises faster in short runs, as in the default."""

@@ -45,7 +45,7 @@ def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str) -> Prepare
     """A new run, within this machine's memory."""
     begun = time.process_time()
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
-    choosing = time.process_time() - begun
+    choosing = time.process_time() - begun if decided else 0.0
     training = recipe.build(scene, rasterizer_for(device), seed)
     recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
     if warnings:

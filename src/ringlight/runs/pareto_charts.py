@@ -10,6 +10,7 @@ from ringlight.measure.study_table import StudyRow
 from ringlight.methods.variant import Variant
 
 MEASURES = {"psnr": "PSNR, dB", "ssim": "SSIM", "lpips_alex": "LPIPS"}
+"""What is shown of a row, and how it is called; a chart each, where the runs have it."""
 
 COSTS: dict[Literal["size", "length"], tuple[str, str]] = {
     "size": ("raw_megabytes", "raw MB"),
@@ -38,12 +39,12 @@ def _chart(
 ) -> Chart | None:
     """A line for each method that has dots with this measure; None where none has."""
     dots: dict[str, list[Dot]] = {}
-    cost, _ = COSTS[along]
+    price, _ = COSTS[along]
     for variant in variants:
         row = rows.get(variant.name)
-        value = None if row is None else getattr(row, measure)
+        value, paid = getattr(row, measure, None), getattr(row, price, None)
         for curve in variant.curves:
-            if value is not None and curve.along == along:
-                dots.setdefault(curve.name, []).append(Dot(getattr(row, cost).mean, value.mean, value.deviation))
+            if value is not None and paid is not None and curve.along == along:
+                dots.setdefault(curve.name, []).append(Dot(paid.mean, value.mean, value.deviation))
     lines = tuple(Line(name, tuple(found)) for name, found in dots.items())
     return Chart(MEASURES[measure], lines, wide=HALVED) if lines else None

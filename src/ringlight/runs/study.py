@@ -64,7 +64,7 @@ class StudyRun:
     def session(self, device: str) -> Session:
         """The training, from its start or from where it stopped.
 
-        Raises RunError where it waits for another variant's number of Gaussians and that is not known.
+        Raises RunError where it waits for another variant's size and that is not known.
         """
         self.checked()
         if RunFolder(self.folder).checkpoints:
@@ -92,7 +92,7 @@ class StudyRun:
 def runs_of_study(
     variants: Sequence[Variant], scenes: Sequence[Path], seeds: int, out: Path, options: SceneOptions
 ) -> tuple[StudyRun, ...]:
-    """All runs, scene by scene and seed by seed, each variant after those whose Gaussians it counts.
+    """All runs, scene by scene and seed by seed, each variant after those whose size bounds it.
 
     Raises RunError for two scenes of one name, or a folder that holds a run of other settings.
     """
@@ -115,7 +115,10 @@ def runs_of_study(
 
 
 def most_within(recipe: SplatRecipe, size: int) -> int:
-    """How many Gaussians a model of this recipe may have in ``size`` raw bytes; at least one."""
+    """How many Gaussians a model of this recipe may have in ``size`` raw bytes.
+
+    At least one, though what they share may take more.
+    """
     empty = recipe.model(torch.tensor([[-1.0] * 3, [1.0] * 3]), rasterizer_for("reference")).rendering_tensors()
     shared = sum(map(raw_bytes, empty.values()))
     row = sum(FLOAT_BYTES * math.prod(tensor.shape[1:]) for name, tensor in empty.items() if name.startswith(COLUMNS))

@@ -26,14 +26,17 @@ class DropLeast(Stateless):
     """
 
     def __init__(self, settings: DensifySettings, cameras: Sequence[Camera], steps: int):
-        self.rounds, self.cameras = settings.drop_rounds(steps), cameras
+        self.rounds, self.cameras, self.bound = settings.drop_rounds(steps), cameras, settings.max_gaussians
         self.kept = (1 - settings.drop_share) ** (1 / max(len(self.rounds), 1))
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step not in self.rounds:
             return
+        left = int(self.kept * len(model))
+        if self.bound and step == max(self.rounds):
+            left = min(left, self.bound)  # density control may have begun with more than it was to end with
         order = blending_weights(model, self.cameras).argsort(descending=True, stable=True)
-        optimizer.edit_rows(order[: max(int(self.kept * len(model)), 1)].sort().values)
+        optimizer.edit_rows(order[: max(left, 1)].sort().values)
 
 
 def blending_weights(model: SplatModel, cameras: Sequence[Camera]) -> Float[Tensor, "N"]:
