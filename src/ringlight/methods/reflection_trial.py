@@ -72,7 +72,8 @@ def chosen_shading(
     """How to light a scene, and why.
 
     Where nothing cuts the subject out there is no surface to try on. From enough points on one, light per pixel had
-    more PSNR than light per Gaussian, and than 3DGS, on every scene measured (docs/experiments/without-masks.md).
+    more PSNR than the ring, and than 3DGS at its paper's rates, on every scene measured
+    (docs/experiments/without-masks.md).
     """
     if len(scene.train) < FEWEST_VIEWS:
         return "forward", f"fewer than {FEWEST_VIEWS} photographs"
