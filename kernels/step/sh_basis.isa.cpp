@@ -10,8 +10,8 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-// Each shard has sums of its own, 23 KB of eight functions, so that few blocks have few shards. A function of the number
-// of blocks alone: the order of summation must not depend on the machine.
+// Each shard has sums of its own, 23 KB of eight functions, so that few blocks have few shards. A function of the
+// number of blocks alone: the order of summation must not depend on the machine.
 constexpr std::size_t BLOCKS_PER_SHARD = 256, MOST_SHARDS = 16;
 
 std::size_t shards_of(std::size_t blocks) {

@@ -250,7 +250,7 @@ def test_zooming_out_shows_the_subject_smaller(trained: dict[str, Path], tmp_pat
         words = ("--path", "orbit", "--frames", "1", "--layers", "alpha", "--zoom", zoom, "--out", tmp_path / str(zoom))
         assert ringlight("render", trained["3dgs"], *words).code == 0
         covered.append(picture(tmp_path / str(zoom) / "alpha" / "0000.png").astype(float).mean())
-    assert 0 < covered[1] < 0.5 * covered[0], "a quarter of the area, where nothing was cut"
+    assert 0 < covered[1] < 0.6 * covered[0], "a quarter of the area, but for the least width of a Gaussian"
 
 
 def test_a_model_file_is_enough_for_an_orbit(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
