@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
@@ -21,9 +20,6 @@ from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
-
-if TYPE_CHECKING:
-    from ringlight.color.shared_basis import SharedBasis
 
 SH_COLUMNS = ("sh_dc", "sh_rest")
 
@@ -46,7 +42,7 @@ class SphericalHarmonics(nn.Module):
             raise RecipeError(f"the degree of the spherical harmonics is {degree}; give 0 to {MAX_DEGREE}")
         self.degree = degree
         self.register_buffer("active_degree", torch.tensor(degree))
-        self.register_load_state_dict_post_hook(refuse_other_degrees)
+        self.register_load_state_dict_post_hook(_refuse_other_degrees)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """The points' own colours, the same from every side."""
@@ -82,7 +78,7 @@ class SphericalHarmonics(nn.Module):
         return Harmonics(dc, rest)
 
 
-def refuse_other_degrees(harmonics: "SphericalHarmonics | SharedBasis", _: object) -> None:
+def _refuse_other_degrees(harmonics: SphericalHarmonics, _: object) -> None:
     """Files hold the degree as a number: ValueError for one whose harmonics are not stored."""
     degree = int(harmonics.active_degree)
     if not 0 <= degree <= harmonics.degree:

@@ -6,17 +6,17 @@ the tensor ring (RingLight-GS) the core of the place is the Gaussian's own row, 
 is linear: nothing saturates, and viewers that know harmonics show it exactly.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
 from ringlight.color.contract import Harmonics
-from ringlight.color.harmonics import refuse_other_degrees, runs_native, sh_colors
+from ringlight.color.harmonics import SphericalHarmonics, runs_native, sh_colors
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR, COLUMNS, Gradients, dense
@@ -24,41 +24,33 @@ from ringlight.core.kernel_limits import SH_MAX_BASIS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
-from ringlight.core.sh_basis import MAX_DEGREE, basis_count, rgb_from_sh, sh_from_rgb
+from ringlight.core.sh_basis import MAX_DEGREE, basis_count, sh_from_rgb
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 
 DC, WEIGHTS, BASIS = "sh_dc", "basis_weights", "basis"
 """Columns, and the shared parameter."""
 
-REST = basis_count(MAX_DEGREE) - 1
-
 FIRST_DEVIATION = 0.3
 """Of the shared functions' coefficients at the start. Weights start at zero, so that nothing shows of them then, and a
 first step of each moves a colour by their rate times about the deviation."""
 
 
-class SharedBasis(nn.Module):
+class SharedBasis(SphericalHarmonics):
     """Columns "sh_dc" [N 3], the constant coefficient, and "basis_weights" [N K]; shared: ``basis`` [K 15 3].
 
+    What it shows of a Gaussian is harmonics of degree 3; only how their coefficients are stored is another.
     colour(v) = 0.5 + C0 sh_dc + sum over k of weights_k (sum over j of basis_kj Y_j(v)), clamped at black.
     ``active_degree`` grows during training as in 3DGS; harmonics above it are not shown and get no gradient.
     Raises RecipeError for a ``size`` K that the kernels do not take.
     """
 
-    active_degree: Tensor
-    emits: Mapping[str, int] = {"rgb": 3}
-    training_columns: tuple[str, ...] = ()
-
     def __init__(self, size: int, seed: int = 0):
-        super().__init__()
+        super().__init__(MAX_DEGREE)
         if not 1 <= size <= SH_MAX_BASIS:
             raise RecipeError(f"basis_size is {size}; give 1 to {SH_MAX_BASIS} functions of the direction")
-        drawn = torch.randn(size, REST, 3, generator=generator(seed, 0, BASIS))
+        drawn = torch.randn(size, basis_count(MAX_DEGREE) - 1, 3, generator=generator(seed, 0, BASIS))
         self.basis = nn.Parameter(FIRST_DEVIATION * drawn)
-        self.degree = MAX_DEGREE
-        self.register_buffer("active_degree", torch.tensor(MAX_DEGREE))
-        self.register_load_state_dict_post_hook(refuse_other_degrees)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """The points' own colours, the same from every side."""
@@ -81,16 +73,6 @@ class SharedBasis(nn.Module):
 
         columns = {"means": lit.means, DC: lit.dc, WEIGHTS: lit.weights}
         return emitted_by_torch(colors, columns, {COLOR + BASIS: self.basis}, want)
-
-    def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
-        """The colour without a view, and what the view adds (signed)."""
-        base = rgb_from_sh(gaussians.appearance[DC])
-        shown = self.emit(gaussians, camera, ("rgb",), Want.EXACT).channels
-        return {"base": base.clamp_min(0), "residual": shown - base}
-
-    def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
-        """Every row is shown."""
-        return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
     @torch.no_grad()
     def harmonics(self, gaussians: Gaussians) -> Harmonics:
