@@ -64,7 +64,7 @@ PAPER_OPACITIES = 0.05
 """3DGS's rate of the opacity logits as published, and in its program until late 2024."""
 
 FAST_MEANS = 3.2e-4
-"""Twice 3DGS's rate of the centres: worth 0.1 to 0.5 dB after 3,000 steps (docs/experiments/baseline.md)."""
+"""Twice 3DGS's rate of the centres: worth up to 0.5 dB after 3,000 steps (docs/experiments/baseline.md)."""
 
 FAST_SCALES = 2e-2
 """Learning rate of the log scales at the start: four times that of 3DGS, at which they end. What is far too large or
@@ -73,7 +73,7 @@ small for its place is so for less of a run."""
 
 SHORT_HOLD, HELD_END = 0.75, 0.1
 """In short runs rates are held for this share of the steps, and fall to this share of their start: what was learned at
-high rates settles. Worth 0.1 dB after 3,000 and 7,000 steps (docs/experiments/baseline.md)."""
+high rates settles. Worth 0.1 dB after 3,000 steps (docs/experiments/baseline.md)."""
 
 
 def shorter_by(steps: int) -> float:

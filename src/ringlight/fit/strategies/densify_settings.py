@@ -44,9 +44,9 @@ class DensifySettings:
     """A reset lowers opacities to this."""
     max_gaussians: int = 0
     """Most Gaussians at the end of density control, unless it began with more and drops none. The largest gradients
-    come first. 0
-    takes as many as a training photograph has pixels, since no view could tell more apart. Where a subject is cut out,
-    ringlight-mirror takes one for every seven pixels, but at least 10,000 if there are as many pixels."""
+    come first. 0 takes as many as a training photograph has pixels, since no view could tell more apart. Where a
+    subject is cut out, ringlight-mirror takes one for every seven pixels, but at least 10,000 if there are as many
+    pixels."""
     drop_share: float = 0.0
     """Share of the Gaussians that is dropped once no more are added: those that add least to the training photographs.
     Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
