@@ -23,7 +23,7 @@ from ringlight.fit.faults import MOST_IN_A_ROW
 from ringlight.fit.train import Progress
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.session import LARGEST_SAVE_SHARE, LONGEST_PAUSE, SAVE_SECONDS, Saver, Session
+from ringlight.runs.session import FIRST_SECONDS, LARGEST_SAVE_SHARE, LONGEST_PAUSE, SAVE_SECONDS, Saver, Session
 
 SAVES_OFTEN = ("--save-every", "0.0001")
 
@@ -49,17 +49,51 @@ def model_of(run: Path) -> bytes:
     return (run / "model.safetensors").read_bytes()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_ends_the_step_and_saves(
-    number: signal.Signals, tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
+    number: signal.Signals,
+    code: int,
+    tiny: Path,
+    trained: dict[str, Path],
+    tmp_path: Path,
+    ringlight: Command,
+    at_step,
 ) -> None:
     before = signal.getsignal(number)
     at_step(15, lambda session: signal.raise_signal(number))
     run = tmp_path / "run"
     stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK)
-    assert stopped.code == 130
+    assert stopped.code == code
     assert "stopped after step 15 and saved" in stopped.err
     assert signal.getsignal(number) is before
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
+    assert model_of(run) == model_of(trained["3dgs"])
+
+
+def test_a_signal_that_the_parent_ignores_is_ignored(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        at_step(15, lambda session: signal.raise_signal(signal.SIGHUP))
+        assert ringlight("train", tiny, "3dgs", "--out", tmp_path / "run", *QUICK).code == 0
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert model_of(tmp_path / "run") == model_of(trained["3dgs"])
+
+
+def test_a_run_without_a_checkpoint_is_resumed_from_its_first_step(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(_: Session) -> None:
+        raise SystemExit(137)
+
+    at_step(3, killed)
+    run = tmp_path / "run"
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 137
+    monkeypatch.undo()
+    assert [path.name for path in run.iterdir()] == ["recipe.json"]
     assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
     assert model_of(run) == model_of(trained["3dgs"])
 
@@ -98,7 +132,7 @@ def test_a_damaged_checkpoint_is_named_and_the_older_goes_on_to_the_same_bits(
 ) -> None:
     run = tmp_path / "run"
     at_step(20, lambda session: signal.raise_signal(signal.SIGTERM))
-    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 130
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 143
     monkeypatch.undo()
     newest = run / "checkpoint.safetensors"
     content = bytearray(newest.read_bytes())
@@ -129,7 +163,7 @@ def test_saving_takes_no_more_than_its_share(cost: float, monkeypatch: pytest.Mo
         saver.save_if_due()
         if now > 2 * cost / LARGEST_SAVE_SHARE + SAVE_SECONDS:  # the first ones have to be paid for
             assert (len(saved) + 1) * cost <= LARGEST_SAVE_SHARE * (now + cost)
-    assert saved[0] == SAVE_SECONDS
+    assert saved[0] == FIRST_SECONDS
     assert len(saved) > 0.9 * min(5000 / SAVE_SECONDS, LARGEST_SAVE_SHARE * 5000 / cost - 2), "no rarer than that"
 
 
@@ -190,7 +224,7 @@ def test_the_report_counts_the_seconds_of_saving_over_stops(
 ) -> None:
     run = tmp_path / "run"
     at_step(15, lambda session: signal.raise_signal(signal.SIGTERM))
-    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 130
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 143
     before = float(read_metadata(run / "checkpoint.safetensors")["saving_seconds"])
     assert before > 0
     assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
@@ -228,7 +262,7 @@ def test_a_run_whose_checkpoints_are_all_damaged_is_told_to_start_again(
 ) -> None:
     run = tmp_path / "run"
     at_step(15, lambda session: signal.raise_signal(signal.SIGTERM))
-    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 130
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 143
     (run / "checkpoint.safetensors").write_bytes(b"")
     sentence = refused(ringlight("train", "--resume", run), 1, "the file is empty", "no other is left")
     assert sentence.endswith("start it again with --out NEW")

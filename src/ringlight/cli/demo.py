@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import MaybeFolder
-from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.parse import parse
 from ringlight.cli.run_training import RunOptions, train_and_measure
 from ringlight.errors import RecipeError
@@ -56,8 +55,7 @@ def main(arguments: list[str]) -> int:
         session = demo.session(method)
         if session is None:
             continue
-        if train_and_measure(session, options, f"ringlight demo --resume {demo.folder}") is None:
-            return INTERRUPTED
+        train_and_measure(session, options, f"ringlight demo --resume {demo.folder}")
         if not asked.quiet:
             sys.stderr.write("\n")
     _show(demo, asked.quiet)

@@ -1,11 +1,13 @@
 """The command ``ringlight``: verb, then the file or folder it acts on, then options.
 
-Results go to standard output, everything else to standard error; exit code 1 for wrong input, 2 for wrong usage.
+Results go to standard output, everything else to standard error. Exit code 1 for wrong input, 2 for wrong usage, 128
+and the number of the signal for a run that one stopped.
 Each verb is a module of this folder, imported only when it is asked for: ``--help`` must not wait for torch.
 """
 
 import errno
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -15,11 +17,23 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from ringlight import __version__
+from ringlight.cli.streams import lasting_streams
 from ringlight.errors import FallbackWarning, RinglightError
 
-WRONG_INPUT, WRONG_USAGE, INTERRUPTED = 1, 2, 130
+WRONG_INPUT, WRONG_USAGE = 1, 2
+
+SIGNALLED = 128
+"""Plus the signal's number: what shells make of it."""
 
 NO_MEMORY = "not enough memory; close other programs, or try --downscale 2 or a smaller --densify.max-gaussians"
+
+
+class Stopped(Exception):
+    """A signal ended a command that has put everything in order since."""
+
+    def __init__(self, number: int):
+        super().__init__(number)
+        self.code = SIGNALLED + number
 
 
 VERBS = {
@@ -43,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one verb and exit."""
     # Before torch is imported: its idle OpenMP threads would spin on the cores that our kernels use.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    lasting_streams()
     sys.exit(run(list(sys.argv[1:] if arguments is None else arguments)))
 
 
@@ -68,8 +83,10 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
         return int(stop.code or 0)
     except RinglightError as error:
         return _complain(str(error), WRONG_INPUT)
+    except Stopped as stopped:
+        return stopped.code
     except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
+        return _complain("interrupted", SIGNALLED + signal.SIGINT)
     except (MemoryError, RuntimeError) as error:
         if not is_out_of_memory(error):
             raise
@@ -103,10 +120,6 @@ def is_out_of_memory(error: BaseException) -> bool:
 
 def _system_refused(error: OSError) -> int:
     """A full disk or a missing permission is the user's to mend; anything else is a bug and raised again."""
-    if isinstance(error, BrokenPipeError):
-        # The reader of our output has gone (``| head``): nothing is wrong and nobody is left to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS):
         raise error
     return _complain(f"{error.filename or 'output'}: {error.strerror}; choose another place with --out", WRONG_INPUT)

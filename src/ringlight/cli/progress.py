@@ -49,8 +49,8 @@ def announce(session: Session, quiet: bool) -> None:
     sys.stderr.write("\n".join(lines) + "\n")
 
 
-def show_steps(session: Session, options: "RunOptions", interrupted: list[bool]) -> None:
-    """Run the remaining steps, showing, measuring and saving on the way; returns early once ``interrupted`` fills."""
+def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> None:
+    """Run the remaining steps, showing, measuring and saving on the way; returns early once ``stopping`` fills."""
     console = Console(stderr=True)
     live = console.is_terminal and not options.quiet
     every = LIVE_SECONDS if live else LOG_SECONDS
@@ -71,7 +71,7 @@ def show_steps(session: Session, options: "RunOptions", interrupted: list[bool])
             if progress.fault is not None:
                 console.print(f"warning: {progress.fault}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
-            if interrupted:
+            if stopping:
                 return
         bar.update(task, clock="took")
 

@@ -1,4 +1,4 @@
-"""What the commands that train share: progress, Ctrl-C that saves, numbers at the end."""
+"""What the commands that train share: progress, signals that save, numbers at the end."""
 
 import signal
 import sys
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ringlight.cli.arguments import Net
-from ringlight.cli.main import NO_MEMORY, is_out_of_memory
+from ringlight.cli.main import NO_MEMORY, Stopped, is_out_of_memory
 from ringlight.errors import BackendError, DivergedError, RecipeError, RunError
 
 if TYPE_CHECKING:
@@ -43,10 +43,14 @@ def check_steps(options: RunOptions, steps: int) -> None:
         raise RecipeError(f"--save-every is {options.save_every:g}; give a number of seconds above zero")
 
 
-def train_and_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report | None":
-    """Train what remains, save, and measure the test views; None where Ctrl-C stopped it, which is saved too.
+STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Ctrl-C, an orderly kill, and a terminal or connection that is closed; Windows has no SIGHUP."""
 
-    ``resume_with`` is the command line that goes on from there, or from the last checkpoint after a second Ctrl-C.
+
+def train_and_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report":
+    """Train what remains, save, and measure the test views. Raises Stopped where a signal stopped it, which is saved.
+
+    ``resume_with`` is the command line that goes on from there, or from the last checkpoint after a second signal.
     """
     try:
         return _train_save_measure(session, options, resume_with)
@@ -54,7 +58,7 @@ def train_and_measure(session: "Session", options: RunOptions, resume_with: str)
         if not session.folder.checkpoints:
             raise
         sys.stderr.write(f"stopped at once; go on from the last checkpoint with: {resume_with}\n")
-        return None
+        raise Stopped(signal.SIGINT) from None
     except BackendError as error:
         raise BackendError(f"{error}; {session.way_on()}") from error
     except (MemoryError, RuntimeError) as error:
@@ -66,15 +70,15 @@ def train_and_measure(session: "Session", options: RunOptions, resume_with: str)
         session.lock.release()
 
 
-def _train_save_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report | None":
+def _train_save_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report":
     from ringlight.cli.counting import counting
     from ringlight.cli.progress import announce, show_steps
     from ringlight.runs.finish import measure_session
 
     announce(session, options.quiet)
-    with _deferred_interrupt() as interrupted:
+    with _deferred_signals() as stopping:
         try:
-            show_steps(session, options, interrupted)
+            show_steps(session, options, stopping)
         except DivergedError as error:
             with suppress(DivergedError):  # where even a parameter is not finite the checkpoint before it stays
                 session.save()
@@ -82,25 +86,29 @@ def _train_save_measure(session: "Session", options: RunOptions, resume_with: st
         session.save()
     if session.training.step < session.training.steps:
         sys.stderr.write(f"stopped after step {session.training.step} and saved; go on with: {resume_with}\n")
-        return None
+        raise Stopped(next(iter(stopping), signal.SIGINT))
     with counting("measuring test views", options.quiet) as tell:
         return measure_session(session, options.lpips, tell)
 
 
 @contextmanager
-def _deferred_interrupt() -> Iterator[list[bool]]:
-    """Ctrl-C inside the block only sets a flag, so that the step under way ends; a second one acts at once."""
-    flags: list[bool] = []
+def _deferred_signals() -> Iterator[list[int]]:
+    """Inside the block a signal only leaves its number, so that the step under way ends; a second one acts at once.
+
+    One that the parent had ignored (nohup, a job in the background) stays ignored.
+    """
+    numbers: list[int] = []
 
     def remember(number: int, frame: object) -> None:
-        if flags:
+        if numbers:
             raise KeyboardInterrupt
-        flags.append(True)
+        numbers.append(number)
         sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
 
-    previous = {number: signal.signal(number, remember) for number in (signal.SIGINT, signal.SIGTERM)}
+    heard = [number for number in STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
+    previous = {number: signal.signal(number, remember) for number in heard}
     try:
-        yield flags
+        yield numbers
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)

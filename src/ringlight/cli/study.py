@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from ringlight.cli.arguments import MaybeFolder, Net
-from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.run_training import RunOptions, train_and_measure
 from ringlight.data.options import SceneOptions
@@ -86,8 +85,7 @@ def main(arguments: list[str]) -> int:
         sys.stdout.write(_listing(runs))
         return 0
     use_threads(asked.threads)
-    if not _run_all(asked, runs):
-        return INTERRUPTED
+    _run_all(asked, runs)
     _show(asked, out, variants, runs)
     return 0
 
@@ -109,17 +107,15 @@ def _listing(runs: "tuple[StudyRun, ...]") -> str:
     return "\n".join([*lines, f"{len(runs)} runs of {spoken} steps, {missing} to do"]) + "\n"
 
 
-def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> bool:
-    """One run after the other; False where Ctrl-C stopped one, which is saved."""
+def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> None:
+    """One run after the other."""
     options = RunOptions(threads=asked.threads, lpips=asked.lpips, quiet=asked.quiet)
     again = f"ringlight study {asked.what} {' '.join(map(str, asked.scenes))} ... (the same command)"
     missing = [run for run in runs if run.state != "finished"]
     for number, run in enumerate(missing, 1):
         if not asked.quiet:
             sys.stderr.write(f"\nrun {number} of {len(missing)}: {run.variant.name}, {run.variant.about}\n")
-        if train_and_measure(run.session("auto"), options, again) is None:
-            return False
-    return True
+        train_and_measure(run.session("auto"), options, again)
 
 
 def _show(asked: StudyArguments, out: Path, variants: "tuple[Variant, ...]", runs: "tuple[StudyRun, ...]") -> None:

@@ -10,7 +10,6 @@ import tyro
 from ringlight.cli.arguments import Device, MaybeFolder
 from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.gpu_build import tell_of_build
-from ringlight.cli.main import INTERRUPTED
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.run_training import RunOptions, check_steps, train_and_measure
@@ -152,8 +151,6 @@ def _refuse_flags_of_other_methods(arguments: list[str]) -> None:
 
 def _train(session: "Session", options: RunOptions) -> int:
     report = train_and_measure(session, options, f"ringlight train --resume {session.folder.path}")
-    if report is None:
-        return INTERRUPTED
     _print(report, options)
     if not options.json:
         sys.stderr.write(f"written to {session.folder.path}; see it with: ringlight render {session.folder.path}\n")

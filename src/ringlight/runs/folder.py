@@ -37,6 +37,11 @@ class RunFolder:
         return [path for path in paths if path.is_file()]
 
     @property
+    def recorded(self) -> bool:
+        """Whether it holds what the run is: its scene, recipe and seed."""
+        return (self.path / RECORD_NAME).is_file()
+
+    @property
     def report(self) -> Path:
         """The numbers."""
         return self.path / REPORT_NAME

@@ -23,6 +23,9 @@ from ringlight.runs.limits import prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
 
+FIRST_SECONDS = 10.0
+"""Until the first checkpoint: what came before is repeated sooner than missed."""
+
 SAVE_SECONDS = 60.0
 """Between two checkpoints: what a run may lose."""
 
@@ -88,18 +91,20 @@ class Session:
     def resume(path: Path) -> "Session":
         """Go on with a run where its last checkpoint was written, with the same bits as if it had never stopped.
 
-        Where that one is damaged, ``warnings`` says so and the one before it is used. Raises RunError if there is no
-        checkpoint, the scene has other training views now, or another process trains this run; ModelFileError if all
-        checkpoints are damaged.
+        Where that one is damaged, ``warnings`` says so and the one before it is used; a run without any begins again.
+        Raises RunError if the scene has other training views now, or another process trains this run; ModelFileError if
+        all checkpoints are damaged.
         """
         folder = RunFolder.open(path)
         record = RunRecord.read(path)
         lock = RunLock(path)
         memory = PeakMemory()
-        stored, warnings = read_checkpoint(folder)
         if not record.scene.is_dir():
             remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
             raise RunError(f"{record.scene}: the scene of {path} is gone; {remedy}")
+        if not folder.checkpoints:
+            return Session._from_step_0(folder, record, lock, memory)
+        stored, warnings = read_checkpoint(folder)
         scene = load_scene(record.scene, record.options)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         try:
@@ -123,6 +128,13 @@ class Session:
             )
         sweep(folder.path)
         return Session(folder, record, scene, training, clock, lock, memory, warnings, _good=training.step)
+
+    @staticmethod
+    def _from_step_0(folder: RunFolder, record: RunRecord, lock: RunLock, memory: PeakMemory) -> "Session":
+        """The run that ``record`` describes, which ended before its first checkpoint."""
+        run = prepare_run(load_scene(record.scene, record.options), record.recipe, record.seed, record.device)
+        sweep(folder.path)
+        return Session(folder, record, run.scene, run.training, Clock(), lock, memory, run.warnings)
 
     def steps(self) -> Iterator[Progress]:
         """The training steps that remain; the clock runs only while a step runs."""
@@ -170,7 +182,8 @@ class Session:
         """What a run that cannot be saved at this step has lost."""
         step = self.training.step
         if self._good < 0 or not self.folder.checkpoints:
-            return f"stopped after step {step} without a checkpoint"
+            again = f"; begin again with: ringlight train --resume {self.folder.path}" if self.folder.recorded else ""
+            return f"stopped after step {step} without a checkpoint{again}"
         last = f"the last good checkpoint is of step {self._good}"
         return f"stopped after step {step}; {last}, go on with: ringlight train --resume {self.folder.path}"
 
@@ -183,11 +196,12 @@ class Session:
 
 
 class Saver:
-    """Calls ``save`` every so often: every ``seconds``, or without them by :data:`SAVE_SECONDS` and its share."""
+    """Calls ``save`` every so often: every ``seconds``, or without them after :data:`FIRST_SECONDS`, and then by
+    :data:`SAVE_SECONDS` and its share."""
 
     def __init__(self, save: Callable[[], None], seconds: float | None):
         self.save, self.seconds = save, seconds
-        self.pause = SAVE_SECONDS if seconds is None else seconds
+        self.pause = FIRST_SECONDS if seconds is None else seconds
         self.begun = self.last = time.monotonic()
         self.spent = 0.0
 

@@ -1,0 +1,83 @@
+"""Standard output and error as every command needs them: there, of any encoding, and never a reason to end.
+
+A training must not end because nobody reads what it says any more: the reader of a pipe leaves, a terminal is closed.
+"""
+
+import errno
+import os
+import sys
+from pathlib import Path
+from typing import Any, TextIO
+
+LOST = frozenset({errno.EPIPE, errno.EIO, errno.EBADF, errno.ENXIO, errno.ENOTCONN, errno.ECONNRESET, errno.ESHUTDOWN})
+"""What the system says where the other end of a stream is gone: pipe, terminal, file descriptor, socket."""
+
+STANDARD = 3
+"""File descriptors that belong to standard input, output and error."""
+
+
+NARROWEST = 20
+"""Columns; who claims fewer (``COLUMNS=0``) does not know, and the terminal is asked."""
+
+
+class Lasting:
+    """A text stream that goes on into nothing once its other end is gone; else the stream itself.
+
+    ``essential`` is one whose loss for another reason, as a full disk, is an OSError.
+    """
+
+    def __init__(self, stream: TextIO, essential: bool = True):
+        self._stream, self._essential = stream, essential
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError as error:
+            self._bear(error)
+            return len(text)
+
+    def writelines(self, lines: Any) -> None:
+        for line in lines:
+            self.write(line)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError as error:
+            self._bear(error)
+
+    def _bear(self, error: OSError) -> None:
+        """From now on what is written, and what still waits to be, goes nowhere."""
+        if self._essential and error.errno not in LOST:
+            raise error
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)
+
+
+def lasting_streams() -> None:
+    """Make standard output and error of this process so; a character that they cannot encode becomes '?', and a width
+    that cannot be is forgotten."""
+    _fill_descriptors()
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name) or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  (to the end)
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+        setattr(sys, name, Lasting(stream, essential=name == "stdout"))
+    claimed = os.environ.get("COLUMNS", "")
+    if not (claimed.isdecimal() and int(claimed) >= NARROWEST):
+        os.environ.pop("COLUMNS", None)
+
+
+def _fill_descriptors() -> None:
+    """Where a parent closed one of the three, the next file that is opened would take its number, and get what is
+    written to it."""
+    while True:
+        number = os.open(os.devnull, os.O_RDWR)
+        if number >= STANDARD:
+            os.close(number)
+            return
+        os.set_inheritable(number, True)  # a child process has three as well
