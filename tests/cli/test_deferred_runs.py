@@ -15,7 +15,7 @@ STEPS = 40
 @pytest.fixture
 def deferred(tiny: Path, tmp_path: Path, ringlight: Command) -> Path:
     run = tmp_path / "deferred"
-    words = ("--steps", STEPS, "--shading", "deferred", "--initial-points", "300", "--quiet", "--lpips")
+    words = ("--steps", STEPS, "--shading", "mirror", "--initial-points", "300", "--quiet", "--lpips")
     words += ("--save-every", "0.001")
     assert ringlight("train", tiny, "ringlight", *words, "--out", run).code == 0
     return run

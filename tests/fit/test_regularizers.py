@@ -28,7 +28,7 @@ def training_of(method: str, regularizers: dict[str, Regularizer]) -> Training:
     """Two views of tiny balls; the light field and the shader are on from the first step."""
     recipe = dataclasses.replace(METHODS[method], steps=30)
     if method == "ringlight":
-        recipe = dataclasses.replace(recipe, shading="forward")
+        recipe = dataclasses.replace(recipe, shading="basis")
     if method == "ringlight-mirror":
         shader = dataclasses.replace(recipe.shader, hidden=16, levels=(9, 5), gradient_share=1.0)
         recipe = dataclasses.replace(recipe, shader=shader)

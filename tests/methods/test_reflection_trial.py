@@ -31,7 +31,7 @@ def test_a_scene_without_masks_has_no_trial_and_is_lit_per_pixel_from_its_points
     settled, why = METHODS["ringlight"].settled(opaque_scene(), rasterizer_for("auto"), 0)
     assert method_of(settled) == "ringlight-mirror"
     assert why is not None
-    assert why.startswith("shading: deferred, as ringlight-mirror (no masks")
+    assert why.startswith("method: ringlight-mirror (no masks")
 
 
 def test_points_that_lie_on_nothing_are_no_surface():
@@ -47,17 +47,17 @@ def test_a_folder_without_points_has_none_that_lie_on_a_surface(tmp_path):
     assert not load_scene(folder, SceneOptions()).points.measured
 
 
-def test_masks_that_leave_nothing_are_lit_forward():
+def test_where_masks_leave_nothing_it_is_3dgs():
     scene = tiny_scene(views=FEWEST_VIEWS)
     beside = dataclasses.replace(scene, box=scene.box + 100)
     settled, why = METHODS["ringlight"].settled(beside, rasterizer_for("auto"), 0)
-    assert method_of(settled) == "ringlight-basis"
+    assert method_of(settled) == "3dgs"
     assert "leaves no surface" in why
 
 
-def test_few_photographs_without_masks_are_lit_forward():
+def test_few_photographs_without_masks_are_for_3dgs():
     settled, why = METHODS["ringlight"].settled(opaque_scene(FEWEST_VIEWS - 1), rasterizer_for("auto"), 0)
-    assert method_of(settled) == "ringlight-basis"
+    assert method_of(settled) == "3dgs"
     assert f"fewer than {FEWEST_VIEWS}" in why
 
 
@@ -90,7 +90,7 @@ def test_a_background_that_only_shrinking_makes_even_has_no_trial():
 
 def test_few_photographs_have_no_trial():
     chosen = chosen_shading(tiny_scene(views=FEWEST_VIEWS - 1), rasterizer_for("auto"), 0, 5)
-    assert chosen == ("forward", f"fewer than {FEWEST_VIEWS} photographs")
+    assert chosen == ("harmonics", f"fewer than {FEWEST_VIEWS} photographs")
 
 
 def test_the_trial_is_no_longer_than_the_run_and_repeats_itself():
@@ -111,6 +111,7 @@ def test_a_gain_of_a_decibel_decides():
 def test_a_gain_that_is_too_small_says_what_it_must_be():
     close, clear, behind = (ReflectionTrial(1, 20.0, reflections) for reflections in (20.5, 22.0, 19.0))
     assert str(close).endswith("; reflections must gain 1 dB and gain 0.50")
+    assert str(ReflectionTrial(1, 20.0, 20.996)).endswith("and gain 0.99")
     assert "must gain" not in str(clear) + str(behind)
 
 

@@ -12,7 +12,7 @@ from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
 
 RINGLIGHT = RingLightRecipe()
-METHOD_OF_SHADING = {"forward": "ringlight-basis", "deferred": "ringlight-mirror"}
+METHOD_OF_SHADING = {"basis": "ringlight-basis", "mirror": "ringlight-mirror", "harmonics": "3dgs"}
 
 
 def settled(recipe: RingLightRecipe):
@@ -31,7 +31,7 @@ def test_where_it_is_open_the_trial_decides_and_gives_the_reason(
     monkeypatch.setattr(reflection_trial, "chosen_shading", lambda *_: (shading, "told so"))
     recipe, why = settled(RINGLIGHT)
     assert method_of(recipe) == method
-    assert why == f"shading: {shading}, as {method} (told so)"
+    assert why == f"method: {method} (told so)"
     assert settled(recipe) == (recipe, None)
 
 
@@ -46,7 +46,7 @@ def test_its_settings_are_those_of_the_chosen_method(shading: str, method: str):
 def test_pixels_are_antialiased_unless_that_was_said(given: bool | None):
     for shading in METHOD_OF_SHADING:
         recipe, _ = settled(RingLightRecipe(shading=shading, antialiased=given))
-        assert recipe.antialiased is (shading == "deferred" if given is None else given)
+        assert recipe.antialiased is (shading == "mirror" if given is None else given)
 
 
 def test_there_is_no_model_of_a_choice():

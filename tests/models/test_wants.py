@@ -25,7 +25,7 @@ def model(request: pytest.FixtureRequest) -> SplatModel:
     method, lit = request.param
     recipe: Any = METHODS[method]
     if any(field.name == "shading" for field in dataclasses.fields(recipe)):
-        recipe = dataclasses.replace(recipe, shading="forward")
+        recipe = dataclasses.replace(recipe, shading="basis")
     found = subject_of_workload(method, recipe, Size.parse("4k@64"), rasterizer_for("cpu")).training.model
     with torch.no_grad():
         found.columns["opacity_logits"].fill_(2.0)

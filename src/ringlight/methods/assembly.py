@@ -30,12 +30,13 @@ class Course:
     """How a recipe's parts are trained, besides what all recipes have as settings.
 
     ``groups`` are Adam's by parameter name, but for the geometry; ``unlocks`` are the buffers that begin at zero, and
-    what each becomes at which step; ``last`` comes after density control.
+    what each becomes at which step; ``surface_opacity`` is that of first Gaussians on points whose normals are known;
+    ``last`` comes after density control.
     """
 
     groups: dict[str, Adam]
     unlocks: Mapping[str, Mapping[int, int]] = field(default_factory=dict)
-    opacity: float = INITIAL_OPACITY
+    surface_opacity: float = INITIAL_OPACITY
     coarse_steps: int = 0
     last: tuple[Strategy, ...] = ()
     regularizers: Mapping[str, Regularizer] = field(default_factory=dict)
@@ -58,7 +59,8 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     """
     recipe = recipe.at_length()
     course, (color, shader) = recipe.course(scene), recipe.parts(scene.box, seed)
-    table, options = gaussians_from_points(points, color, course.opacity), RasterOptions(antialiased=recipe.antialiased)
+    opacity = INITIAL_OPACITY if points.normals is None else course.surface_opacity
+    table, options = gaussians_from_points(points, color, opacity), RasterOptions(antialiased=recipe.antialiased)
     model = SplatModel(table, color, shader, rasterize, options)
     for buffer in course.unlocks:
         model.get_buffer(buffer).zero_()

@@ -22,7 +22,7 @@ def pareto(method: str, recipe: SplatRecipe) -> tuple[Variant, ...]:
     """3dgs as it is, harmonics of degree 0 to 3 that grow and drop as ringlight-basis does, and ``recipe``."""
     plain = ThreeDGSRecipe(steps=recipe.steps)
     ours = RingLightBasisRecipe()
-    dense = replace(plain, densify=ours.densify, rates=ours.rates)
+    dense = replace(plain, densify=ours.densify, rates=ours.rates, start=ours.start)
     by_degree = {f"3dgs-degree-{degree}": replace(dense, sh_degree=degree) for degree in range(plain.sh_degree + 1)}
     whole = _name("3dgs", "steps", recipe.steps)
     bounded = [

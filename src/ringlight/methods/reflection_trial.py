@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from statistics import fmean
 from typing import Literal
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -23,6 +22,7 @@ from ringlight.data.surface import guessed_masks, points_on_hull
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.surface_start import FEWEST_VIEWS, SurfaceStart
 from ringlight.methods.three_dgs import PAPER_DC_RATE, PAPER_REST_RATE, ThreeDGSRecipe
 from ringlight.rasterize.contract import Rasterizer
 
@@ -34,9 +34,6 @@ SIDE = 200
 
 HELD_OUT_EVERY = 10
 """Photographs of which one is kept from both trainings, and compared with."""
-
-FEWEST_VIEWS = 12
-"""Of fewer photographs a hull is a rough guess, and the rest too few to judge by."""
 
 LEAST_GAIN = 1.0
 """dB, from which on a scene counts as reflecting. Matte scenes gained at most 0.4, mirrors and coats at least 1.5."""
@@ -58,17 +55,20 @@ class ReflectionTrial:
 
     def __str__(self) -> str:
         gain = self.reflections - self.harmonics
-        short = f"; reflections must gain {LEAST_GAIN:g} dB and gain {gain:.2f}" if 0 < gain < LEAST_GAIN else ""
+        short = (
+            f"; reflections must gain {LEAST_GAIN:g} dB and gain {math.floor(100 * gain) / 100:.2f}"
+            if 0 < gain < LEAST_GAIN
+            else ""
+        )
         return (
-            f"on the visual hull reflections reach {self.reflections:.1f} dB "
-            f"and harmonics at 3DGS's rates {self.harmonics:.1f} dB after {self.steps} steps, "
-            f"on training views held out{short}"
+            f"a trial of {self.steps} steps reached {self.reflections:.1f} dB with reflections and "
+            f"{self.harmonics:.1f} dB with harmonics at 3DGS's rates, on photographs held out{short}"
         )
 
 
 def chosen_shading(
     scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int
-) -> tuple[Literal["forward", "deferred"], str]:
+) -> tuple[Literal["basis", "mirror", "harmonics"], str]:
     """How to light a scene, and why.
 
     Where nothing cuts the subject out there is no surface to try on. From enough points on one, light per pixel had
@@ -76,16 +76,16 @@ def chosen_shading(
     (docs/experiments/without-masks.md).
     """
     if len(scene.train) < FEWEST_VIEWS:
-        return "forward", f"fewer than {FEWEST_VIEWS} photographs"
+        return "harmonics", f"fewer than {FEWEST_VIEWS} photographs"
     trial = reflection_trial(scene, rasterize, seed, most_steps)
     if trial is not None:
-        return "deferred" if trial.reflects else "forward", str(trial)
+        return "mirror" if trial.reflects else "basis", str(trial)
     if masks_of(scene.train) or on_even_background(scene.train, scene.background_color):
-        return "forward", "what cuts the subject out of the photographs leaves no surface in the scene's box"
+        return "harmonics", "what cuts the subject out of the photographs leaves no surface in the scene's box"
     nothing_to_carve = "no masks or even background to carve a surface by"
     if not scene.points.measured or len(scene.points.positions) < FEWEST_FOR_BOX:
-        return "forward", f"{nothing_to_carve}, and fewer than {FEWEST_FOR_BOX} points that lie on one"
-    return "deferred", f"{nothing_to_carve}, so that its points are the first surface"
+        return "basis", f"{nothing_to_carve}, and fewer than {FEWEST_FOR_BOX} points that lie on one"
+    return "mirror", f"{nothing_to_carve}, so that its points are the first surface"
 
 
 def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int) -> ReflectionTrial | None:
@@ -124,19 +124,14 @@ def _harmonics(
     recipe = ThreeDGSRecipe(
         steps=mirror.steps,
         coarse_steps=0,
+        start=SurfaceStart(opacity=mirror.opacity),
         densify=mirror.densify_on_hull(scene),
         antialiased=mirror.antialiased,
         rates=mirror.rates,
         sh_rate=PAPER_DC_RATE,
         sh_rest_rate=PAPER_REST_RATE,
     )
-    training = recipe.build_on(points, scene, rasterize, seed)
-    if points.normals is None:
-        return training
-    logits = training.model.get_parameter("columns.opacity_logits").detach()
-    opaque = torch.full_like(logits, mirror.opacity).logit()
-    training.optimizer.replace("columns.opacity_logits", opaque)
-    return training
+    return recipe.build_on(points, scene, rasterize, seed)
 
 
 def _psnr_after(training: Training, held: list[View], background: Float[Tensor, "3"]) -> float:

@@ -1,4 +1,4 @@
-"""ringlight: looks at the scene and chooses how to light it, by a shared basis of harmonics or as a mirror.
+"""ringlight: looks at the scene and chooses how to light it: by a shared basis of harmonics, as a mirror, or as 3dgs.
 
 What it leaves open is decided here and in ``reflection_trial.py``, once, when a run starts: the run, its files and its
 report are of the method that was chosen.
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from ringlight.errors import RecipeError
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.three_dgs import ThreeDGSRecipe
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -19,6 +20,17 @@ if TYPE_CHECKING:
     from ringlight.fit.train import Training
     from ringlight.models.contract import Model
     from ringlight.rasterize.contract import Rasterizer
+
+
+Shading = Literal["basis", "mirror", "harmonics"]
+Chosen = RingLightBasisRecipe | RingLightMirrorRecipe | ThreeDGSRecipe
+
+SHADINGS: dict[Shading, tuple[str, type[Chosen]]] = {
+    "basis": ("ringlight-basis", RingLightBasisRecipe),
+    "mirror": ("ringlight-mirror", RingLightMirrorRecipe),
+    "harmonics": ("3dgs", ThreeDGSRecipe),
+}
+"""Methods to choose from, whose recipes have what a ``RingLightRecipe`` sets."""
 
 
 @dataclass(frozen=True)
@@ -37,39 +49,36 @@ class GrowthBound:
 
 @dataclass(frozen=True)
 class RingLightRecipe:
-    """RingLight: ringlight-basis or ringlight-mirror, whichever suits the scene."""
+    """RingLight: ringlight-basis or ringlight-mirror, whichever suits the scene, or 3dgs where neither does."""
 
     steps: int = 30_000
     """Training steps, one photograph each."""
-    shading: Literal["auto", "forward", "deferred"] = "auto"
-    """forward lights each Gaussian: ringlight-basis. deferred lights each pixel of the surface that they blend to:
-    ringlight-mirror. auto: decided by a short trial where masks or an even background cut the subject out of the
-    photographs, so that a surface can be carved; elsewhere deferred, from points on a surface, and forward without such
-    points or with few photographs."""
+    shading: Literal["auto", "basis", "mirror", "harmonics"] = "auto"
+    """basis: each Gaussian is lit, by harmonics mixed of a few that all share; ringlight-basis. mirror: each pixel is
+    lit, by what its surface reflects; ringlight-mirror. harmonics: 3dgs. auto: basis or mirror by a short trial where
+    masks or an even background cut the subject out of the photographs, so that a surface can be carved; elsewhere mirror
+    from points on a surface, and basis without such points; harmonics for few photographs, or where these show no
+    subject."""
     antialiased: bool | None = None
-    """Rasterize with the opacity compensation of Mip-Splatting; by default only with deferred shading."""
+    """Rasterize with the opacity compensation of Mip-Splatting; by default only as a mirror."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     densify: GrowthBound = field(default_factory=GrowthBound)
     """The bound on the number of Gaussians, whichever method is chosen."""
 
-    def settled(
-        self, scene: "Scene", rasterize: "Rasterizer", seed: int
-    ) -> "tuple[RingLightBasisRecipe | RingLightMirrorRecipe, str | None]":
+    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[Chosen, str | None]":
         """The recipe of the chosen method with these settings, and why it was chosen, unless the user did."""
-        shading, why = self.shading, None
-        if shading == "auto":
-            from ringlight.methods.reflection_trial import chosen_shading
+        if self.shading != "auto":
+            return self._as(self.shading), None
+        from ringlight.methods.reflection_trial import chosen_shading
 
-            shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
-            method = "ringlight-basis" if shading == "forward" else "ringlight-mirror"
-            why = f"shading: {shading}, as {method} ({reason})"
-        chosen: RingLightBasisRecipe | RingLightMirrorRecipe
-        chosen = RingLightBasisRecipe() if shading == "forward" else RingLightMirrorRecipe()
+        shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
+        return self._as(shading), f"method: {SHADINGS[shading][0]} ({reason})"
+
+    def _as(self, shading: Shading) -> Chosen:
+        chosen: Chosen = SHADINGS[shading][1]()
         chosen = replace(chosen, steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
-        if self.antialiased is not None:
-            chosen = replace(chosen, antialiased=self.antialiased)
-        return chosen.at_length(), why
+        return (chosen if self.antialiased is None else replace(chosen, antialiased=self.antialiased)).at_length()
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.settled(scene, rasterize, seed)[0].build(scene, rasterize, seed)

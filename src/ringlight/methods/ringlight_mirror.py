@@ -152,5 +152,5 @@ class RingLightMirrorRecipe(SplatRecipe):
                 "shader.sphere": lit(self.sphere_rate),
             },
             unlocks={"shader.lit": {first_lit: 1}},
-            opacity=self.opacity,
+            surface_opacity=self.opacity,
         )

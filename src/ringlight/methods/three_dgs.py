@@ -22,6 +22,7 @@ from ringlight.fit.rates import (
 )
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.methods.surface_start import SurfaceStart
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
 
     from ringlight.color.contract import ColorModel
     from ringlight.core.scene import Scene
+    from ringlight.fit.train import Training
     from ringlight.methods.assembly import Course
+    from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
 
 DEGREE_SHARE = 7
@@ -73,6 +76,8 @@ class ThreeDGSRecipe(SplatRecipe):
     sh_rest_rate: float | None = None
     """Learning rate of the view-dependent coefficients. By default 3DGS's 1.25e-4 in a run of its 30,000 steps or more;
     a run half as long takes twice of it, and none more than 2.5e-3."""
+    start: SurfaceStart = field(default_factory=SurfaceStart)
+    """Where Gaussians start. 3DGS takes the scene's points."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
@@ -94,6 +99,9 @@ class ThreeDGSRecipe(SplatRecipe):
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
         return replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest)
 
+    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        return self.build_on(self.start.points_in(scene, seed), scene, rasterize, seed)
+
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.harmonics import SphericalHarmonics
         from ringlight.shade.passthrough import PassThrough
@@ -112,6 +120,7 @@ class ThreeDGSRecipe(SplatRecipe):
                 "columns.sh_rest": Adam(held(of_rest)),
             },
             unlocks={"color.active_degree": {degree * every: degree for degree in range(1, self.sh_degree + 1)}},
+            surface_opacity=self.start.opacity,
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
         )
 

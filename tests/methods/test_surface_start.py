@@ -1,0 +1,75 @@
+"""Gaussians start on the visual hull where masks give one, and on the scene's points elsewhere."""
+
+import dataclasses
+
+import pytest
+import torch
+
+from ringlight.core.scene import Scene, View
+from ringlight.errors import RecipeError
+from ringlight.methods.ringlight_basis import FIRST_GAUSSIANS, RingLightBasisRecipe
+from ringlight.methods.surface_start import FEWEST_VIEWS, SurfaceStart
+from ringlight.methods.three_dgs import ThreeDGSRecipe
+from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import BALLS, tiny_scene
+
+OF_HULL = SurfaceStart(points=500)
+
+
+def without_masks(scene: Scene) -> Scene:
+    def opaque(view: View) -> View:
+        return dataclasses.replace(view, load=lambda: view.load()[..., :3], has_alpha=False)
+
+    return dataclasses.replace(scene, train=tuple(opaque(view) for view in scene.train))
+
+
+def test_points_of_the_hull_lie_around_the_balls_and_differ_by_seed():
+    points = OF_HULL.points_in(tiny_scene(views=FEWEST_VIEWS), seed=0)
+    assert points.positions.shape == (500, 3)
+    assert points.normals is not None
+    centers, radii = torch.from_numpy(BALLS[:, :3]).float(), torch.from_numpy(BALLS[:, 3]).float()
+    depth = radii - torch.cdist(points.positions, centers)
+    assert depth.max(1).values.quantile(0.05) > -0.35, "a hull of twelve views is somewhat wider than what it holds"
+    assert depth.max() < 0.2, "no point lies deep inside"
+    assert not torch.equal(points.positions, OF_HULL.points_in(tiny_scene(views=FEWEST_VIEWS), seed=1).positions)
+
+
+@pytest.mark.parametrize(
+    ("start", "scene"),
+    [
+        (SurfaceStart(points=0), tiny_scene(views=FEWEST_VIEWS)),
+        (OF_HULL, without_masks(tiny_scene(views=FEWEST_VIEWS))),
+        (OF_HULL, tiny_scene(views=FEWEST_VIEWS - 1)),
+        (OF_HULL, dataclasses.replace(tiny_scene(views=FEWEST_VIEWS), box=torch.full((2, 3), 100.0) + torch.eye(2, 3))),
+    ],
+    ids=["not asked for", "no masks", "few photographs", "masks that leave nothing"],
+)
+def test_without_a_hull_the_scenes_points_are_taken(start: SurfaceStart, scene: Scene):
+    assert start.points_in(scene, seed=0) is scene.points
+
+
+@pytest.mark.parametrize("recipe", [RingLightBasisRecipe(steps=20), ThreeDGSRecipe(steps=20)])
+def test_gaussians_on_the_hull_are_discs_of_their_own_opacity(recipe: RingLightBasisRecipe | ThreeDGSRecipe):
+    asked = dataclasses.replace(recipe, start=dataclasses.replace(OF_HULL, opacity=0.6))
+    model = asked.build(tiny_scene(views=FEWEST_VIEWS), rasterizer_for("auto"), 0).model
+    scales = model.get_parameter("columns.log_scales")
+    assert torch.allclose(model.get_parameter("columns.opacity_logits").sigmoid(), torch.tensor(0.6))
+    assert scales.shape == (500, 3)
+    assert (scales[:, 2] < scales[:, 0]).all()
+
+
+def test_the_basis_starts_on_the_hull_and_3dgs_on_the_scenes_points():
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    begun = {
+        recipe.build(scene, rasterizer_for("auto"), 0).model.counted().number for recipe in (RingLightBasisRecipe(),)
+    }
+    assert begun == {FIRST_GAUSSIANS}
+    theirs = ThreeDGSRecipe().build(scene, rasterizer_for("auto"), 0).model
+    assert theirs.counted().number == len(scene.points.positions)
+    assert torch.allclose(theirs.get_parameter("columns.opacity_logits").sigmoid(), torch.tensor(0.1))
+
+
+@pytest.mark.parametrize("wrong", [{"points": -1}, {"opacity": 0.0}, {"opacity": 1.0}, {"opacity": float("nan")}])
+def test_settings_out_of_range_are_refused(wrong: dict[str, float]):
+    with pytest.raises(RecipeError, match=f"start.{next(iter(wrong))}"):
+        SurfaceStart(**wrong)
