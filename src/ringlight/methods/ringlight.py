@@ -56,9 +56,9 @@ class RingLightRecipe:
     shading: Literal["auto", "basis", "mirror", "harmonics"] = "auto"
     """basis: each Gaussian is lit, by harmonics mixed of a few that all share; ringlight-basis. mirror: each pixel is
     lit, by what its surface reflects; ringlight-mirror. harmonics: 3dgs. auto: basis or mirror by a short trial where
-    masks or an even background cut the subject out of the photographs, so that a surface can be carved; elsewhere mirror
-    from points on a surface, and basis without such points; harmonics for few photographs, or where these show no
-    subject."""
+    masks or an even background cut the subject out of the photographs, so that a surface can be carved; elsewhere
+    mirror from points on a surface, and basis without such points; harmonics for few photographs, or where these show
+    no subject."""
     antialiased: bool | None = None
     """Rasterize with the opacity compensation of Mip-Splatting; by default only as a mirror."""
     visible_only: bool = False
