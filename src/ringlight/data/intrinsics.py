@@ -8,6 +8,10 @@ from ringlight.errors import SceneError
 MAX_PIXELS = 1e8
 """Largest focal length, offset or side believed, in pixels; anything beyond is a damaged number."""
 
+MOST_RESIZED = 64
+"""Times that a photograph may be smaller or larger than its camera: beyond that it is another picture, a thumbnail or a
+placeholder."""
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -22,7 +26,8 @@ class Intrinsics:
         """The same pinhole in the pixels of the image at hand, which may have been resized since.
 
         Raises:
-            SceneError: one is upright and the other lies on its side (an image that was turned).
+            SceneError: one is upright and the other lies on its side (an image that was turned), or their shapes differ
+                by more than whole pixels explain (an image that was cropped or stretched).
         """
         if (width, height) == (self.width, self.height):
             return self
@@ -32,6 +37,14 @@ class Intrinsics:
                 "by a quarter; store the image the way it was when the poses were found"
             )
         x, y = width / self.width, height / self.height
+        # Either side was rounded to whole pixels, up or down, in the smaller of the two grids.
+        rounding = x / min(width, self.width) + y / min(height, self.height)
+        if abs(x - y) > rounding or not 1 / MOST_RESIZED <= max(x, y) <= MOST_RESIZED:
+            raise SceneError(
+                f"{where} has an image of {width}x{height} pixels and a camera of {self.width}x{self.height}, which is "
+                "no resized form of it; use the photographs that the poses were found with, not cropped or stretched "
+                "ones"
+            )
         focal = (self.focal[0] * x, self.focal[1] * y)
         return Intrinsics(focal, (self.center[0] * x, self.center[1] * y), width, height)
 
