@@ -6,6 +6,7 @@ from types import ModuleType
 from ringlight.core.scene import Scene
 from ringlight.data import blender, colmap, nerfstudio
 from ringlight.data.options import SceneOptions
+from ringlight.data.unposed import remedy_without_cameras
 from ringlight.errors import SceneError
 
 FORMATS: dict[str, ModuleType] = {"colmap": colmap, "blender": blender, "nerfstudio": nerfstudio}
@@ -33,7 +34,8 @@ def load_scene(path: str | Path, options: SceneOptions | None = None) -> Scene:
     folder, options = Path(path), options or SceneOptions()
     try:
         if folder.is_file():
-            raise SceneError(f"{folder}: is a file, not a folder; give the folder that holds it: {folder.parent}")
+            remedy = remedy_without_cameras(folder) or f"give the folder that holds it: {folder.parent}"
+            raise SceneError(f"{folder}: is a file, not a folder; {remedy}")
         if not folder.is_dir():
             raise SceneError(f"{folder}: no such folder; check the path")
         return _format_of(folder, options).load(folder, options)
@@ -60,7 +62,7 @@ def _scenes_near(folder: Path, modules: list[ModuleType]) -> str:
         return f"give the folder above, which has cameras: {above}"
     inside = [path for path in sorted(folder.iterdir()) if any(module.recognises(path) for module in modules)]
     if not inside:
-        return "give the folder that holds one of them"
+        return remedy_without_cameras(folder) or "give the folder that holds one of them"
     return f"give a scene inside it: {', '.join(map(str, inside[:MOST_NAMED]))}" + (
         ", ..." * (len(inside) > MOST_NAMED)
     )
