@@ -25,7 +25,8 @@ def remedy_without_cameras(path: Path) -> str | None:
         photographs = path / name
         count = sum(file.suffix.lower() in PHOTOGRAPHS for file in photographs.iterdir()) if photographs.is_dir() else 0
         if count:
-            return f"it holds {count} photograph{'s' * (count != 1)} without cameras; find these with COLMAP: {_colmap(photographs)}"
+            noun = "photograph" if count == 1 else "photographs"
+            return f"it holds {count} {noun} without cameras; find these with COLMAP: {_colmap(photographs)}"
     film = next((file for file in sorted(path.iterdir()) if file.suffix.lower() in FILMS), None)
     return None if film is None else _of_film(film)
 
