@@ -1,6 +1,7 @@
 """Density control: who is cloned, split, pruned; budget, resets, and that counting can resume."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -9,6 +10,7 @@ from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Footprint, Rendering
 from ringlight.errors import RecipeError
+from ringlight.fit import room
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.strategies.densify import Densify, accumulate_screen_gradients_
@@ -87,6 +89,24 @@ def test_the_budget_goes_to_the_largest_gradients():
 def test_the_budget_is_the_pixels_of_a_photograph_unless_given():
     assert DensifySettings().within(160_000).max_gaussians == 160_000
     assert DensifySettings(max_gaussians=7).within(160_000).max_gaussians == 7
+
+
+def test_without_the_pixels_nothing_bounds_the_growth():
+    unbounded = DensifySettings(threshold=0.1, begin=0, every=1, stop=1.0, pixel_bound=False)
+    assert unbounded.within(1) == unbounded
+    assert replace(unbounded, max_gaussians=7).within(1).max_gaussians == 7
+    model = model_of([SMALL] * 4, [0.5] * 4)
+    densify_once(model, [0.2, 0.5, 0.3, 0.4], unbounded)
+    assert len(model) == 8
+
+
+def test_growth_without_a_bound_is_refused_before_memory_is_out(monkeypatch: pytest.MonkeyPatch):
+    unbounded = DensifySettings(threshold=0.1, begin=0, every=1, stop=1.0, pixel_bound=False)
+    model = model_of([SMALL] * 4, [0.5] * 4)
+    monkeypatch.setattr(room, "machine_memory", lambda: 7 * 2 * (room.COPIES * 4 * 59 + room.WORK_BYTES))
+    with pytest.raises(RecipeError, match=r"step 1: .* would make 8 Gaussians, and 50% .* holds 7; bound it"):
+        densify_once(model, [0.2, 0.5, 0.3, 0.4], unbounded)
+    assert len(model) == 4
 
 
 def test_never_everything_is_removed():

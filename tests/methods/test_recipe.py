@@ -1,10 +1,12 @@
 """Recipes survive JSON; what a file holds instead is refused with the place where it stands."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
 
 import pytest
 
+from ringlight.core.later import came_later
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import METHODS
@@ -33,6 +35,27 @@ def test_damaged_settings_are_named(light: object, said: str):
         recipe_from_dict(type(recipe), changed(recipe_to_dict(recipe), {"light": light}), "run")
     assert said in str(caught.value)
     assert ".;" not in str(caught.value)
+
+
+@pytest.mark.parametrize("preset", METHODS)
+def test_a_file_that_lacks_a_later_setting_means_what_there_was_before(preset: str):
+    recipe = METHODS[preset]
+    older, expected = without_later(recipe)
+    assert recipe_from_dict(type(recipe), json.loads(json.dumps(older))) == expected
+
+
+def without_later(record: Any) -> tuple[dict[str, Any], Any]:
+    """Settings as an older program wrote them, and the record with the later ones at their defaults."""
+    stored, before = {}, {}
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if is_dataclass(value):
+            stored[field.name], before[field.name] = without_later(value)
+        elif came_later(field):
+            before[field.name] = field.default
+        else:
+            stored[field.name] = value
+    return stored, replace(record, **before)
 
 
 def changed(stored: dict, changes: dict) -> dict:

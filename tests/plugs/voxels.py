@@ -201,6 +201,7 @@ class VoxelRecipe:
     """Learning rate of density and colour."""
 
     most: int | None = None
+    random_points: int = 0
 
     def settled(self, scene: Scene, rasterize: "Rasterizer", seed: int) -> "tuple[VoxelRecipe, None]":
         return self, None

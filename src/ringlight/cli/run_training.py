@@ -59,8 +59,8 @@ def train_and_measure(session: "Session", options: RunOptions, resume_with: str)
             raise
         sys.stderr.write(f"stopped at once; go on from the last checkpoint with: {resume_with}\n")
         raise Stopped(signal.SIGINT) from None
-    except BackendError as error:
-        raise BackendError(f"{error}; {session.way_on()}") from error
+    except (BackendError, RecipeError) as error:
+        raise type(error)(f"{error}; {session.way_on()}") from error
     except (MemoryError, RuntimeError) as error:
         # Nothing is saved: the step under way may have moved some of the parameters.
         if not is_out_of_memory(error):

@@ -22,9 +22,11 @@ def verify_run(scene_path: Path, options: SceneOptions, recipe: Recipe, seed: in
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene
     from ringlight.runs.limits import prepare_run
+    from ringlight.runs.starting_points import with_points_of
     from ringlight.runs.verify import verify
 
-    prepared = prepare_run(load_scene(scene_path, options), recipe, seed, device)
+    scene = load_scene(scene_path, with_points_of(recipe, options))
+    prepared = prepare_run(scene, recipe, seed, device)
     for warning in prepared.warnings:
         sys.stderr.write(f"warning: {warning}\n")
     recipe, scene = prepared.recipe, prepared.scene

@@ -18,6 +18,7 @@ from typing import (
     runtime_checkable,
 )
 
+from ringlight.core.later import came_later
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -32,13 +33,19 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Recipe(Protocol):
-    """One paper's settings, a frozen dataclass. Nobody asks what kind it is, nor for a setting but ``steps``."""
+    """One paper's settings, a frozen dataclass. Nobody asks what kind it is, nor for a setting but ``steps`` and
+    ``random_points``."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @property
     def steps(self) -> int:
         """The length of the run; schedules scale with it."""
+        ...
+
+    @property
+    def random_points(self) -> int:
+        """Random points that it starts from where a scene brings none; 0 where the photographs' size decides."""
         ...
 
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[Recipe, str | None]":
@@ -80,17 +87,19 @@ def recipe_to_dict(recipe: Recipe) -> dict[str, Any]:
 def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -> Settings:
     """Inverse of :func:`recipe_to_dict`.
 
-    ``values`` come from a file and may be anything. Raises RecipeError, with ``where`` in it, for a setting that is
-    missing or that this version does not know, or a value of another type than the setting's.
+    ``values`` come from a file and may be anything; one that lacks a setting of ``core/later.py`` means its default.
+    Raises RecipeError, with ``where`` in it, for another setting that is missing or that this version does not know, or
+    a value of another type than the setting's.
     """
     if not isinstance(values, Mapping):
         raise RecipeError(f"{where}: is not a group of settings; {DAMAGED}")
     hints = get_type_hints(kind)
-    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]  # of a dataclass
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]  # of a dataclass
+    known = {field.name for field in fields}
     unknown = sorted(set(values) - known)
     if unknown:
         raise RecipeError(f"{where}: unknown setting {unknown[0]!r}; it was written by another version of ringlight")
-    missing = sorted(known - set(values))
+    missing = sorted(known - set(values) - {field.name for field in fields if came_later(field)})
     if missing:
         another = "it was written by another version of ringlight, or it is damaged: train again"
         raise RecipeError(f"{where}: setting {missing[0]!r} is missing; {another}")

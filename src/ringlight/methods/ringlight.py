@@ -88,6 +88,11 @@ class RingLightRecipe:
         raise RecipeError("ringlight chooses a method by the scene; a model is of that method")
 
     @property
+    def random_points(self) -> int:
+        """As the photographs' size says, whichever method is chosen."""
+        return 0
+
+    @property
     def most(self) -> int | None:
         """How many Gaussians the user lets it end with, whichever method is chosen."""
         return self.densify.max_gaussians or None

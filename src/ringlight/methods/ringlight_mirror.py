@@ -116,7 +116,8 @@ class RingLightMirrorRecipe(SplatRecipe):
 
     def first_gaussians(self, scene: "Scene") -> int:
         """How many the run starts from where there is a hull to draw them from."""
-        most = self.densify_on_hull(scene).most_growing(self.steps)
+        bounded = dataclasses.replace(self.densify, pixel_bound=True).within(most_gaussians(scene.pixels))
+        most = bounded.most_growing(self.steps)
         return math.ceil(self.start_share * most)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":

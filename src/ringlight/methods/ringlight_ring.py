@@ -11,10 +11,20 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import RingSettings
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import FAST_SCALES, PAPER_MEANS, PAPER_SCALES, Adam, GaussianRates, Rate, check_rates
+from ringlight.fit.rates import (
+    FAST_SCALES,
+    PAPER_MEANS,
+    PAPER_OPACITIES,
+    PAPER_SCALES,
+    Adam,
+    GaussianRates,
+    Rate,
+    check_rates,
+)
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 
@@ -32,6 +42,9 @@ PRUNE_ROUNDS = 15
 
 PAPER_SCALE = 1e4
 """The paper's gamma, equation 9."""
+
+PAPER_POINTS = 100_000
+"""Random points of 3DGS, whose settings the paper takes where it names none."""
 
 OURS = RingLightSettings(
     ring=RingSettings(rank=8, features=24, head_hidden=64, position_nodes=256, view_bands=4, view_nodes=24),
@@ -75,6 +88,9 @@ class RingLightRingRecipe(SplatRecipe):
     """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
+    random_points: int = later(0)
+    """Random points to start from where the scene brings none and --initial-points states no number. 0: by the
+    photographs' size, 20,000 up to 200 pixels a side and 100,000 above."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     light: RingLightSettings = field(default_factory=lambda: OURS)
@@ -99,6 +115,8 @@ class RingLightRingRecipe(SplatRecipe):
             raise RecipeError(f"mask_penalty is {self.mask_penalty:g}; give 0 (none) or more")
         if not 0 <= self.field_beta2 < 1:
             raise RecipeError(f"field_beta2 is {self.field_beta2:g}; give 0 or more, and less than 1")
+        if self.random_points < 0:
+            raise RecipeError(f"random_points is {self.random_points}; give 0 (by the photographs' size) or more")
         if not 0 < self.field_epsilon < math.inf:
             raise RecipeError(f"field_epsilon is {self.field_epsilon:g}; give a number above zero")
 
@@ -132,13 +150,14 @@ class RingLightRingRecipe(SplatRecipe):
 
 PAPER = dataclasses.replace(
     RingLightRingRecipe(),
-    rates=GaussianRates(means=PAPER_MEANS, scales=PAPER_SCALES, hold=1.0),
+    rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES, hold=1.0),
+    random_points=PAPER_POINTS,
     warmup=0.1,
     light=RingLightSettings(gradient_share=0.25),
     field_rate=1e-4,
     field_rate_end=1e-4,
     field_epsilon=1e-8,
-    densify=DensifySettings(begin=PAPER_BEGIN, threshold=1.1),
+    densify=DensifySettings(begin=PAPER_BEGIN, threshold=1.1, pixel_bound=False),
     loss=PhotometricLoss(pixel="l2", scale=PAPER_SCALE),
 )
 """The paper's settings. It gives the Gaussians a rate of 0.0025 and does not say how base colours are stored: 0.01 on

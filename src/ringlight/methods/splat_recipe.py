@@ -30,6 +30,7 @@ class SplatRecipe(ABC):
     steps: int
     antialiased: bool = False
     visible_only: bool = False
+    random_points: int = 0
     rates: GaussianRates
     densify: DensifySettings
     loss: PhotometricLoss

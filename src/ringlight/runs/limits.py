@@ -10,20 +10,11 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from ringlight.core.memory import machine_memory
 from ringlight.core.scene import Scene
+from ringlight.fit.room import SHARE, most_rows
 from ringlight.fit.train import Training
 from ringlight.methods.recipe import Recipe
 from ringlight.rasterize.choose import rasterizer_for
-
-SHARE = 0.5
-"""Of the machine's memory for Gaussians; photographs, their float forms and the system share the rest."""
-
-COPIES = 5
-"""Of a row while it trains: value, gradient, two moments, and one while density control builds a new table."""
-
-WORK_BYTES = 400
-"""A Gaussian in the rasterizer's workspace, measured: 350 at 800 x 800 pixels."""
 
 
 @dataclass(frozen=True)
@@ -47,28 +38,18 @@ def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str) -> Prepare
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
     choosing = time.process_time() - begun if decided else 0.0
     training = recipe.build(scene, rasterizer_for(device), seed)
-    recipe, scene, warnings = bounded(recipe, scene, training, most_gaussians(training))
+    recipe, scene, warnings = bounded(recipe, scene, training, most_rows(training.model))
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
     note = training.model.note
     return PreparedRun(recipe, scene, training, decided, choosing, (*warnings, note) if note else warnings)
 
 
-def most_gaussians(training: Training, memory: int | None = None) -> int:
-    """As many as fit into their share of ``memory`` bytes, by default this machine's, or its GPU's if that draws."""
-    row = training.model.bytes_each()
-    if memory is None:
-        device = training.model.device
-        on_gpu = device.type == "cuda"
-        memory = torch.cuda.get_device_properties(device).total_memory if on_gpu else machine_memory()
-    return max(int(SHARE * memory) // (COPIES * row + WORK_BYTES), 1)
-
-
 def bounded(recipe: Recipe, scene: Scene, training: Training, most: int) -> tuple[Recipe, Scene, tuple[str, ...]]:
     """Recipe and scene of a run with no more than ``most`` Gaussians, and a sentence on each thing that was changed.
 
     A bound that the user stated is obeyed as it is: who gives --densify.max-gaussians knows better. What does not grow
-    is left alone.
+    is left alone; what grows without a bound fails once memory is short.
     """
     grown = [strategy.most for strategy in training.strategies if strategy.most is not None]
     if not grown:

@@ -22,6 +22,7 @@ from ringlight.runs.folder import RunFolder
 from ringlight.runs.limits import prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
+from ringlight.runs.starting_points import with_points_of
 
 FIRST_SECONDS = 10.0
 """Until the first checkpoint: what came before is repeated sooner than missed."""
@@ -79,6 +80,7 @@ class Session:
         if not 0 <= seed <= LARGEST_SEED:
             raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
         memory = PeakMemory()
+        options = with_points_of(recipe, options)
         run = prepare_run(load_scene(scene_path, options), recipe, seed, device)
         record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         folder = RunFolder.create(out)

@@ -22,6 +22,7 @@ from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
 from ringlight.runs.session import Session
+from ringlight.runs.starting_points import with_points_of
 
 State = Literal["finished", "started", "to do"]
 
@@ -56,7 +57,8 @@ class StudyRun:
         if not (self.folder / RECORD_NAME).is_file():
             return self
         record = RunRecord.read(self.folder)
-        asked = (_comparable(self.variant.recipe), self.seed, self.scene.resolve(), self.options)
+        options = with_points_of(self.variant.recipe, self.options)
+        asked = (_comparable(self.variant.recipe), self.seed, self.scene.resolve(), options)
         if (_comparable(record.recipe), record.seed, record.scene, record.options) != asked:
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
         return self

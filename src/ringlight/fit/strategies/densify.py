@@ -11,7 +11,9 @@ from ringlight import _kernels
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Rendering
+from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.room import SHARE, most_rows
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.morton import morton_order
 from ringlight.models.splats import SplatModel
@@ -90,6 +92,8 @@ class Densify:
         children = self._children(table.rows(split.nonzero()[:, 0]), step)
         added = _joined(clones, children)
         rows = torch.cat([keep.nonzero()[:, 0], len(table) + torch.arange(len(added), device=keep.device)])
+        if not self.most:
+            refuse_more_than_fit(len(rows), step, model)
         optimizer.edit_rows(rows[morton_order(torch.cat([table.means, added.means])[rows])], added)
         self._sums, self._views = torch.zeros(2, len(model), device=model.device)
 
@@ -122,6 +126,16 @@ class Densify:
             "log_scales": table.log_scales - math.log(SHRINK),
         }
         return Gaussians.from_columns(columns)
+
+
+def refuse_more_than_fit(rows: int, step: int, model: SplatModel) -> None:
+    """Raises RecipeError where a table that nothing bounds would not fit, before the system ends the process."""
+    fit = most_rows(model)
+    if rows > fit:
+        raise RecipeError(
+            f"step {step}: density control, which has no bound here, would make {rows:,} Gaussians, and {SHARE:.0%} of "
+            f"this machine's memory holds {fit:,}; bound it with --densify.max-gaussians"
+        )
 
 
 def accumulate_screen_gradients_(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 
 DROP_ROUNDS = 5
@@ -47,6 +48,9 @@ class DensifySettings:
     come first. 0 takes as many as a training photograph has pixels, since no view could tell more apart. Where a
     subject is cut out, ringlight-mirror takes one for every seven pixels, but at least 10,000 if there are as many
     pixels."""
+    pixel_bound: bool = later(True)
+    """Whether max_gaussians of 0 takes the photographs' pixels. Without it 0 is no bound, as in 3DGS: a run ends with
+    an error once they need more than half of the machine's memory."""
     drop_share: float = 0.0
     """Share of the Gaussians that is dropped once no more are added: those that add least to the training photographs.
     Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
@@ -80,8 +84,9 @@ class DensifySettings:
         return min(PAPER_BEGIN, steps // BEGIN_SHARE) if self.begin is None else self.begin
 
     def within(self, pixels: int) -> "DensifySettings":
-        """These settings with a bound that is a number; ``pixels`` are those of the largest training photograph."""
-        return self if self.max_gaussians else replace(self, max_gaussians=pixels)
+        """These settings with a bound that is a number, unless they want none; ``pixels`` are those of the largest
+        training photograph."""
+        return self if self.max_gaussians or not self.pixel_bound else replace(self, max_gaussians=pixels)
 
     def most_growing(self, steps: int) -> int:
         """The bound until Gaussians are dropped, in a run of so many ``steps``; 0 where there is none."""
