@@ -128,7 +128,7 @@ def test_every_number_of_a_camera_is_looked_at_alone():
 def test_sizes_that_the_light_field_does_not_take_are_refused(name: str, size: int):
     sizes = {"rank": 8, "features": 12, "render_hidden": 32, "modulation_hidden": 0, "nodes": 8, "view_nodes": 4}
     with pytest.raises(ValueError, match=f"{name} out of range"):
-        _kernels.RingShape(**{**sizes, "latents": 0, "diagonal": False, name: size})
+        _kernels.RingShape(**{**sizes, "latents": 0, "diagonal": False, "factor": False, "clamped": True, name: size})
 
 
 @pytest.mark.parametrize(("name", "size"), [("hidden", 129), ("layers", 1), ("sides", []), ("sides", [1025])])

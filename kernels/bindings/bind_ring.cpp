@@ -21,7 +21,7 @@ using Rows = Tensor<const std::int32_t, -1>;
 using Box = Tensor<const float, 2, 3>;
 
 RingShape shape_from(int rank, int features, int render_hidden, int modulation_hidden, int nodes, int view_nodes,
-                     int latents, bool diagonal) {
+                     int latents, bool diagonal, bool factor, bool clamped) {
   using namespace convention;
   require(rank >= 1 && rank <= RING_MAX_RANK, "ring: rank out of range");
   require(features >= 1 && features <= RING_MAX_FEATURES, "ring: features out of range");
@@ -30,7 +30,8 @@ RingShape shape_from(int rank, int features, int render_hidden, int modulation_h
   require(nodes >= 2 && nodes <= RING_MAX_NODES && view_nodes >= 2 && view_nodes <= RING_MAX_NODES,
           "ring: nodes out of range");
   require(latents >= 0 && latents <= RING_MAX_LATENTS, "ring: latents out of range");
-  return {rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents, diagonal};
+  return {rank, features, render_hidden, modulation_hidden, nodes, view_nodes, latents, diagonal, factor,
+          clamped};
 }
 
 std::vector<std::size_t> parameter_sizes(const RingShape& shape) {
@@ -163,7 +164,7 @@ class LazyRing : public LazyColors {
 void bind_ring(nb::module_& module) {
   nb::class_<RingShape>(module, "RingShape", "Sizes of a light field; modulation_hidden 0: without light modulation.")
       .def(nb::new_(&shape_from), nb::kw_only(), "rank"_a, "features"_a, "render_hidden"_a, "modulation_hidden"_a,
-           "nodes"_a, "view_nodes"_a, "latents"_a, "diagonal"_a);
+           "nodes"_a, "view_nodes"_a, "latents"_a, "diagonal"_a, "factor"_a, "clamped"_a);
   module.def("ring_forward", &forward, "shape"_a, "parameters"_a, "means"_a, "base"_a, "latents"_a, "visible"_a,
              "camera"_a, "box"_a, "color"_a, "residual"_a = nb::none(), "modulation"_a = nb::none(),
              "Colours of the visible rows by the light field.");

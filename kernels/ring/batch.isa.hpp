@@ -82,10 +82,10 @@ struct Batch {
   RingHalf halves[2];
   float* product;            // H_x H_y H_z H_v, [R^2][GROUP] like everything below; of tiles as terms, [R^2 / 2][GROUP]
   float *packed_products, *transposes;  // of tiles: see product_tiles.isa.hpp
-  float* inputs;             // v 3, a C, m 1 (if modulated), b 3, latents: the networks' inputs overlap
-  float *activated, *modulation, *base, *latents;  // a, m, b and latents therein
+  float* inputs;             // v 3, a C, m 1 (if it is an input), b 3, latents: the networks' inputs overlap
+  float *activated, *modulation, *base, *latents;  // a, m, b and latents therein; m elsewhere if it is a factor
   float *modulation_hidden, *render_hidden[2];
-  float* residual;
+  float* residual;           // before m weighs it, where it does
   float* terms;  // a layer's input as its multiply-adds take it
 };
 
@@ -121,7 +121,7 @@ static inline void lay_out(Batch& batch, const RingShape& shape, bool keep_ring,
   batch.product = arena.take(matrix_size(shape) * GROUP);
   batch.inputs = arena.take(static_cast<std::size_t>(GROUP) * (3 + render_inputs(shape)));
   batch.activated = batch.inputs + 3 * GROUP;
-  batch.modulation = batch.activated + shape.features * GROUP;
+  batch.modulation = weighed(shape) ? arena.take(GROUP) : batch.activated + shape.features * GROUP;
   batch.base = batch.activated + base_input(shape) * GROUP;
   batch.latents = batch.base + 3 * GROUP;
   const auto rows = [&arena](int count) { return arena.take(static_cast<std::size_t>(GROUP) * count); };

@@ -3,6 +3,7 @@
 //   a = tanh(core . vec(H_x H_y H_z H_v)), H_x, H_y, H_z between nodes on [-1, 1], H_v on an octahedral map
 //   (the diagonal ring: products of R^2 components instead of R x R matrices)
 //   m = sigmoid(modulation(v, a)),  r = tanh(render(a, m, b, l)),  color = clamp(b + r, 0, 1),  b = sigmoid(base)
+//   (modulation as a factor: r = m tanh(render(a, b, l)); a shape may also want colours that are not clamped)
 //
 // and l the Gaussian's latents, values of its own that have no other meaning; the paper has none.
 //
@@ -24,6 +25,8 @@ struct RingShape {
   int nodes, view_nodes;                 // of each axis; on each side of the octahedral map
   int latents;                           // of each Gaussian; may be 0
   bool diagonal;                         // the matrices are diagonal, with R^2 components
+  bool factor;                           // m weighs the residual and is no input of the render network
+  bool clamped;                          // colours are clamped to [0, 1]
 };
 
 // static: every instruction set has its own copy, see simd/simd.isa.hpp.
@@ -35,9 +38,12 @@ static inline std::size_t view_size(const RingShape& shape) {
   return static_cast<std::size_t>(shape.view_nodes) * shape.view_nodes * matrix_size(shape);
 }
 static inline bool modulated(const RingShape& shape) { return shape.modulation_hidden > 0; }
+static inline bool weighed(const RingShape& shape) { return modulated(shape) && shape.factor; }
 static inline int modulation_inputs(const RingShape& shape) { return 3 + shape.features; }
 // Where the base colour stands among the render network's inputs, and how many these are.
-static inline int base_input(const RingShape& shape) { return shape.features + modulated(shape); }
+static inline int base_input(const RingShape& shape) {
+  return shape.features + (modulated(shape) && !shape.factor);
+}
 static inline int render_inputs(const RingShape& shape) { return base_input(shape) + 3 + shape.latents; }
 
 // [outputs inputs] and [outputs].

@@ -14,17 +14,18 @@ namespace {
 constexpr std::size_t ROWS_PER_PIECE = 512;  // a fraction of a millisecond; scratch memory is made once a piece
 constexpr std::size_t BASE_GRAIN = 16384;    // floats a piece of the base colours
 
-// base + residual, in place of the base colour.
-void finish(const Batch& batch) {
+// base + residual, in place of the base colour; the residual is weighed first where the modulation is a factor.
+void finish(const Batch& batch, const RingShape& shape) {
   for (int i = 0; i < 3 * GROUP; i += LANES) {
+    if (weighed(shape)) store(batch.residual + i, load(batch.residual + i) * load(batch.modulation + i % GROUP));
     // max first: a NaN is handed on
     const Vec sum = load(batch.base + i) + load(batch.residual + i);
-    store(batch.base + i, min(Vec(1.f), max(Vec(0.f), sum)));
+    store(batch.base + i, shape.clamped ? min(Vec(1.f), max(Vec(0.f), sum)) : sum);
   }
 }
 
 void write(const Batch& batch, const RingShape& shape, const RingOutputs& outputs) {
-  finish(batch);
+  finish(batch, shape);
   if (batch.consecutive && !outputs.residual && !outputs.modulation) {
     for (int first = 0; first < GROUP; first += LANES)
       store_columns(outputs.color + 3 * (static_cast<std::size_t>(batch.rows[0]) + first), load(batch.base + first),
@@ -179,8 +180,8 @@ void ring_light(const void* packed_ring, const std::int32_t* rows, int count, fl
   const Field field{ring.shape, ring.parameters, field_in(ring.packed)};
   prefetch_rows(ring, rows, count);
   const MatrixUnit unit;
-  const auto hand_over = [=](const Batch& batch, std::size_t first) {
-    finish(batch);
+  const auto hand_over = [=, &ring](const Batch& batch, std::size_t first) {
+    finish(batch, ring.shape);
     for (int lane = 0; lane < batch.count; lane++)
       for (int c = 0; c < 3; c++) colors[3 * (first + lane) + c] = batch.base[c * GROUP + lane];
   };

@@ -44,6 +44,7 @@ GradientPanels pack_transposed(const RingShape& shape, const RingParameters<cons
 // Gradients of a group, [n][GROUP]; `rows` is a layer's input as to_rows leaves it.
 struct BatchGradient {
   float *color, *base, *hidden[2], *inputs, *features, *product, *rows;
+  float* modulation;  // of m as a factor
   float* terms;  // a gradient as multiply-adds take it
   float *left, *right, *result;  // matrices of the ring, [R^2][16]; left and right as one of [R^2][GROUP]
 };
@@ -55,6 +56,7 @@ void lay_out_gradient(BatchGradient& gradient, const RingShape& shape, Arena& ar
   const std::size_t inputs = 3 + render_inputs(shape), widest = widest_layer(shape);
   gradient.color = arena.take(3 * GROUP);
   gradient.base = arena.take(3 * GROUP);
+  gradient.modulation = arena.take(GROUP);
   for (float*& place : gradient.hidden) place = arena.take(hidden * GROUP);
   gradient.inputs = arena.take(inputs * GROUP);
   gradient.features = arena.take(static_cast<std::size_t>(shape.features) * GROUP);
@@ -85,6 +87,19 @@ void layer_gradient(const LayerSums& sums, const Panels& transposed, const float
   apply(transposed, of_result, gradient.terms, of_input);
 }
 
+// Where m weighs the residual r: it has the gradient sum of r dL/dcolor, and r's is weighed.
+void weigh_gradient(const Batch& batch, const float* counts, BatchGradient& gradient) {
+  for (int i = 0; i < GROUP; i += LANES) {
+    Vec sum(0.f);
+    for (int c = 0; c < 3; c++) {
+      const int at = c * GROUP + i;
+      sum = fma(load(batch.residual + at), load(gradient.base + at), sum);
+      store(gradient.color + at, load(gradient.color + at) * load(batch.modulation + i));
+    }
+    store(gradient.modulation + i, sum * load(counts + i));
+  }
+}
+
 // dL/dcolor of the group, zero in lanes that do not count, to what base and residual get of it, and to
 // dL/d(render's output), by what the rows count.
 void start_gradient(const Backward& pass, const Batch& batch, const float* weights, BatchGradient& gradient) {
@@ -97,6 +112,7 @@ void start_gradient(const Backward& pass, const Batch& batch, const float* weigh
     const Vec residual = load(batch.residual + i), slope = fnma(residual, residual, Vec(1.f));
     store(gradient.color + i, load(gradient.base + i) * load(counts + i % GROUP) * slope);
   }
+  if (weighed(pass.shape)) weigh_gradient(batch, counts, gradient);
 }
 
 // Through the render network; leaves dL/d(a, m, b, l) in gradient.inputs.
@@ -115,7 +131,7 @@ void render_gradient(const Backward& pass, const Batch& batch, BatchGradient& gr
 // Adds the light modulation's part to dL/da in gradient.inputs.
 void modulation_gradient(const Backward& pass, const Batch& batch, BatchGradient& gradient, const ShardSums& sums) {
   const RingShape& shape = pass.shape;
-  float* of_scalar = gradient.inputs + shape.features * GROUP;
+  float* of_scalar = weighed(shape) ? gradient.modulation : gradient.inputs + shape.features * GROUP;
   for (int i = 0; i < GROUP; i += LANES) {
     const Vec m = load(batch.modulation + i);
     store(of_scalar + i, load(of_scalar + i) * m * (Vec(1.f) - m));
@@ -212,12 +228,13 @@ void write_unlit_gradients(const RingShape& shape, const RingScene& scene, const
                            const RingRowGradients& to) {
   if (shape.latents) std::memset(to.latents, 0, shape.latents * scene.count * sizeof(float));
   float* const base_gradient = to.base;
+  const bool clamped = shape.clamped;
   parallel_ranges(3 * scene.count, BASE_GRAIN, [=](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; i += LANES) {
       const int count = end - i < LANES ? static_cast<int>(end - i) : LANES;
       const Vec base = sigmoid(load_first(scene.base + i, count)), color = load_first(upstream.color + i, count);
       const Mask on = both(gt(color, Vec(0.f)), gt(Vec(1.f), color));
-      const Vec passed = keep(on, load_first(upstream.color_gradient + i, count));
+      const Vec given = load_first(upstream.color_gradient + i, count), passed = clamped ? keep(on, given) : given;
       store_first(base_gradient + i, passed * base * (Vec(1.f) - base), count);
     }
   });
@@ -279,7 +296,7 @@ void ring_backward(const RingShape& shape, const RingParameters<const float>& pa
   Parts parts = parts_of(shape, scene.visible_count, memory);
   // Nothing may be copied from no address, not even no bytes.
   if (scene.visible_count) std::memcpy(parts.rows, scene.visible, scene.visible_count * sizeof *parts.rows);
-  const ColorGradient of_colors{upstream.color_gradient, 3, 1, upstream.color};
+  const ColorGradient of_colors{upstream.color_gradient, 3, 1, shape.clamped ? upstream.color : nullptr};
   const std::size_t count =
       sample_by_gradient(of_colors, upstream.share, scene.visible_count, parts.rows, parts.weights);
   const RingPanels panels = pack_layers(shape, parameters, parts.panels);

@@ -118,7 +118,8 @@ def nearest_kink(double: RingLight, gaussians: Gaussians) -> float:
     for hook in hooks:
         hook.remove()
     total = gaussians.appearance["base"].sigmoid() + lit.residual
-    return min(*(d.item() for d in distances), total.abs().min().item(), (total - 1).abs().min().item())
+    clamps = (total.abs().min().item(), (total - 1).abs().min().item()) if double.settings.clamp_colors else ()
+    return min(d if isinstance(d, float) else d.item() for d in (*distances, *clamps))
 
 
 def is_smooth(chosen: RingLightSettings, count: int, seed: int) -> bool:
@@ -148,23 +149,27 @@ def compare(chosen: RingLightSettings, count: int, seed: int) -> None:
     nodes=st.integers(2, 20),
     field=st.sampled_from(("ring", "cp")),
     latents=st.sampled_from((0, 3, 4, 16)),
+    role=st.sampled_from(("input", "factor")),
+    clamp=st.booleans(),
     count=st.integers(1, 70),
     seed=st.integers(0, 10_000),
 )
-def test_kernel_equals_reference(rank, features, hidden, modulated, nodes, field, latents, count, seed):
+def test_kernel_equals_reference(rank, features, hidden, modulated, nodes, field, latents, role, clamp, count, seed):
     ring = RingSettings(
         rank=rank, features=features, bands=3, view_bands=2, head_hidden=8, position_nodes=nodes, view_nodes=nodes
     )
-    chosen = RingLightSettings(ring, hidden, hidden + 3, modulated, latents, field=field)
+    chosen = RingLightSettings(
+        ring, hidden, hidden + 3, modulated, modulation_as=role, clamp_colors=clamp, latents=latents, field=field
+    )
     assume(is_smooth(chosen, count, seed))
     compare(chosen, count, seed)
 
 
 @settings(max_examples=10, derandomize=True)
-@given(share=st.floats(0.02, 0.98), count=st.integers(1, 300), seed=st.integers(0, 10_000))
-def test_importance_sampled_rows_are_the_references(share, count, seed):
+@given(share=st.floats(0.02, 0.98), factor=st.booleans(), count=st.integers(1, 300), seed=st.integers(0, 10_000))
+def test_importance_sampled_rows_are_the_references(share, factor, count, seed):
     """The same lots, for they are made of the same bits; all rows keep the gradient that does not go by the light."""
-    chosen = replace(LATENT, gradient_share=share)
+    chosen = replace(FACTOR if factor else LATENT, gradient_share=share)
     assume(is_smooth(chosen, count, seed))
     model, gaussians = model_and_table(chosen, count, seed)
     double, table = doubled(model, gaussians)
@@ -216,10 +221,12 @@ SMALL = RingLightSettings(
 )
 LATENT = replace(SMALL, latents=3)
 DIAGONAL = replace(LATENT, field="cp")
+FACTOR = replace(LATENT, modulation_as="factor", clamp_colors=False)
+"""The other reading of equation 8, and colours that may leave [0, 1]."""
 ROWS = replace(LATENT, ring=replace(LATENT.ring, rank=8, features=21), render_hidden=40, modulation_hidden=35)
 """By rows where there is a matrix unit."""
 both = pytest.mark.parametrize(
-    "chosen", [SMALL, LATENT, DIAGONAL, ROWS], ids=["no latents", "latents", "diagonal", "rows"]
+    "chosen", [SMALL, LATENT, DIAGONAL, FACTOR, ROWS], ids=["no latents", "latents", "diagonal", "factor", "rows"]
 )
 
 

@@ -22,6 +22,7 @@ from torch_graph import channels
 RING = RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8)
 SMALL = RingLightSettings(ring=RING, render_hidden=16, modulation_hidden=12)
 LATENT = replace(SMALL, latents=4)
+OTHER = {"modulation_as": "factor", "clamp_colors": False}
 BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
 
 
@@ -151,12 +152,51 @@ def test_without_base_colour_the_residual_is_added_to_grey(field):
     torch.testing.assert_close(rgb.detach(), (0.5 + layers["residual"]).clamp(0, 1), rtol=0, atol=1e-6)
 
 
-def test_layers_add_up_to_the_colour():
-    model = RingLight(SMALL, BOX)
+def test_as_a_factor_the_modulation_weighs_the_residual_and_nothing_else():
+    """The network does not see it, so the layer is its tanh times the modulation."""
+    model = RingLight(replace(LATENT, modulation_as="factor"), BOX)
+    assert model.shading.render[0].in_features == RING.features + 3 + LATENT.latents
+    gaussians = table(model)
+    before = model.layers(gaussians, camera())
+    shown = before["residual"].abs().amax(1) > 1e-4
+    with torch.no_grad():
+        model.shading.modulation[2].weight.zero_()
+        model.shading.modulation[2].bias.fill_(-60.0)
+    after = model.layers(gaussians, camera())
+    assert shown.any()
+    assert after["residual"].abs().max() < 1e-12
+    colors = model.emit(gaussians, camera(), ("rgb",), Want.EXACT).channels
+    torch.testing.assert_close(colors, after["base"], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("evaluation", ["tabulated", "exact"])
+def test_colours_that_are_not_clamped_leave_the_range_and_keep_their_gradient(evaluation):
+    found = {}
+    for clamps in (True, False):
+        model = RingLight(replace(SMALL, clamp_colors=clamps, evaluation=evaluation), BOX)
+        with torch.no_grad():
+            model.shading.render[4].bias.fill_(2.0)
+        gaussians = table(model)
+        found[clamps] = channels(model, gaussians, camera())["rgb"]
+        found[clamps].sum().backward()
+        learned = gaussians.appearance["base"].grad.amax(1) > 0
+        layers = model.layers(gaussians, camera())
+        beyond = (layers["base"] + layers["residual"]).amin(1) > 1
+        assert 0 < beyond.sum() < len(gaussians)
+        assert learned[beyond].all() == (not clamps)
+        assert learned[beyond].any() == (not clamps)
+    assert torch.equal(found[False].clamp(0, 1), found[True])
+    assert found[False].max() > 1.2
+
+
+@pytest.mark.parametrize("light", [SMALL, replace(SMALL, modulation_as="factor", clamp_colors=False)])
+def test_layers_add_up_to_the_colour(light):
+    model = RingLight(light, BOX)
     gaussians = table(model)
     rgb = model.emit(gaussians, camera(), ("rgb",), Want.EXACT).channels
     layers = model.layers(gaussians, camera())
-    torch.testing.assert_close(rgb, (layers["base"] + layers["residual"]).clamp(0, 1), rtol=0, atol=1e-6)
+    total = layers["base"] + layers["residual"]
+    torch.testing.assert_close(rgb, total.clamp(0, 1) if light.clamp_colors else total, rtol=0, atol=1e-6)
     assert ((layers["modulation"] >= 0) & (layers["modulation"] <= 1)).all()
 
 
@@ -199,7 +239,9 @@ def test_tables_are_kept_while_nothing_changes_and_follow_every_change():
         assert not torch.equal(before, after)
 
 
-@pytest.mark.parametrize("light", [{}, {"mask": True}, {"latents": 4}, {"evaluation": "exact"}, {"field": "mlp"}])
+@pytest.mark.parametrize(
+    "light", [{}, {"mask": True}, {"latents": 4}, {"evaluation": "exact"}, {"field": "mlp"}, OTHER]
+)
 @pytest.mark.parametrize("lit", [True, False])
 def test_any_wish_gives_the_same_bits(light: dict[str, object], lit: bool):
     model = RingLight(replace(SMALL, **light), BOX)

@@ -12,7 +12,8 @@ from ringlight.fields.networks import perceptron
 
 @dataclass(frozen=True)
 class LitColor:
-    """``color`` in [0, 1] is base + residual, clamped; ``residual`` in (-1, 1); ``modulation`` in (0, 1)."""
+    """``color`` is base + residual, clamped to [0, 1] unless the settings say otherwise; ``residual`` in (-1, 1);
+    ``modulation`` in (0, 1)."""
 
     color: Float[Tensor, "N 3"]
     residual: Float[Tensor, "N 3"]
@@ -22,18 +23,19 @@ class LitColor:
 class RenderModule(nn.Module):
     """c_r = tanh(MLP(a, m, c_b, latents)) with a = tanh(features) and m = sigmoid(MLP(v, a)).
 
-    The latents are values of each Gaussian's own; the paper has none (eq. 8). Without light modulation the networks are
+    Where the modulation is a factor, c_r = m tanh(MLP(a, c_b, latents)): the other reading of equation 8. The latents are values of each Gaussian's own; the paper has none (eq. 8). Without light modulation the networks are
     as in the paper's ablation, and m is reported as one.
     """
 
     def __init__(self, settings: RingLightSettings, generator: torch.Generator):
         super().__init__()
         features, hidden = settings.ring.features, settings.render_hidden
-        self.latents = settings.latents
+        self.latents, self.clamps = settings.latents, settings.clamp_colors
+        self.weighs = settings.light_modulation and settings.modulation_as == "factor"
         self.modulation: nn.Sequential | None = None
         if settings.light_modulation:
             self.modulation = perceptron((3 + features, settings.modulation_hidden, 1), generator)
-        inputs = features + (1 if settings.light_modulation else 0) + 3 + settings.latents
+        inputs = features + (1 if settings.light_modulation and not self.weighs else 0) + 3 + settings.latents
         self.render = perceptron((inputs, hidden, hidden, 3), generator)
 
     def forward(
@@ -45,10 +47,15 @@ class RenderModule(nn.Module):
     ) -> LitColor:
         """``directions`` unit, from the camera to the point; ``base`` in [0, 1]; L may be 0."""
         activated = torch.tanh(features)
-        if self.modulation is None:
-            modulation, inputs = torch.ones_like(base[:, :1]), [activated, base, latents]
-        else:
+        modulation = torch.ones_like(base[:, :1])
+        if self.modulation is not None:
             modulation = torch.sigmoid(self.modulation(torch.cat([directions, activated], -1)))
-            inputs = [activated, modulation, base, latents]
-        residual = torch.tanh(self.render(torch.cat(inputs, -1)))
-        return LitColor((base + residual).clamp(0, 1), residual, modulation)
+        seen = [modulation] if self.modulation is not None and not self.weighs else []
+        residual = torch.tanh(self.render(torch.cat([activated, *seen, base, latents], -1)))
+        if self.weighs:
+            residual = modulation * residual
+        return LitColor(self.shown(base + residual), residual, modulation)
+
+    def shown(self, colors: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+        """What a Gaussian emits of the sum of its base colour and its residual."""
+        return colors.clamp(0, 1) if self.clamps else colors

@@ -70,6 +70,8 @@ def ring_parameters(tables: RingTables, shading: RenderModule, layers: list[Tens
         view_nodes=round(len(tables.view) ** 0.5),
         latents=shading.latents,
         diagonal=tables.diagonal,
+        factor=shading.weighs,
+        clamped=shading.clamps,
     )
     return RingParameters(shape, [tables.axes, tables.view, tables.core, *layers])
 

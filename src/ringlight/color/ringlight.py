@@ -47,7 +47,8 @@ LATENT_DEVIATION = 0.1
 
 
 class RingLight(nn.Module):
-    """c(v) = clamp(c_b + c_r(v), 0, 1), with c_r from the neural tensor ring (RingLight-GS, section 3.2).
+    """c(v) = clamp(c_b + c_r(v), 0, 1), with c_r from the neural tensor ring (RingLight-GS, section 3.2); the clamp is
+    a setting.
 
     Columns: ``base`` [N 3], the base colour's logit, c_b = sigmoid(base), or none, and c_b is grey; ``mask_logits``
     [N], if masked; ``latents`` [N L], if there are any, see the settings.
@@ -91,7 +92,7 @@ class RingLight(nn.Module):
         return columns
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
-        """ "rgb" [N 3] in [0, 1], and an opacity factor, zero or one, if masked.
+        """ "rgb" [N 3], in [0, 1] if the settings clamp, and an opacity factor, zero or one, if masked.
 
         Rows that the camera cannot see get their base colour.
         """
@@ -211,7 +212,7 @@ class RingLight(nn.Module):
         # On a GPU nothing of a row is kept for the backward pass: kernels make it again sooner than memory is read.
         again = runs_triton(means) and torch.is_grad_enabled()
         lit = checkpoint(lit_rows, use_reentrant=False) if again else lit_rows()
-        color = (base[visible] + importance_sampled(lit.residual, gradient_share)).clamp(0, 1)
+        color = self.shading.shown(base[visible] + importance_sampled(lit.residual, gradient_share))
         return LitColor(
             base.index_put((visible,), color),
             torch.zeros_like(base).index_put((visible,), lit.residual),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ringlight.core.kernel_limits import RING_MAX_LATENTS
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 
@@ -24,6 +25,12 @@ class RingLightSettings:
     """Width of the hidden layer between direction and features, and the light modulation."""
     light_modulation: bool = True
     """Whether the residual's network sees the light modulation. Without it: the paper's ablation (appendix B)."""
+    modulation_as: Literal["input", "factor"] = later("input")
+    """What the light modulation does. input: the residual's network sees it (eq. 8 as it stands). factor: it weighs the
+    residual of a network that does not see it, as the "blending weights" of section 3.2."""
+    clamp_colors: bool = later(True)
+    """Whether each Gaussian's colour is clamped to [0, 1] before it is blended. Where it is, a base colour or a light
+    that leaves this range gets no gradient. Without it, as in the paper's equations, only pictures are clamped."""
     latents: int = 0
     """Values per Gaussian that the residual's network sees besides feature, modulation and base colour. They let
     neighbours differ that are too close for the ring to tell apart. The paper has none (eq. 8)."""
