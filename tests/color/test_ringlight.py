@@ -22,6 +22,7 @@ from torch_graph import channels
 RING = RingSettings(rank=4, features=6, bands=3, view_bands=2, head_hidden=16, position_nodes=32, view_nodes=8)
 SMALL = RingLightSettings(ring=RING, render_hidden=16, modulation_hidden=12)
 LATENT = replace(SMALL, latents=4)
+FOLLOWED = {"position_gradients": True}
 OTHER = {"modulation_as": "factor", "clamp_colors": False}
 BOX = torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3]])
 
@@ -214,6 +215,33 @@ def test_baking_sees_the_latents():
     torch.testing.assert_close(shown, rgb, rtol=0, atol=0.01)
 
 
+@pytest.mark.parametrize("evaluation", ["tabulated", "exact"])
+def test_positions_follow_the_light_where_the_settings_say_so(evaluation):
+    """By the field and by the direction of view: finite differences of the emitted colours."""
+    light = replace(SMALL, position_gradients=True, evaluation=evaluation, clamp_colors=False, mask=False)
+    model = RingLight(light, BOX).double()
+    gaussians = Gaussians.from_columns({name: c.detach().double() for name, c in table(model, 6).columns().items()})
+
+    def colors(means):
+        return model.reference(replace(gaussians, means=means), camera()).color
+
+    assert torch.autograd.gradcheck(colors, gaussians.means.clone().requires_grad_(), eps=1e-7, atol=1e-5)
+    moved = replace(gaussians, means=gaussians.means.clone().requires_grad_())
+    channels(model, moved, camera())["rgb"].sum().backward()
+    (expected,) = torch.autograd.grad(colors(moved.means).sum(), moved.means)
+    assert expected.abs().max() > 1e-4
+    torch.testing.assert_close(moved.means.grad, expected)
+
+
+def test_positions_are_left_alone_unless_the_settings_say_so():
+    for evaluation in ("tabulated", "exact"):
+        model = RingLight(replace(SMALL, evaluation=evaluation), BOX)
+        gaussians = table(model)
+        moved = replace(gaussians, means=gaussians.means.clone().requires_grad_())
+        channels(model, moved, camera())["rgb"].sum().backward()
+        assert moved.means.grad is None or not moved.means.grad.any()
+
+
 def test_positions_outside_the_box_are_clamped():
     model = RingLight(SMALL, BOX)
     points = model.unit_points(torch.tensor([[-1.0, -1.2, -0.9], [1.1, 1.0, 1.3], [50.0, -50.0, 0.2]]))
@@ -240,7 +268,7 @@ def test_tables_are_kept_while_nothing_changes_and_follow_every_change():
 
 
 @pytest.mark.parametrize(
-    "light", [{}, {"mask": True}, {"latents": 4}, {"evaluation": "exact"}, {"field": "mlp"}, OTHER]
+    "light", [{}, {"mask": True}, {"latents": 4}, {"evaluation": "exact"}, {"field": "mlp"}, OTHER, FOLLOWED]
 )
 @pytest.mark.parametrize("lit", [True, False])
 def test_any_wish_gives_the_same_bits(light: dict[str, object], lit: bool):

@@ -23,8 +23,9 @@ class LitColor:
 class RenderModule(nn.Module):
     """c_r = tanh(MLP(a, m, c_b, latents)) with a = tanh(features) and m = sigmoid(MLP(v, a)).
 
-    Where the modulation is a factor, c_r = m tanh(MLP(a, c_b, latents)): the other reading of equation 8. The latents are values of each Gaussian's own; the paper has none (eq. 8). Without light modulation the networks are
-    as in the paper's ablation, and m is reported as one.
+    Where the modulation is a factor, c_r = m tanh(MLP(a, c_b, latents)): the other reading of equation 8. The latents
+    are values of each Gaussian's own; the paper has none (eq. 8). Without light modulation the networks are as in the
+    paper's ablation, and m is reported as one.
     """
 
     def __init__(self, settings: RingLightSettings, generator: torch.Generator):

@@ -37,6 +37,7 @@ from ringlight.core.want import Want
 from ringlight.fields.contract import LightField
 from ringlight.fields.ring_tables import RingTables, tabulated_features
 
+MEANS = "means"
 # The logit of pure black or white would be infinite; a quarter of an 8-bit step away still rounds to either.
 DARKEST = 0.25 / 255
 # sigmoid(1) = 0.73: visible, and where the sigmoid still has a gradient (Compact 3DGS).
@@ -53,8 +54,8 @@ class RingLight(nn.Module):
     Columns: ``base`` [N 3], the base colour's logit, c_b = sigmoid(base), or none, and c_b is grey; ``mask_logits``
     [N], if masked; ``latents`` [N L], if there are any, see the settings.
     Buffers: ``box`` [low, high], what the ring's [-1, 1]^3 covers, world units; ``lit``, False during the warm-up,
-    when Gaussians show their base colour and the field gets no gradient. Positions and directions are detached:
-    ten bands would otherwise drown the rasterizer's gradient of the positions.
+    when Gaussians show their base colour and the field gets no gradient. Positions and directions are detached unless
+    the settings say otherwise: ten bands would drown the rasterizer's gradient of the positions.
     """
 
     box: Tensor
@@ -125,9 +126,12 @@ class RingLight(nn.Module):
         """None: the colour is a network's."""
 
     def unit_points(self, means: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
-        """World positions in the ring's coordinates: the box to [-1, 1]^3, clamped, detached."""
+        """World positions in the ring's coordinates: the box to [-1, 1]^3, clamped, detached as the settings say."""
         low, high = self.box.to(means)
-        return ((means.detach() - low) * (2 / (high - low)) - 1).clamp(-1, 1)
+        return ((self._seen(means) - low) * (2 / (high - low)) - 1).clamp(-1, 1)
+
+    def _seen(self, means: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+        return means if self.settings.position_gradients else means.detach()
 
     @property
     def field(self) -> LightField:
@@ -163,9 +167,10 @@ class RingLight(nn.Module):
 
     @torch.no_grad()
     def _native_tables(self, gaussians: Gaussians, want: Want) -> RingTables | None:
-        """What the kernel reads, or None where it does not apply: no ring, exact heads, another type, device or
-        size."""
-        if self.settings.evaluation == "exact" or not gaussians.means.is_cpu:
+        """What the kernel reads, or None where it does not apply: no ring, exact heads, gradients of positions, another
+        type, device or size."""
+        settings = self.settings
+        if settings.evaluation == "exact" or settings.position_gradients or not gaussians.means.is_cpu:
             return None
         tables = self.tables(want)
         return tables if tables is not None and kernel_takes(tables, self.layers_of_shading, gaussians.means) else None
@@ -180,7 +185,8 @@ class RingLight(nn.Module):
 
     def _emission_by_torch(self, gaussians: Gaussians, camera: Camera, want: Want) -> Emission:
         def channels(columns: dict[str, Tensor]) -> Channels:
-            table = replace(gaussians, appearance=columns)
+            appearance = {name: columns[name] for name in gaussians.appearance}
+            table = replace(gaussians, means=columns.get(MEANS, gaussians.means), appearance=appearance)
             color = self.reference(table, camera).color
             if MASK not in columns:
                 return {"rgb": color}
@@ -188,7 +194,8 @@ class RingLight(nn.Module):
             return {"rgb": color, OPACITY_FACTOR: factor[:, None]}
 
         named = {COLOR + name: parameter for name, parameter in self.named_parameters()}
-        return emitted_by_torch(channels, gaussians.appearance, named, want)
+        followed = {MEANS: gaussians.means} if self.settings.position_gradients else {}
+        return emitted_by_torch(channels, followed | gaussians.appearance, named, want)
 
     def reference(self, gaussians: Gaussians, camera: Camera, gradient_share: float = 1.0) -> LitColor:
         """What the kernel computes, in torch and in any precision: slow, and the judge of the kernel.
@@ -197,7 +204,7 @@ class RingLight(nn.Module):
         ``gradient_share`` saves no time.
         """
         visible = drawable_rows(gaussians, camera).long()
-        means, base = gaussians.means.detach()[visible], self.base(gaussians).sigmoid()
+        means, base = self._seen(gaussians.means)[visible], self.base(gaussians).sigmoid()
         directions = view_directions(means, camera.position.to(means))
         points, latents = self.unit_points(means), self.latents(gaussians)[visible]
         tables = None if torch.is_grad_enabled() or self.settings.evaluation == "exact" else self.tables(Want.EXACT)

@@ -14,10 +14,11 @@ from ringlight.fields.tensor_ring import TensorRing
 
 
 class DiagonalRing(TensorRing):
-    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. ``core`` is [C D], D = R^2."""
+    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. A free ``core`` is [C D], D = R^2."""
 
     diagonal = True
 
     def __init__(self, settings: RingSettings, generator: torch.Generator):
         super().__init__(settings, generator)
-        self.core = nn.Parameter(self.core.detach().flatten(1))
+        if self.channels is None:
+            self.core = nn.Parameter(self.core.detach().flatten(1))

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight.core.want import Want
-from ringlight.fields.encoding import encoded_width, fourier_features
-from ringlight.fields.heads import AXES
+from ringlight.fields.encoding import fourier_features
+from ringlight.fields.heads import AXES, position_code, view_code
 from ringlight.fields.networks import perceptron
 from ringlight.fields.ring_settings import PerceptronSettings, RingSettings
 
@@ -19,17 +19,17 @@ from ringlight.fields.ring_settings import PerceptronSettings, RingSettings
 class PerceptronField(nn.Module):
     """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``.
 
-    The bands of both encodings, and the number of features, are the ring's; see ``PerceptronSettings`` for the width.
+    The codes of both inputs, and the number of features, are the ring's; see ``PerceptronSettings`` for the width.
     """
 
     def __init__(self, ring: RingSettings, settings: PerceptronSettings, generator: torch.Generator):
         super().__init__()
-        self.bands, self.view_bands = ring.bands, ring.view_bands
+        self.code, self.view_code = position_code(ring), view_code(ring)
         hidden = settings.hidden or matched_width(ring, settings.layers)
         self.network = perceptron(_widths(ring, settings.layers, hidden), generator)
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        encoded = [fourier_features(points, self.bands), fourier_features(directions, self.view_bands)]
+        encoded = [fourier_features(points, self.code), fourier_features(directions, self.view_code)]
         features: Tensor = self.network(torch.cat(encoded, -1))
         return features
 
@@ -43,9 +43,9 @@ class PerceptronField(nn.Module):
 def ring_size(ring: RingSettings) -> int:
     """Numbers that the neural ring of these settings holds."""
     hidden, matrix = ring.head_hidden, ring.rank**2
-    axis = _size((encoded_width(1, ring.bands), hidden, hidden, matrix))
-    view = _size((encoded_width(AXES, ring.view_bands), hidden, hidden, matrix))
-    return AXES * axis + view + ring.features * matrix
+    axis = _size((position_code(ring).width(1), hidden, hidden, matrix))
+    view = _size((view_code(ring).width(AXES), hidden, hidden, matrix))
+    return AXES * axis + view + (ring.features * matrix if ring.core == "free" else axis)
 
 
 def matched_width(ring: RingSettings, layers: int) -> int:
@@ -59,7 +59,7 @@ def matched_width(ring: RingSettings, layers: int) -> int:
 
 
 def _widths(ring: RingSettings, layers: int, hidden: int) -> tuple[int, ...]:
-    inputs = encoded_width(AXES, ring.bands) + encoded_width(AXES, ring.view_bands)
+    inputs = position_code(ring).width(AXES) + view_code(ring).width(AXES)
     return (inputs, *([hidden] * layers), ring.features)
 
 

@@ -1,7 +1,9 @@
 """Settings of the light fields; free of torch, so that the command line can print them at once."""
 
 from dataclasses import dataclass
+from typing import Literal
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 
 LARGEST = {
@@ -31,6 +33,10 @@ class RingSettings:
     """Fourier bands of each position coordinate."""
     view_bands: int = 10
     """Fourier bands of each component of the viewing direction."""
+    code_pi: bool = later(True)
+    """Whether the bands are sin and cos of 2^k pi u, as in NeRF's equation 4, else of 2^k u."""
+    code_identity: bool = later(True)
+    """Whether u itself stands before its bands; NeRF's equation 4 has the bands alone."""
     head_hidden: int = 128
     """Width of the two hidden layers of each head."""
     position_nodes: int = 1024
@@ -38,8 +44,11 @@ class RingSettings:
     the highest band, so a field trained at one K is another field at another K."""
     view_nodes: int = 32
     """Nodes on each side of the octahedral map at which the direction head is tabulated. Part of the model too."""
+    core: Literal["free", "network"] = later("free")
+    """What the channel core G_c is. free: numbers of its own. network: a head like the others over the channel's place
+    among the C, evenly spaced on [-1, 1] (definition 5 of the paper)."""
     core_scale: float = 0.1
-    """Standard deviation of the channel core at the start."""
+    """Standard deviation of a free channel core at the start."""
 
     def __post_init__(self) -> None:
         for name, most in LARGEST.items():
@@ -51,6 +60,8 @@ class RingSettings:
         for name in ("bands", "view_bands"):
             if getattr(self, name) < 0:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; give 0 (no Fourier features) or more")
+        if not self.code_identity and min(self.bands, self.view_bands) < 1:
+            raise RecipeError("light.ring.code_identity is off and there are no bands; the heads would see nothing")
         for name in ("position_nodes", "view_nodes"):
             if getattr(self, name) < 2:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; interpolation needs at least 2 nodes")
