@@ -5,7 +5,7 @@ import torch
 
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
-from ringlight.methods.ringlight_ring import RingLightRingRecipe
+from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
 from tiny_scene import tiny_scene
 
 JUMP = 30.0
@@ -34,3 +34,29 @@ def test_a_shorter_memory_makes_shorter_steps_after_a_jump():
 def test_a_memory_that_never_ends_is_refused(beta2: float):
     with pytest.raises(RecipeError, match="field_beta2"):
         RingLightRingRecipe(field_beta2=beta2)
+
+
+def test_the_preset_takes_the_paper_at_its_word():
+    """Every number that the paper states, and 3DGS's where it takes "the default settings"."""
+    ring, light = PAPER.light.ring, PAPER.light
+    assert (ring.rank, ring.features, ring.bands, ring.view_bands, ring.head_hidden) == (16, 48, 10, 10, 128)
+    assert (ring.core, ring.code_pi, ring.code_identity) == ("network", True, False)
+    assert (light.render_hidden, light.latents, light.mask, light.base_color) == (128, 0, True, True)
+    assert (light.light_modulation, light.modulation_as, light.clamp_colors) == (True, "input", False)
+    assert (PAPER.steps, PAPER.warmup, PAPER.field_rate, PAPER.field_rate_end) == (30_000, 0.1, 1e-4, 1e-4)
+    assert (PAPER.loss.pixel, PAPER.loss.scale, PAPER.loss.ssim_weight) == ("l2", 1e4, 0.2)
+    assert (PAPER.densify.threshold, PAPER.densify.drop_share, PAPER.densify.reset_every) == (1.1, 0.0, 3000)
+    assert (PAPER.densify.pixel_bound, PAPER.densify.max_gaussians, PAPER.random_points) == (False, 0, 100_000)
+    assert (PAPER.rates.means, PAPER.rates.scales, PAPER.rates.opacities, PAPER.rates.hold) == (1.6e-4, 5e-3, 0.05, 1)
+
+
+def test_our_own_preset_is_none_of_that():
+    ours = RingLightRingRecipe()
+    assert (ours.light.ring.core, ours.light.ring.code_identity, ours.light.clamp_colors) == ("free", True, True)
+    assert (ours.densify.pixel_bound, ours.random_points, ours.rates.opacities) == (True, 0, 0.025)
+
+
+@pytest.mark.parametrize("points", [-1, -100_000])
+def test_fewer_points_than_none_are_refused(points: int):
+    with pytest.raises(RecipeError, match="random_points"):
+        RingLightRingRecipe(random_points=points)

@@ -14,7 +14,10 @@ from ringlight.fields.tensor_ring import TensorRing
 
 
 class DiagonalRing(TensorRing):
-    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``. A free ``core`` is [C D], D = R^2."""
+    """Features [N C] of points in [-1, 1]^3 and unit directions; a ``LightField``.
+
+    A free ``core`` is [C D], D = R^2.
+    """
 
     diagonal = True
 

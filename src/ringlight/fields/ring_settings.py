@@ -57,11 +57,17 @@ class RingSettings:
         for name in ("rank", "features", "head_hidden"):
             if getattr(self, name) < 1:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; give at least 1")
+        self._refuse_codes()
+        self._refuse_tables()
+
+    def _refuse_codes(self) -> None:
         for name in ("bands", "view_bands"):
             if getattr(self, name) < 0:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; give 0 (no Fourier features) or more")
         if not self.code_identity and min(self.bands, self.view_bands) < 1:
             raise RecipeError("light.ring.code_identity is off and there are no bands; the heads would see nothing")
+
+    def _refuse_tables(self) -> None:
         for name in ("position_nodes", "view_nodes"):
             if getattr(self, name) < 2:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; interpolation needs at least 2 nodes")

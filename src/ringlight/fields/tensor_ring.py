@@ -2,7 +2,8 @@
 
     a_c(x, y, z, v) = Trace(H_x(x) H_y(y) H_z(z) H_v(v) G_c)
 
-The heads H are networks (``heads``); the channel core G is free, or a network of the channel's place. Nothing here knows what the features are for.
+The heads H are networks (``heads``); the channel core G is free, or a network of the channel's place. Nothing here
+knows what the features are for.
 """
 
 import torch
