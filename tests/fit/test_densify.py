@@ -143,6 +143,24 @@ def test_opacity_resets_lower_but_never_raise():
     assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.01, 0.006])
 
 
+def test_steps_in_proportion_are_those_of_thirty_thousand():
+    settings = DensifySettings(begin=500, reset_every=3000, in_proportion=True)
+    found = {}
+    for steps in (300, 3000, 30_000, 60_000):
+        strategy = Densify(settings.at_length(steps), EXTENT, steps, seed=0, white=True)
+        found[steps] = (strategy.first_step, strategy.white_reset, strategy.reset_every)
+    assert found == {
+        300: (5, 5, 30),
+        3000: (50, 50, 300),
+        30_000: (500, 500, 3000),
+        60_000: (500, 500, 3000),
+    }
+    assert settings.at_length(3000).at_length(3000) == settings.at_length(3000)
+    as_3dgs = Densify(replace(settings, in_proportion=False), EXTENT, 3000, seed=0, white=True)
+    assert (as_3dgs.first_step, as_3dgs.white_reset, as_3dgs.reset_every) == (500, 500, 3000)
+    assert Densify(replace(settings, reset_every=0), EXTENT, 3000, seed=0, white=True).reset_every == 0
+
+
 def test_nothing_changes_after_the_last_step():
     model = model_of([SMALL, LARGE], [0.5, 0.001])
     densify_once(model, [0.9, 0.9], DensifySettings(threshold=0.1, begin=0, every=1, stop=0.5), step=51)

@@ -37,7 +37,8 @@ class Densify:
         self.settings, self.extent, self.seed = settings, extent, seed
         self.first_step = settings.first_step(steps)
         self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
-        self.white = white
+        self.reset_every = settings.paced(settings.reset_every, steps)
+        self.white_reset = settings.paced(WHITE_RESET_STEP, steps) if white else None
         self._sums, self._views = torch.zeros(0), torch.zeros(0)
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
@@ -61,10 +62,10 @@ class Densify:
         self._sums, self._views = state["screen_gradients"].clone(), state["views"].clone()  # moved by the next step
 
     def _resets(self, step: int) -> bool:
-        every = self.settings.reset_every
-        if not every or step >= self.last_step:  # as 3DGS: after the last round nothing would prune what a reset bares
+        # As 3DGS: after the last round nothing would prune what a reset bares.
+        if not self.reset_every or step >= self.last_step:
             return False
-        return step % every == 0 or (self.white and step == WHITE_RESET_STEP)
+        return step % self.reset_every == 0 or step == self.white_reset
 
     def _observe(self, model: SplatModel, prediction: Rendering) -> None:
         if len(self._sums) != len(model):
@@ -111,7 +112,7 @@ class Densify:
     ) -> Bool[Tensor, "N"]:
         keep = (table.opacities >= self.settings.prune_opacity) & model.color.wanted(table)
         # 3DGS also prunes by size on the screen, but its counters are cleared just before they are read.
-        if self.settings.reset_every and step > self.settings.reset_every:
+        if self.reset_every and step > self.reset_every:
             keep &= widest <= self.settings.prune_scale * self.extent
         return keep
 

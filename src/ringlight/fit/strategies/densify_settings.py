@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
+from ringlight.fit.rates import PAPER_STEPS
 
 DROP_ROUNDS = 5
 """Rounds in which Gaussians are dropped. Between them the others fill the gaps: all at once costs 0.1 dB on chair_400
@@ -43,6 +44,9 @@ class DensifySettings:
     """Steps between two opacity resets; 0 never resets."""
     reset_opacity: float = 0.01
     """A reset lowers opacities to this."""
+    in_proportion: bool = later(False)
+    """Whether begin, reset_every and the reset over white are steps of a run of 30,000, and come as much earlier as a
+    run is shorter. Without it they are steps of any run, as in 3DGS."""
     max_gaussians: int = 0
     """Most Gaussians at the end of density control, unless it began with more and drops none. The largest gradients
     come first. 0 takes as many as a training photograph has pixels, since no view could tell more apart. Where a
@@ -77,11 +81,17 @@ class DensifySettings:
 
     def at_length(self, steps: int) -> "DensifySettings":
         """The same with what is left to the run's length, ``steps``, decided."""
-        return replace(self, begin=self.first_step(steps))
+        return replace(self, begin=self.first_step(steps)) if self.begin is None else self
 
     def first_step(self, steps: int) -> int:
         """The step after which rows may be added."""
-        return min(PAPER_BEGIN, steps // BEGIN_SHARE) if self.begin is None else self.begin
+        return min(PAPER_BEGIN, steps // BEGIN_SHARE) if self.begin is None else self.paced(self.begin, steps)
+
+    def paced(self, step: int, steps: int) -> int:
+        """``step`` of a run of 30,000 in one of ``steps``, if they are in proportion; zero alone stays zero."""
+        if not self.in_proportion or not step:
+            return step
+        return max(round(step * min(steps / PAPER_STEPS, 1.0)), 1)
 
     def within(self, pixels: int) -> "DensifySettings":
         """These settings with a bound that is a number, unless they want none; ``pixels`` are those of the largest
