@@ -1,11 +1,18 @@
 """How the light field's Adam bears the jumps that density control makes of its gradients is a setting."""
 
+from pathlib import Path
+
 import pytest
 import torch
 
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
+from ringlight.fit.train import train
+from ringlight.methods.recipe import recipe_to_dict
 from ringlight.methods.ringlight_ring import PAPER, RingLightRingRecipe
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts
+from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small, with_settings
 from tiny_scene import tiny_scene
 
 JUMP = 30.0
@@ -60,3 +67,27 @@ def test_our_own_preset_is_none_of_that():
 def test_fewer_points_than_none_are_refused(points: int):
     with pytest.raises(RecipeError, match="random_points"):
         RingLightRingRecipe(random_points=points)
+
+
+OTHERWISE = {
+    "factor": {"modulation_as": "factor", "clamp_colors": False},
+    "network": {"ring": {"core": "network", "code_identity": False, "code_pi": False}},
+    "positions": {"position_gradients": True},
+}
+"""Readings of the paper that neither preset takes together."""
+
+
+@pytest.mark.parametrize("light", OTHERWISE.values(), ids=OTHERWISE)
+def test_other_readings_train_and_are_read_back_from_a_file(light: dict[str, object], tmp_path: Path):
+    recipe = with_settings(small("ringlight-ring", steps=6, warmup=0.3), {"light": light})
+    scene = tiny_scene(views=4, size=16)
+    training = recipe.build(scene, rasterizer_for("auto"), seed=0)
+    for progress in train(training):
+        assert progress.fault is None
+    header = model_header("ringlight-ring", recipe, training.step, scene_facts(scene))
+    save_model(tmp_path / "model.safetensors", training.model, header, [view.camera for view in scene.train])
+    stored = load_model(tmp_path / "model.safetensors", rasterizer_for("auto"))
+    camera, behind = scene.test[0].camera, scene.background_color
+    shown, again = (model.render(camera, behind).color for model in (training.model, stored.model))
+    assert torch.equal(shown, again)
+    assert stored.header.recipe == recipe_to_dict(recipe)

@@ -39,7 +39,7 @@ class RingLightSettings:
     that it was trained with."""
     position_gradients: bool = later(False)
     """Whether the light's gradient reaches the Gaussians' positions, by the field and by the direction of view. Only
-    torch can do that: a step takes tens of times as long. The paper does not say whether it does."""
+    torch can do that: a step takes six to nine times as long. The paper does not say whether it does."""
     gradient_share: float = 1.0
     """Share of the Gaussians whose light is differentiated in a step. They are drawn in proportion to their gradients
     and weighted, so that the expectation is the whole gradient (importance sampling). All Gaussians get the gradient
