@@ -54,8 +54,8 @@ class SceneOptions(ReadingOptions):
     """
 
     initial_points: int | None = None
-    """Random points to start from if the scene brings none. By default 100000, or 20000 for images up to 200 pixels a
-    side; a method may have a number of its own: random_points."""
+    """Random points to start from if the scene brings none. By default the method's own --random-points if it has some,
+    else 100000, or 20000 for images up to 200 pixels a side."""
 
     points_seed: int = 0
     """Seed of those random points."""
