@@ -153,9 +153,7 @@ PAPER = dataclasses.replace(
     rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES, hold=1.0),
     random_points=PAPER_POINTS,
     warmup=0.1,
-    light=RingLightSettings(
-        ring=RingSettings(core="network", code_identity=False), clamp_colors=False, gradient_share=0.25
-    ),
+    light=RingLightSettings(ring=RingSettings(core="network"), clamp_colors=False, gradient_share=0.25),
     field_rate=1e-4,
     field_rate_end=1e-4,
     field_epsilon=1e-8,
