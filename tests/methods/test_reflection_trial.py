@@ -61,6 +61,19 @@ def test_few_photographs_without_masks_are_for_3dgs():
     assert f"fewer than {FEWEST_VIEWS}" in why
 
 
+def test_photographs_of_one_colour_are_for_3dgs():
+    def dark(view: View) -> View:
+        return dataclasses.replace(view, load=lambda: np.zeros_like(view.load()[..., :3]), has_alpha=False)
+
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    black = dataclasses.replace(scene, train=tuple(dark(view) for view in scene.train))
+    settled, why = METHODS["ringlight"].settled(black, rasterizer_for("auto"), 0)
+    assert method_of(settled) == "3dgs"
+    assert why == "method: 3dgs (each photograph is of one colour)"
+    one_seen = dataclasses.replace(black, train=(*black.train[1:], scene.train[0]))
+    assert chosen_shading(one_seen, rasterizer_for("auto"), 0, 5)[0] != "harmonics"
+
+
 def test_an_even_background_is_as_good_as_masks():
     scene = tiny_scene(views=FEWEST_VIEWS)
     flat = dataclasses.replace(scene, train=tuple(over_white(view) for view in scene.train), background="photograph")

@@ -92,7 +92,8 @@ class Report:
     saving_seconds: float | None
     """Wall clock of checkpoints, the last one included; not among ``train_seconds``."""
     choosing_cpu_seconds: float | None = None
-    """Of the trial that chose the method, before the first step; not among ``train_cpu_seconds``."""
+    """Before the first step: the trial that chose the method, the hull that was carved, the model's making; not among
+    ``train_cpu_seconds``. Until 2026-11-22 the trial alone."""
     steps_per_second: float | None
     peak_bytes: int | None
     """Most resident memory of the host from before the scene was loaded to the last step, above what it was then."""

@@ -39,6 +39,10 @@ LEAST_GAIN = 1.0
 """dB, from which on a scene counts as reflecting. Matte scenes gained at most 0.4, mirrors and coats at least 1.5."""
 
 
+FLATTEST = 2 / 255
+"""Range of the colours of a photograph that shows something: less is a lens cap's noise, or rounding."""
+
+
 @dataclass(frozen=True)
 class ReflectionTrial:
     """PSNR in dB on held-out photographs, after ``steps`` steps from the same surface; harmonics from the scene's own
@@ -77,6 +81,8 @@ def chosen_shading(
     """
     if len(scene.train) < FEWEST_VIEWS:
         return "harmonics", f"fewer than {FEWEST_VIEWS} photographs"
+    if _show_nothing(scene):
+        return "harmonics", "each photograph is of one colour"
     trial = reflection_trial(scene, rasterize, seed, most_steps)
     if trial is not None:
         return "mirror" if trial.reflects else "basis", str(trial)
@@ -108,6 +114,11 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
         harmonics = max(harmonics, _psnr_after(_harmonics(small.points, small, mirror, rasterize, seed), held, behind))
     reflections = _psnr_after(mirror.build_on_hull(points, small, rasterize, seed), held, behind)
     return ReflectionTrial(mirror.steps, harmonics, reflections)
+
+
+def _show_nothing(scene: Scene) -> bool:
+    images = (view.image(scene.background_color).flatten(1) for view in scene.train)
+    return all(bool((image.amax(1) - image.amin(1) <= FLATTEST).all()) for image in images)
 
 
 def _small(view: View) -> View:

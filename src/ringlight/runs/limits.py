@@ -27,7 +27,7 @@ class PreparedRun:
     decided: str | None
     """What the recipe left to the scene, in a sentence."""
     choosing: float
-    """CPU seconds that this took: a trial trains, too."""
+    """CPU seconds before the first step: a trial trains, too, and a hull is carved."""
     warnings: tuple[str, ...]
     """A sentence on each thing that memory did not allow, or that the back end does otherwise."""
 
@@ -36,12 +36,11 @@ def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str) -> Prepare
     """A new run, within this machine's memory."""
     begun = time.process_time()
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
-    choosing = time.process_time() - begun if decided else 0.0
     training = recipe.build(scene, rasterizer_for(device), seed)
     recipe, scene, warnings = bounded(recipe, scene, training, most_rows(training.model))
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
-    note = training.model.note
+    choosing, note = time.process_time() - begun, training.model.note
     return PreparedRun(recipe, scene, training, decided, choosing, (*warnings, note) if note else warnings)
 
 

@@ -46,7 +46,7 @@ class Clock:
     saving: float = 0.0
     """Wall clock; a checkpoint knows of those before it."""
     choosing: float = 0.0
-    """CPU seconds before the first step, in which the method was chosen; not among ``cpu``."""
+    """CPU seconds before the first step, in which the method is chosen and the first surface carved; not in ``cpu``."""
 
 
 @dataclass(eq=False, repr=False)
