@@ -221,6 +221,7 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
 def test_values_out_of_range(tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
     run = trained["3dgs"]
     refused(ringlight("render", run, "--frames", "0"), 1, "--frames")
+    refused(ringlight("render", run, "--path", "orbit", "--frames", "1000000000"), 1, "--frames", "108000")
     refused(ringlight("render", run, "--scale", "-1"), 1, "--scale")
     refused(ringlight("render", run, "--zoom", "0"), 1, "--zoom")
     refused(ringlight("render", run, "--path", "orbit", "--width", "100000000"), 1, "--width")

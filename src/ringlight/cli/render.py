@@ -67,12 +67,19 @@ class RenderArguments:
             value = getattr(self, name)
             if value is not None and not 0 < value < float("inf"):
                 raise RecipeError(f"--{name} is {value}: give a number above zero")
+        if self.frames is not None and self.frames > MOST_FRAMES:
+            raise RecipeError(
+                f"--frames is {self.frames}: give at most {MOST_FRAMES}, an hour of film, and join several"
+            )
         if not self.layers:
             raise RecipeError("--layers names nothing; give at least one, such as color")
 
 
 FRAMES = 120
 """Four seconds at 30 frames a second."""
+
+MOST_FRAMES = 108_000
+"""An hour of these: their cameras are all made before the first picture, and take memory."""
 
 
 def main(arguments: list[str]) -> int:
