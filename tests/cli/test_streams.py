@@ -1,14 +1,20 @@
 """Nobody reads what a command says: it goes on all the same, and exits by what it did."""
 
+import io
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from cli_session import QUICK
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+from rich.progress import Progress
 
-from ringlight.cli.streams import Lasting
+from ringlight.cli.streams import Lasting, printable
 
 RINGLIGHT = [sys.executable, "-m", "ringlight"]
 TALKATIVE = tuple(word for word in QUICK if word != "--quiet")
@@ -54,6 +60,46 @@ def test_what_is_written_arrives():
     stream.close()
     with os.fdopen(reader) as arrived:
         assert arrived.read() == "one two three"
+
+
+@pytest.mark.parametrize(
+    ("foreign", "shown"),
+    [
+        ("\x1b]0;evil\x07", r"\x1b]0;evil\x07"),
+        ("\x1b[2J", r"\x1b[2J"),
+        ("\x9b2J", r"\x9b2J"),
+        ("photo\u202egpj.exe", r"photo\u202egpj.exe"),
+        ("a\x00b\x08", r"a\x00b\x08"),
+    ],
+)
+def test_what_would_rewrite_the_terminal_is_shown_as_an_escape(foreign: str, shown: str):
+    assert printable(f"scene {foreign} 3 views\n") == f"scene {shown} 3 views\n"
+
+
+@given(st.text(st.characters(exclude_categories=("Cc", "Cs"), exclude_characters="\u202a\u202b\u202c\u202d\u202e")))
+def test_words_of_any_script_are_left_alone(text: str):
+    assert printable(text) == text or any("\u2066" <= letter <= "\u2069" for letter in text)
+
+
+def test_tables_and_bars_keep_what_draws_them():
+    console = Console(file=io.StringIO(), force_terminal=True, color_system="truecolor")
+    with Progress(console=console) as bar:
+        bar.add_task("steps", total=3)
+        bar.update(bar.task_ids[0], completed=2)
+        bar.refresh()
+    console.print("[bold red on blue]28.2[/]")
+    drawn = console.file.getvalue()
+    assert "\x1b[" in drawn
+    assert printable(drawn) == drawn
+
+
+def test_the_name_in_a_strangers_model_does_not_reach_the_terminal_raw(trained: dict[str, Path], tmp_path: Path):
+    folder = tmp_path / "run\x1b]0;evil\x07"
+    shutil.copytree(trained["3dgs"], folder)
+    done = subprocess.run([*RINGLIGHT, "info", str(folder)], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0
+    assert "\x1b" not in done.stdout + done.stderr
+    assert r"\x1b]0;evil\x07" in done.stdout
 
 
 def trained_through(script: str, tiny: Path, run: Path, **environment: str) -> "subprocess.CompletedProcess[str]":

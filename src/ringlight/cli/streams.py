@@ -5,6 +5,7 @@ A training must not end because nobody reads what it says any more: the reader o
 
 import errno
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any, TextIO
@@ -20,8 +21,21 @@ NARROWEST = 20
 """Columns; who claims fewer (``COLUMNS=0``) does not know, and the terminal is asked."""
 
 
+OURS = r"\x1b\[[0-9;]*m|\x1b\[\?25[lh]|\x1b\[2K|\x1b\[[0-9]*A"
+"""What tables and bars write themselves: styles, the cursor shown or hidden, a line cleared, lines up."""
+
+FOREIGN = re.compile(rf"({OURS})|[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""Other control characters come from names in foreign files. They could rewrite the terminal, or turn its text."""
+
+
+def printable(text: str) -> str:
+    """``text`` with the control characters of others as escapes that can be read."""
+    return FOREIGN.sub(lambda found: found[1] or ascii(found[0])[1:-1], text)
+
+
 class Lasting:
-    """A text stream that goes on into nothing once its other end is gone; else the stream itself.
+    """A text stream that goes on into nothing once its other end is gone; else the stream itself. What is written is
+    made :func:`printable`.
 
     ``essential`` is one whose loss for another reason, as a full disk, is an OSError.
     """
@@ -34,7 +48,7 @@ class Lasting:
 
     def write(self, text: str) -> int:
         try:
-            return self._stream.write(text)
+            return self._stream.write(printable(text))
         except OSError as error:
             self._bear(error)
             return len(text)
