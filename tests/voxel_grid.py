@@ -38,6 +38,9 @@ class VoxelGrid(nn.Module):
     def layers(self, camera: Camera) -> Channels:
         return {"alpha": torch.ones(camera.height, camera.width, 1)}
 
+    def features(self, camera: Camera, background: Tensor) -> None:
+        """None: it has no network."""
+
     def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
         """It blends nothing."""
 

@@ -151,3 +151,19 @@ def test_a_long_name_is_cut_but_stays_on_one_line():
 @pytest.mark.parametrize(("seconds", "text"), [(0.4, "0s"), (59.6, "1m00s"), (247, "4m07s"), (7500, "2h05m")])
 def test_durations(seconds, text):
     assert text in ResultsTable([("a", sample_report(train_seconds=float(seconds)))]).markdown()
+
+
+def test_a_light_with_idle_features_is_named_and_no_other():
+    shares = {
+        "idle": (0.25, 0.04, 0.1), "off": (0.0, 0.0, 0.9), "fine": (0.0, 0.0, 0.2), "harmonics": (None, None, None)
+    }  # fmt: skip
+    runs = [
+        (name, sample_report(saturated_features=saturated, constant_features=constant, hidden_units_off=off))
+        for name, (saturated, constant, off) in shares.items()
+    ]
+    sentence = "idle: 25% of the light's features are saturated and 4% constant."
+    notes = ResultsTable(runs).notes()
+    other = "off: 90% of the light's hidden units are off."
+    assert [note for note in notes if "of the light's" in note] == [sentence, other]
+    assert sentence in printed(ResultsTable(runs), 120)
+    assert sentence in ResultsTable(runs).markdown()

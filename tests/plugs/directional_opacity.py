@@ -53,6 +53,9 @@ class DirectionalOpacity(nn.Module):
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
         return {}
 
+    def features(self, gaussians: Gaussians, camera: Camera) -> None:
+        """None: it has no network."""
+
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 

@@ -52,6 +52,9 @@ class HarmonicsWithNormals(nn.Module):
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
         return {}
 
+    def features(self, gaussians: Gaussians, camera: Camera) -> None:
+        """None: it has no network."""
+
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)
 
@@ -95,6 +98,9 @@ class Environment(nn.Module):
             return rgb + whole.view_as(rgb)
 
         return shaded_by_torch(color, image, alpha, {SHADER + "faces": self.faces}, want)
+
+    def features(self, buffers: Channels, camera: Camera, background: Tensor) -> None:
+        """None: its map has no network behind it."""
 
     def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
         directions = view_directions(points, camera.position.to(points))

@@ -128,6 +128,9 @@ class VoxelGrid(nn.Module):
         nothing = torch.zeros_like(shown.color)
         return {"base": shown.color, "residual": nothing, "alpha": alpha, "depth": mean_depth, "normal": normal}
 
+    def features(self, camera: Camera, background: Tensor) -> None:
+        """None: it has no network."""
+
     def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
         for name in buffers:
             if name not in BUFFERS:

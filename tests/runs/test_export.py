@@ -44,6 +44,9 @@ class Dimmed(nn.Module):
     def layers(self, gaussians, camera):
         return {}
 
+    def features(self, gaussians, camera):
+        """None: it has no network."""
+
     def wanted(self, gaussians):
         return torch.ones(len(gaussians), dtype=torch.bool)
 

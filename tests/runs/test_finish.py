@@ -10,7 +10,10 @@ from ringlight.core.scene import Scene, View
 from ringlight.errors import SceneError
 from ringlight.measure.metrics import psnr
 from ringlight.models.contract import Model
+from ringlight.models.feature_shares import feature_shares
+from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.finish import TrainingFacts, measure, psnr_of_views
+from small_recipes import small
 from tiny_scene import tiny_scene
 from voxel_grid import VoxelGrid
 
@@ -85,3 +88,16 @@ def test_core_seconds_are_those_of_the_training_and_of_the_choice(model: Model):
     assert measure(model, SCENE, facts, nets=()).core_seconds == 42.5
     assert measure(model, SCENE, replace(facts, choosing_cpu_seconds=None), nets=()).core_seconds == 30.0
     assert measure(model, SCENE, FACTS, nets=()).core_seconds is None
+
+
+def test_idle_features_are_reported_of_a_neural_light_and_of_nothing_else(model: Model):
+    report = measure(model, SCENE, FACTS, nets=())
+    assert (report.saturated_features, report.constant_features, report.hidden_units_off) == (None, None, None)
+    ring = small("ringlight-ring", steps=4).build(SCENE, rasterizer_for("auto"), seed=0).model
+    ring.get_buffer("color.lit").fill_(1)
+    with torch.no_grad():
+        ring.color.ring.core[:3] *= 1e9  # of six
+    shares = feature_shares(ring, [view.camera for view in SCENE.train], SCENE.background_color)
+    report = measure(ring, SCENE, FACTS, nets=())
+    assert (report.saturated_features, report.constant_features) == (0.5, shares.constant)
+    assert report.hidden_units_off == shares.off

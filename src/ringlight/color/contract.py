@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.light_features import LightFeatures
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.want import Want
@@ -41,6 +42,10 @@ class ColorModel(Protocol):
 
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """Parts of the colour worth looking at ("base", "residual", "modulation"), [N c]; may be empty."""
+        ...
+
+    def features(self, gaussians: Gaussians, camera: Camera) -> LightFeatures | None:
+        """What its neural light gives to Gaussians that the camera may see; None without one, or before it is on."""
         ...
 
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:

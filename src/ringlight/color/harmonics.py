@@ -68,6 +68,9 @@ class SphericalHarmonics(nn.Module):
         shown = self.emit(gaussians, camera, ("rgb",), Want.EXACT).channels
         return {"base": base.clamp_min(0), "residual": shown - base}
 
+    def features(self, gaussians: Gaussians, camera: Camera) -> None:
+        """None: harmonics are no network."""
+
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row is shown."""
         return torch.ones(len(gaussians), dtype=torch.bool, device=gaussians.means.device)

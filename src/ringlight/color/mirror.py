@@ -77,6 +77,9 @@ class Mirror(nn.Module):
         normals = facing_normals(gaussians.means, gaussians.appearance[NORMALS], camera)
         return {"base": gaussians.appearance[BASE].sigmoid(), "normal": normals}
 
+    def features(self, gaussians: Gaussians, camera: Camera) -> None:
+        """None: the light is a shader's."""
+
     @torch.no_grad()
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
         """Every row."""

@@ -47,12 +47,8 @@ class RenderModule(nn.Module):
         latents: Float[Tensor, "N L"],
     ) -> LitColor:
         """``directions`` unit, from the camera to the point; ``base`` in [0, 1]; L may be 0."""
-        activated = torch.tanh(features)
-        modulation = torch.ones_like(base[:, :1])
-        if self.modulation is not None:
-            modulation = torch.sigmoid(self.modulation(torch.cat([directions, activated], -1)))
-        seen = [modulation] if self.modulation is not None and not self.weighs else []
-        residual = torch.tanh(self.render(torch.cat([activated, *seen, base, latents], -1)))
+        inputs, modulation = self.inputs(features, directions, base, latents)
+        residual = torch.tanh(self.render(inputs))
         if self.weighs:
             residual = modulation * residual
         return LitColor(self.shown(base + residual), residual, modulation)
@@ -60,3 +56,18 @@ class RenderModule(nn.Module):
     def shown(self, colors: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """What a Gaussian emits of the sum of its base colour and its residual."""
         return colors.clamp(0, 1) if self.clamps else colors
+
+    def inputs(
+        self,
+        features: Float[Tensor, "N C"],
+        directions: Float[Tensor, "N 3"],
+        base: Float[Tensor, "N 3"],
+        latents: Float[Tensor, "N L"],
+    ) -> tuple[Float[Tensor, "N I"], Float[Tensor, "N 1"]]:
+        """What the residual's network sees, and the light modulation, which is among it if there is any."""
+        activated = torch.tanh(features)
+        modulation = torch.ones_like(base[:, :1])
+        if self.modulation is not None:
+            modulation = torch.sigmoid(self.modulation(torch.cat([directions, activated], -1)))
+        seen = [modulation] if self.modulation is not None and not self.weighs else []
+        return torch.cat([activated, *seen, base, latents], -1), modulation

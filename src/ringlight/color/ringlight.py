@@ -29,6 +29,7 @@ from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR
 from ringlight.core.importance_sampling import importance_sampled
+from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
@@ -114,6 +115,22 @@ class RingLight(nn.Module):
         nothing = LitColor(base.sigmoid(), torch.zeros_like(base), torch.zeros_like(base[:, :1]))
         lit = self._layers(gaussians, camera) if self.lit else nothing
         return {"base": nothing.color, "residual": lit.residual, "modulation": lit.modulation}
+
+    @torch.no_grad()
+    def features(self, gaussians: Gaussians, camera: Camera) -> LightFeatures | None:
+        """The field's, behind their tanh, at Gaussians in the picture; None during the warm-up."""
+        if not self.lit:
+            return None
+        visible = drawable_rows(gaussians, camera).long()
+        rows = visible[evenly(len(visible)).to(visible.device)]
+        means = gaussians.means.detach()[rows]
+        directions = view_directions(means, camera.position.to(means))
+        tables = None if self.settings.evaluation == "exact" else self.tables(Want.EXACT)
+        features = self._features(self.unit_points(means), directions, tables)
+        base, latents = self.base(gaussians)[rows].sigmoid(), self.latents(gaussians)[rows]
+        inputs, _ = self.shading.inputs(features, directions, base, latents)
+        activated = torch.tanh(features)
+        return LightFeatures(activated, flat_tanh(activated), self.shading.render.hidden(inputs))
 
     @torch.no_grad()
     def wanted(self, gaussians: Gaussians) -> Bool[Tensor, "N"]:
@@ -210,11 +227,7 @@ class RingLight(nn.Module):
         tables = None if torch.is_grad_enabled() or self.settings.evaluation == "exact" else self.tables(Want.EXACT)
 
         def lit_rows() -> LitColor:
-            if self.settings.evaluation == "exact":
-                features = self.field.exact(points, directions)
-            else:
-                features = tabulated_features(self.field, points, directions, tables)
-            return self.shading(features, directions, base[visible], latents)
+            return self.shading(self._features(points, directions, tables), directions, base[visible], latents)
 
         # On a GPU nothing of a row is kept for the backward pass: kernels make it again sooner than memory is read.
         again = runs_triton(means) and torch.is_grad_enabled()
@@ -225,3 +238,11 @@ class RingLight(nn.Module):
             torch.zeros_like(base).index_put((visible,), lit.residual),
             torch.zeros_like(base[:, :1]).index_put((visible,), lit.modulation),
         )
+
+    def _features(
+        self, points: Float[Tensor, "V 3"], directions: Float[Tensor, "V 3"], tables: RingTables | None
+    ) -> Float[Tensor, "V C"]:
+        """Before their tanh, in torch, by ``tables`` made earlier if there are any."""
+        if self.settings.evaluation == "exact":
+            return self.field.exact(points, directions)
+        return tabulated_features(self.field, points, directions, tables)

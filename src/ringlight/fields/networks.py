@@ -33,6 +33,15 @@ class Perceptron(nn.Sequential):
 
         return perceptron_by_triton(rows, list(self.parameters()), half=multiplies_halves())
 
+    def hidden(self, rows: Float[Tensor, "N inputs"]) -> Float[Tensor, "N units"]:
+        """The hidden units of all layers, after their ReLU."""
+        found = []
+        for layer in self:
+            rows = layer(rows)
+            if isinstance(layer, nn.ReLU):
+                found.append(rows)
+        return torch.cat(found, -1)
+
     def _fits_triton(self, rows: Tensor) -> bool:
         layers = [layer for layer in self if isinstance(layer, nn.Linear)]
         hidden = {layer.out_features for layer in layers[:-1]}

@@ -77,6 +77,16 @@ class Report:
     lpips_note: str
     """Why a LPIPS is missing and how to get it; empty if the wanted ones were measured."""
 
+    saturated_features: float | None = None
+    """Share of the light's features, 0 to 1, that are at an end of their range on nearly all of what training views
+    show, where they learn no more; None without a neural light. Features of maps have no range and count as not."""
+    constant_features: float | None = None
+    """Share of those that hardly vary over what training views show, so that they say nothing. The limits stand in
+    ``core/light_features.py``."""
+    hidden_units_off: float | None = None
+    """Share of the hidden units of the network behind the features that are zero on nearly all of it. A quarter is so
+    when a network is drawn, and a tenth after healthy runs."""
+
     counted: int
     """What rendering needs of what the model is made of: Gaussians, voxels."""
     noun: str

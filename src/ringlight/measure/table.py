@@ -14,6 +14,9 @@ from ringlight.measure.report import Report
 MIN_NAME_WIDTH = 16
 """Names are cut to this many characters before a column of numbers is left out."""
 
+MANY_OFF = 0.5
+"""Share of hidden units that are off from which on it is said: healthy networks have a quarter at most."""
+
 GAP = 2
 """Blanks between columns."""
 
@@ -63,6 +66,7 @@ class ResultsTable:
         for label, report in self.runs:
             if report.planned is not None and report.iterations is not None and report.iterations < report.planned:
                 notes.append(f"{label} stopped at step {report.iterations} of {report.planned}.")
+        notes += [f"{label}: {note}" for label, report in self.runs if (note := light_note(report))]
         if self.lpips_notes is not None:
             return (*notes, *self.lpips_notes)
         return (*notes, *sorted({report.lpips_note for _, report in self.runs if report.lpips_note}))
@@ -131,6 +135,15 @@ class _Grid:
 def _styled(cell: Cell, width: int) -> Text:
     text = cell.text if len(cell.text) <= width else cell.text[: width - len(CUT)] + CUT
     return Text(text, style="bold green" if cell.best else "dim" if cell.text == MISSING else "")
+
+
+def light_note(report: Report) -> str | None:
+    """What to know of the light's features; None where there are none, or none is idle."""
+    saturated, constant = report.saturated_features or 0, report.constant_features or 0
+    off = report.hidden_units_off or 0
+    if saturated or constant:
+        return f"{saturated:.0%} of the light's features are saturated and {constant:.0%} constant."
+    return f"{off:.0%} of the light's hidden units are off." if off >= MANY_OFF else None
 
 
 def markdown_row(texts: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
+from ringlight.core.light_features import LightFeatures
 from ringlight.core.rendering import Channels, Rendering
 from ringlight.core.want import Want
 
@@ -63,6 +64,10 @@ class Model(Protocol):
 
     def layers(self, camera: Camera) -> Channels:
         """What the picture is made of, over black, [H W c] by name; "alpha" 1 is among them."""
+        ...
+
+    def features(self, camera: Camera, background: Float[Tensor, "3"]) -> LightFeatures | None:
+        """What its neural light gives to what the camera sees; None without one, or before it is switched on."""
         ...
 
     def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:

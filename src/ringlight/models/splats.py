@@ -12,6 +12,7 @@ from ringlight.core.computed_once import computed_once
 from ringlight.core.directions import normalize, shortest_axes
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS
+from ringlight.core.light_features import LightFeatures
 from ringlight.core.raw_bytes import raw_bytes
 from ringlight.core.rendering import Channels, Emission, Rendering
 from ringlight.core.want import Want
@@ -148,6 +149,15 @@ class SplatModel(nn.Module):
             shown = self.render(camera, torch.zeros(3))
             buffers["residual"] = shown.color - shown.buffers["rgb"]
         return buffers
+
+    @torch.no_grad()
+    def features(self, camera: Camera, background: Float[Tensor, "3"]) -> LightFeatures | None:
+        """Of the colour model, or else of the shader."""
+        found = self.color.features(self.gaussians, camera)
+        if found is not None or not self.shader.adds_light:
+            return found
+        shown = self.render(camera, background, Want.EXACT, tuple(self.shader.needs))
+        return self.shader.features({**shown.buffers, ALPHA: shown.alpha}, camera, background)
 
     @torch.no_grad()
     def emitted(self, gaussians: Gaussians, camera: Camera) -> Float[Tensor, "n 3"]:

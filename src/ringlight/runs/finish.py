@@ -29,6 +29,7 @@ from ringlight.measure.report import Report, read_report
 from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.table import method_of
 from ringlight.models.contract import Model
+from ringlight.models.feature_shares import feature_shares
 from ringlight.runs.folder import RunFolder, make_folder
 from ringlight.runs.opened import Opened
 from ringlight.runs.record import RunRecord
@@ -96,7 +97,15 @@ def measure(
         known = mean_psnr(render, seen, background, telling(tested)) if seen else None
     speed = frames_per_second(render, [view.camera for view in scene.test])
     report = _report(scene, facts, scores, model, speed)
-    return replace(report, psnr_train=known, psnr_thirds=_psnr_thirds(scores, scene, cameras))
+    shares = feature_shares(model, cameras, background)
+    return replace(
+        report,
+        psnr_train=known,
+        psnr_thirds=_psnr_thirds(scores, scene, cameras),
+        saturated_features=shares.saturated if shares else None,
+        constant_features=shares.constant if shares else None,
+        hidden_units_off=shares.off if shares else None,
+    )
 
 
 def psnr_of_views(model: Model, scene: Scene, tell: Tell | None = None) -> float:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
+from ringlight.core.light_features import LightFeatures
 from ringlight.core.rendering import Channels, Shaded
 from ringlight.core.want import Want
 
@@ -45,6 +46,14 @@ class Shader(Protocol):
 
         "rgb" lies over ``background``. All others are sums over the Gaussians in front, so that a pixel's mean is the
         sum over ``alpha``. ``shaded`` is the colour already, where a rasterizer took the hint of :meth:`tiles`.
+        """
+        ...
+
+    def features(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> LightFeatures | None:
+        """What its neural light gives to pixels; None without one, or before it is on.
+
+        ``buffers`` are the blended channels in ``needs`` and "alpha", [H W c] by name. Asked only of one that adds
+        light.
         """
         ...
 

@@ -30,6 +30,10 @@ class CoveredPixels:
     directions: Float[Tensor, "P 3"]
     points: Float[Tensor, "P 3"]
 
+    def chosen(self, rows: Int[Tensor, "S"]) -> "CoveredPixels":
+        """Some of them."""
+        return CoveredPixels(**{name: values[rows] for name, values in vars(self).items()})
+
 
 def covered_pixels(
     buffers: Channels, camera: Camera, background: Float[Tensor, "3"], depth_gradient: bool

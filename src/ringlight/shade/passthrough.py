@@ -31,6 +31,9 @@ class PassThrough(nn.Module):
     ) -> Shaded:
         return Shaded(image, unchanged)
 
+    def features(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> None:
+        """None: there is no light here."""
+
     def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
         return channels["rgb"]
 

@@ -16,6 +16,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import octahedral_from_directions, reflect, view_directions
 from ringlight.core.gradients import SHADER, Gradients
 from ringlight.core.importance_sampling import importance_sampled
+from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, ImageGradients, Shaded
 from ringlight.core.want import Want
@@ -174,10 +175,22 @@ class ReflectionShader(nn.Module):
     ) -> Float[Tensor, "H W 3"]:
         """What the kernel computes, in torch and in any precision. Here ``gradient_share`` saves no time."""
         pixels = covered_pixels(buffers, camera, background, self.settings.depth_gradient)
-        added = importance_sampled(pixels.alpha * self.mlp(self._inputs(pixels)), gradient_share)
+        added = importance_sampled(pixels.alpha * self._added(pixels), gradient_share)
         rgb = buffers["rgb"]
         residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)
         return rgb + residual.unflatten(1, rgb.shape[:2]).permute(1, 2, 0)
+
+    @torch.no_grad()
+    def features(self, buffers: Channels, camera: Camera, background: Float[Tensor, "3"]) -> LightFeatures | None:
+        """Those of the maps times their factors of the place, which have no range, and those of the ring, if there is
+        one, behind their tanh; None during the warm-up."""
+        if not self.lit:
+            return None
+        pixels = covered_pixels(buffers, camera, background, self.settings.depth_gradient)
+        pixels = pixels.chosen(evenly(len(pixels.index)).to(pixels.index.device))
+        of_maps, *of_ring = seen = self._seen(pixels)
+        flat = [torch.zeros_like(of_maps, dtype=torch.bool), *(flat_tanh(values) for values in of_ring)]
+        return LightFeatures(torch.cat(seen, -1), torch.cat(flat, -1), self.mlp.hidden(self._inputs(pixels, seen)))
 
     def emitted(self, channels: Channels, points: Float[Tensor, "N 3"], camera: Camera) -> Float[Tensor, "N 3"]:
         """Each Gaussian's own surface shaded, in [0, 1]: what harmonics can be fitted to."""
@@ -187,7 +200,7 @@ class ReflectionShader(nn.Module):
         everyone, opaque = torch.arange(len(base), device=base.device), torch.ones_like(base[:, :1])
         directions = view_directions(points, camera.position.to(points))
         alone = CoveredPixels(everyone, opaque, base, channels["latents"], channels["normal"], directions, points)
-        return (base + self.mlp(self._inputs(alone))).clamp(0, 1)
+        return (base + self._added(alone)).clamp(0, 1)
 
     def job(self, camera: Camera, background: Float[Tensor, "3"]) -> ReflectionJob:
         """What the kernel is told of a view."""
@@ -199,24 +212,29 @@ class ReflectionShader(nn.Module):
         places = [self.places.axes] if self.settings.axis_nodes else []
         return [*self.maps.parameters(), *spheres, *places, *self.mlp.parameters()]
 
-    def _inputs(self, pixels: CoveredPixels) -> Float[Tensor, "P I"]:
-        """What the network sees of each pixel."""
-        directions, normals = pixels.directions, pixels.normals
-        cosine = -(directions * normals).sum(-1, keepdim=True)
-        inputs = [cosine, pixels.latents, pixels.base]
-        reflected = reflect(directions, normals)
-        points = self._unit_points(pixels.points)
+    def _added(self, pixels: CoveredPixels) -> Float[Tensor, "P 3"]:
+        """What the network adds to each pixel's base colour where that is opaque."""
+        added: Tensor = self.mlp(self._inputs(pixels, self._seen(pixels)))
+        return added
+
+    def _seen(self, pixels: CoveredPixels) -> list[Tensor]:
+        """Features of what each pixel reflects, [P F] each: the maps', and the ring's if there is one."""
+        reflected, points = reflect(pixels.directions, pixels.normals), self._unit_points(pixels.points)
         features = []
         for shell, maps in enumerate(self.maps):
             seen = sphere_exits(points, reflected, self.sphere[shell]) if self.settings.parallax else reflected
             features.append(maps(octahedral_from_directions(seen)))
-        seen_from = self.places(points) if self.settings.axis_nodes else 1
-        inputs.append(torch.cat(features, -1) * seen_from)
-        if self.settings.raw_direction:
-            inputs.append(directions)
+        found = [torch.cat(features, -1) * (self.places(points) if self.settings.axis_nodes else 1)]
         if self.settings.ring != "none":
-            inputs.append(torch.tanh(tabulated_features(self.ring, points.clamp(-1, 1), reflected)))
-        return torch.cat(inputs, -1)
+            found.append(torch.tanh(tabulated_features(self.ring, points.clamp(-1, 1), reflected)))
+        return found
+
+    def _inputs(self, pixels: CoveredPixels, seen: list[Tensor]) -> Float[Tensor, "P I"]:
+        """What the network sees of each pixel."""
+        of_maps, *of_ring = seen
+        cosine = -(pixels.directions * pixels.normals).sum(-1, keepdim=True)
+        raw = [pixels.directions] if self.settings.raw_direction else []
+        return torch.cat([cosine, pixels.latents, pixels.base, of_maps, *raw, *of_ring], -1)
 
     def _unit_points(self, points: Float[Tensor, "P 3"]) -> Float[Tensor, "P 3"]:
         """World positions relative to the box's middle, in halves of its longest side: a sphere stays a sphere."""
