@@ -34,9 +34,6 @@ HOLD = 0.75
 """Of the run, of any length: a quarter of it, after the last Gaussians are dropped, settles what was learned at high
 rates. Worth 0.1 dB after 3,000 and 7,000 steps; rates that fall all along cost 0.8 dB."""
 
-FIRST_GAUSSIANS = 20_000
-"""On the visual hull."""
-
 THRESHOLD, DROP_SHARE = 1.31e-4, 0.6
 """Density control grows more than it keeps (docs/experiments/growing-and-dropping.md). With this threshold models
 take about a third of the raw bytes of 3dgs."""
@@ -61,7 +58,7 @@ class RingLightBasisRecipe(SplatRecipe):
     """Learning rate of the weights; it falls with the base colours', see rates.hold."""
     basis_rate: float = 1e-2
     """Learning rate of what is shared; it falls alike. A fifth of it costs 0.3 dB in short runs."""
-    start: SurfaceStart = field(default_factory=lambda: SurfaceStart(points=FIRST_GAUSSIANS))
+    start: SurfaceStart = field(default_factory=SurfaceStart)
     """Where Gaussians start."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
@@ -85,10 +82,11 @@ class RingLightBasisRecipe(SplatRecipe):
 
     def at_length(self) -> "RingLightBasisRecipe":
         """See :meth:`SplatRecipe.at_length`."""
-        return replace(super().at_length(), sh_rate=harmonics_rates(self.sh_rate, None, self.steps)[0])
+        of_dc, _ = harmonics_rates(self.sh_rate, None, self.steps)
+        return replace(super().at_length(), sh_rate=of_dc, start=self.start.at_length(self.steps))
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.points_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.shared_basis import SharedBasis

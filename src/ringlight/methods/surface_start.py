@@ -1,6 +1,6 @@
 """Where Gaussians start if masks cut the subject out of the photographs: on its visual hull. Torch-free."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ringlight.errors import RecipeError
@@ -11,21 +11,34 @@ if TYPE_CHECKING:
 FEWEST_VIEWS = 12
 """Photographs; the hull of fewer is a rough guess."""
 
+FIRST_GAUSSIANS = 20_000
+"""On the hull; half of them cost 0.2 dB on chair_400, twice of them only add Gaussians."""
+
+LONGEST = 5_000
+"""Steps of a run that gains by the hull: 0.5 dB on chair_400 after 3,000. Given longer, random points find more of what
+the hull hides: after 7,000 steps they are ahead there (docs/experiments/shared-basis.md)."""
+
 
 @dataclass(frozen=True)
 class SurfaceStart:
     """Gaussians drawn from the visual hull of the photographs' masks, as discs that lie in it."""
 
-    points: int = 0
-    """So many; 0 starts from the scene's points, and so do scenes without masks or with fewer than 12 photographs."""
+    points: int | None = None
+    """So many; 0 starts from the scene's points, and so do scenes without masks or with fewer than 12 photographs. By
+    default 20,000 in runs of up to 5,000 steps, and 0 in longer ones."""
     opacity: float = 0.5
     """Of these Gaussians at the start."""
 
     def __post_init__(self) -> None:
-        if self.points < 0:
+        if (self.points or 0) < 0:
             raise RecipeError(f"start.points is {self.points}; give 0 (the scene's points) or more")
         if not 0 < self.opacity < 1:
             raise RecipeError(f"start.opacity is {self.opacity:g}; an opacity lies between 0 and 1")
+
+    def at_length(self, steps: int) -> "SurfaceStart":
+        """The same with what is left to the run's length, ``steps``, decided."""
+        short = FIRST_GAUSSIANS if steps <= LONGEST else 0
+        return replace(self, points=short) if self.points is None else self
 
     def points_in(self, scene: "Scene", seed: int) -> "PointCloud":
         """Points of the hull, or else the scene's own. The hull takes some seconds."""

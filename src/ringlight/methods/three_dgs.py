@@ -76,7 +76,7 @@ class ThreeDGSRecipe(SplatRecipe):
     sh_rest_rate: float | None = None
     """Learning rate of the view-dependent coefficients. By default 3DGS's 1.25e-4 in a run of its 30,000 steps or more;
     a run half as long takes twice of it, and none more than 2.5e-3."""
-    start: SurfaceStart = field(default_factory=SurfaceStart)
+    start: SurfaceStart = field(default_factory=lambda: SurfaceStart(points=0))
     """Where Gaussians start. 3DGS takes the scene's points."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
@@ -97,10 +97,11 @@ class ThreeDGSRecipe(SplatRecipe):
     def at_length(self) -> "ThreeDGSRecipe":
         """See :meth:`SplatRecipe.at_length`."""
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
-        return replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest)
+        start = self.start.at_length(self.steps)
+        return replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest, start=start)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.points_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.harmonics import SphericalHarmonics
