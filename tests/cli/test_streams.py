@@ -70,6 +70,9 @@ def test_what_is_written_arrives():
         ("\x9b2J", r"\x9b2J"),
         ("photo\u202egpj.exe", r"photo\u202egpj.exe"),
         ("a\x00b\x08", r"a\x00b\x08"),
+        ("a\rringlight: all is well", r"a\rringlight: all is well"),
+        ("a\x1b[1A\x1b[2K\r", r"a\x1b[1A\x1b[2K\r"),
+        ("\x1b[8mhidden", r"\x1b[8mhidden"),
     ],
 )
 def test_what_would_rewrite_the_terminal_is_shown_as_an_escape(foreign: str, shown: str):
@@ -90,7 +93,7 @@ def test_tables_and_bars_keep_what_draws_them():
     console.print("[bold red on blue]28.2[/]")
     drawn = console.file.getvalue()
     assert "\x1b[" in drawn
-    assert printable(drawn) == drawn
+    assert printable(drawn, drawn=True) == drawn
 
 
 def test_the_name_in_a_strangers_model_does_not_reach_the_terminal_raw(trained: dict[str, Path], tmp_path: Path):
@@ -134,6 +137,25 @@ def test_a_training_outlives_its_output(script: str, tiny: Path, trained: dict[s
     assert model.read_bytes() == (trained["3dgs"] / "model.safetensors").read_bytes()
     assert (tmp_path / "run" / "report.json").is_file()
     assert done.returncode == 0 or "/dev/full" in script
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["info"], ["doctor", "--json"]])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_disk_behind_standard_output_is_one_sentence(
+    words: list[str], unbuffered: str, trained: dict[str, Path]
+):
+    words = [*words, str(trained["3dgs"])] if words == ["info"] else words
+    done = subprocess.run(
+        ["bash", "-c", '"$@" > /dev/full', "bash", *RINGLIGHT, *words],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "No space left" in done.stderr
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])

@@ -70,6 +70,20 @@ def test_a_signal_ends_the_step_and_saves(
     assert model_of(run) == model_of(trained["3dgs"])
 
 
+def test_a_second_signal_stops_at_once_with_its_own_code(
+    tiny: Path, tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    def twice(_: Session) -> None:
+        signal.raise_signal(signal.SIGHUP)
+        signal.raise_signal(signal.SIGTERM)
+
+    at_step(3, twice)
+    run = tmp_path / "run"
+    stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK)
+    assert stopped.code == 143
+    assert f"begin again with: ringlight train --resume {run}" in stopped.err
+
+
 def test_a_signal_that_the_parent_ignores_is_ignored(
     tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
 ) -> None:

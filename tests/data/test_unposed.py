@@ -27,12 +27,12 @@ def test_photographs_without_cameras_get_colmaps_commands(tmp_path: Path, below:
     made, reconstruct, undistort = commands(str(refusal.value))
     assert reconstruct[:2] == ["colmap", "automatic_reconstructor"]
     assert reconstruct[reconstruct.index("--image_path") + 1] == str(folder / below)
-    assert reconstruct[reconstruct.index("--workspace_path") + 1] == made[1]
+    assert reconstruct[reconstruct.index("--workspace_path") + 1] == made[2]
     assert undistort[:2] == ["colmap", "image_undistorter"]
-    assert undistort[undistort.index("--input_path") + 1] == f"{made[1]}/sparse/0"
+    assert undistort[undistort.index("--input_path") + 1] == f"{made[2]}/sparse/0"
     trained = shlex.split(str(refusal.value).rpartition("train on ")[2])
-    assert trained == [undistort[undistort.index("--output_path") + 1]] == made[2:]
-    assert not any(Path(folder_made).is_relative_to(folder / below) for folder_made in made[1:]), (
+    assert trained == [undistort[undistort.index("--output_path") + 1]] == made[3:]
+    assert not any(Path(folder_made).is_relative_to(folder / below) for folder_made in made[2:]), (
         "what COLMAP writes is not taken for photographs"
     )
 

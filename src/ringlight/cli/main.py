@@ -17,7 +17,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from ringlight import __version__
-from ringlight.cli.streams import lasting_streams
+from ringlight.cli.streams import lasting_streams, what_flushing_met
 from ringlight.errors import FallbackWarning, RinglightError
 
 WRONG_INPUT, WRONG_USAGE = 1, 2
@@ -58,7 +58,12 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     # Before torch is imported: its idle OpenMP threads would spin on the cores that our kernels use.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     lasting_streams()
-    sys.exit(run(list(sys.argv[1:] if arguments is None else arguments)))
+    try:
+        code = run(list(sys.argv[1:] if arguments is None else arguments))
+    except OSError as error:
+        code = _system_refused(error)
+    lost = what_flushing_met()
+    sys.exit(_system_refused(lost) if lost and not code else code)
 
 
 def run(arguments: list[str]) -> int:

@@ -54,13 +54,17 @@ def train_and_measure(session: "Session", options: RunOptions, resume_with: str)
     """
     try:
         return _train_save_measure(session, options, resume_with)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as pressed:
+        number = pressed.args[0] if pressed.args else signal.SIGINT
         if not session.folder.checkpoints:
-            raise
+            sys.stderr.write(f"stopped at once; begin again with: {resume_with}\n")
+            raise Stopped(number) from None
         sys.stderr.write(f"stopped at once; go on from the last checkpoint with: {resume_with}\n")
-        raise Stopped(signal.SIGINT) from None
-    except (BackendError, RecipeError) as error:
-        raise type(error)(f"{error}; {session.way_on()}") from error
+        raise Stopped(number) from None
+    except BackendError as error:
+        raise BackendError(f"{error}; {session.way_on()}") from error
+    except RecipeError as error:  # the same settings would fail again
+        raise RecipeError(f"{error}; that is another run: give it --out NEW") from error
     except (MemoryError, RuntimeError) as error:
         # Nothing is saved: the step under way may have moved some of the parameters.
         if not is_out_of_memory(error):
@@ -101,7 +105,7 @@ def _deferred_signals() -> Iterator[list[int]]:
 
     def remember(number: int, frame: object) -> None:
         if numbers:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(number)
         numbers.append(number)
         sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
 

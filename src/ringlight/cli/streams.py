@@ -21,16 +21,19 @@ NARROWEST = 20
 """Columns; who claims fewer (``COLUMNS=0``) does not know, and the terminal is asked."""
 
 
-OURS = r"\x1b\[[0-9;]*m|\x1b\[\?25[lh]|\x1b\[2K|\x1b\[[0-9]*A"
+OURS = r"\r\x1b\[2K|\x1b\[[0-9;]*m|\x1b\[\?25[lh]|\x1b\[2K|\x1b\[[0-9]*A"
 """What tables and bars write themselves: styles, the cursor shown or hidden, a line cleared, lines up."""
 
-FOREIGN = re.compile(rf"({OURS})|[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+FOREIGN = re.compile(rf"({OURS})|[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """Other control characters come from names in foreign files. They could rewrite the terminal, or turn its text."""
 
 
-def printable(text: str) -> str:
-    """``text`` with the control characters of others as escapes that can be read."""
-    return FOREIGN.sub(lambda found: found[1] or ascii(found[0])[1:-1], text)
+def printable(text: str, drawn: bool = False) -> str:
+    """``text`` with the control characters of others as escapes that can be read.
+
+    Where it is ``drawn`` on a terminal, what draws our tables and bars stays; so would a name that moves the cursor.
+    """
+    return FOREIGN.sub(lambda found: (drawn and found[1]) or ascii(found[0])[1:-1], text)
 
 
 class Lasting:
@@ -48,7 +51,7 @@ class Lasting:
 
     def write(self, text: str) -> int:
         try:
-            return self._stream.write(printable(text))
+            return self._stream.write(printable(text, self._stream.isatty()))
         except OSError as error:
             self._bear(error)
             return len(text)
@@ -64,12 +67,26 @@ class Lasting:
             self._bear(error)
 
     def _bear(self, error: OSError) -> None:
-        """From now on what is written, and what still waits to be, goes nowhere."""
         if self._essential and error.errno not in LOST:
             raise error
+        self.give_up()
+
+    def give_up(self) -> None:
+        """Let what is written, and what waits to be, go nowhere."""
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)
+
+
+def what_flushing_met() -> OSError | None:
+    """Write what still waits on standard output, or give it up: what the interpreter meets last is a traceback."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        if isinstance(sys.stdout, Lasting):
+            sys.stdout.give_up()
+        return error
+    return None
 
 
 def lasting_streams() -> None:

@@ -3,9 +3,9 @@
 import shlex
 from pathlib import Path
 
-PHOTOGRAPHS = frozenset([".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".heic", ".heif", ".avif", ".dng"])
+PHOTOGRAPHS = frozenset([".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp"])
 FILMS = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts"])
-"""Suffixes, in lower case."""
+"""Suffixes, in lower case, of what COLMAP and ffmpeg read in any build."""
 
 FRAMES_PER_SECOND = 2
 """Of a film, as photographs: neighbours overlap, and a minute gives 120."""
@@ -35,8 +35,8 @@ def _of_film(film: Path) -> str:
     photographs = film.with_name(f"{film.stem}-photographs")
     cut = f"ffmpeg -i {_quoted(film)} -vf fps={FRAMES_PER_SECOND} -qscale:v 2 {_quoted(photographs / '%04d.jpg')}"
     return (
-        f"{film.name} is a film; make photographs of it and find their cameras: mkdir {_quoted(photographs)} && {cut} "
-        f"&& {_colmap(photographs)}"
+        f"{film.name} is a film; make photographs of it and find their cameras: "
+        f"mkdir -p {_quoted(photographs)} && {cut} && {_colmap(photographs)}"
     )
 
 
@@ -46,8 +46,8 @@ def _colmap(photographs: Path) -> str:
     found, scene = beside.with_name(f"{beside.name}-colmap"), beside.with_name(f"{beside.name}-scene")
     here = _quoted(photographs)
     return (
-        f"mkdir {_quoted(found)} {_quoted(scene)} && colmap automatic_reconstructor --workspace_path {_quoted(found)} "
-        f"--image_path {here} --dense 0 && colmap image_undistorter --image_path {here} "
+        f"mkdir -p {_quoted(found)} {_quoted(scene)} && "
+        f"colmap automatic_reconstructor --workspace_path {_quoted(found)} --image_path {here} --dense 0 && colmap image_undistorter --image_path {here} "
         f"--input_path {_quoted(found / 'sparse' / '0')} --output_path {_quoted(scene)}; "
         f"then train on {_quoted(scene)}"
     )

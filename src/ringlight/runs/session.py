@@ -136,7 +136,8 @@ class Session:
         """The run that ``record`` describes, which ended before its first checkpoint."""
         run = prepare_run(load_scene(record.scene, record.options), record.recipe, record.seed, record.device)
         sweep(folder.path)
-        return Session(folder, record, run.scene, run.training, Clock(), lock, memory, run.warnings)
+        clock = Clock(choosing=run.choosing)  # what it took before is not known: neither this nor the trial is recorded
+        return Session(folder, record, run.scene, run.training, clock, lock, memory, run.warnings)
 
     def steps(self) -> Iterator[Progress]:
         """The training steps that remain; the clock runs only while a step runs."""

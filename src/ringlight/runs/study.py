@@ -69,10 +69,8 @@ class StudyRun:
         Raises RunError where it waits for another variant's size and that is not known.
         """
         self.checked()
-        if RunFolder(self.folder).checkpoints:
+        if RunFolder(self.folder).recorded:
             return Session.resume(self.folder)
-        if (self.folder / RECORD_NAME).is_file():
-            raise RunError(f"{self.folder}: was stopped before its first checkpoint; remove it and run the study again")
         self.folder.parent.mkdir(parents=True, exist_ok=True)
         recipe = self._bounded_recipe()
         preset = self.variant.preset

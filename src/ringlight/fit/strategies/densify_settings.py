@@ -81,11 +81,15 @@ class DensifySettings:
 
     def at_length(self, steps: int) -> "DensifySettings":
         """The same with what is left to the run's length, ``steps``, decided."""
-        return replace(self, begin=self.first_step(steps)) if self.begin is None else self
+        if self.begin is not None:
+            return self
+        return replace(self, begin=PAPER_BEGIN if self.in_proportion else self.first_step(steps))
 
     def first_step(self, steps: int) -> int:
         """The step after which rows may be added."""
-        return min(PAPER_BEGIN, steps // BEGIN_SHARE) if self.begin is None else self.paced(self.begin, steps)
+        if self.begin is None and not self.in_proportion:
+            return min(PAPER_BEGIN, steps // BEGIN_SHARE)
+        return self.paced(PAPER_BEGIN if self.begin is None else self.begin, steps)
 
     def paced(self, step: int, steps: int) -> int:
         """``step`` of a run of 30,000 in one of ``steps``, if they are in proportion; zero alone stays zero."""
