@@ -47,9 +47,9 @@ def _colmap(photographs: Path) -> str:
     here = _quoted(photographs)
     return (
         f"mkdir -p {_quoted(found)} {_quoted(scene)} && "
-        f"colmap automatic_reconstructor --workspace_path {_quoted(found)} --image_path {here} --dense 0 && colmap image_undistorter --image_path {here} "
-        f"--input_path {_quoted(found / 'sparse' / '0')} --output_path {_quoted(scene)}; "
-        f"then train on {_quoted(scene)}"
+        f"colmap automatic_reconstructor --workspace_path {_quoted(found)} --image_path {here} --dense 0 && "
+        f"colmap image_undistorter --image_path {here} --input_path {_quoted(found / 'sparse' / '0')} "
+        f"--output_path {_quoted(scene)}; then train on {_quoted(scene)}"
     )
 
 
