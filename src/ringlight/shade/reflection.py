@@ -18,7 +18,7 @@ from ringlight.core.gradients import SHADER, Gradients
 from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import Channels, ImageGradients, Shaded, TileGradients, TileShading
+from ringlight.core.rendering import Channels, ImageGradients, Shaded
 from ringlight.core.want import Want
 from ringlight.fields.axis_factors import AxisFactors
 from ringlight.fields.diagonal_ring import DiagonalRing
@@ -38,7 +38,6 @@ from ringlight.shade.reflection_kernel import (
     reads_depth,
     reflection_job,
     shaded_planes,
-    tile_gradients,
 )
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
 
@@ -99,26 +98,13 @@ class ReflectionShader(nn.Module):
         depth = {"depth": 1} if reads_depth(self.settings) else {}
         return {"rgb": 3, "normal": 3, "latents": self.settings.latents, **depth}
 
-    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> TileShading | None:
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> _kernels.PictureShader | None:
         """See :class:`ringlight.shade.contract.Shader`; wide layers may multiply bytes where a picture is wanted."""
         parameters = self.kernel_parameters()
         if not self.lit or not kernel_takes(self.settings, *parameters):
             return None
         job = self.job(camera, background)
-        kernel = _kernels.ReflectionPicture(job.shape, parameters, job.view, want is not Want.PICTURE)
-
-        @torch.no_grad()
-        def backward(tiles: Tensor, grad_color: Tensor, into: Gradients) -> TileGradients:
-            gradients = [torch.empty_like(parameter) for parameter in parameters]
-            found = tile_gradients(job, tiles, parameters, grad_color, gradients)
-            self._add(gradients, into)
-            return found
-
-        return TileShading(kernel, backward)
-
-    def _add(self, gradients: list[Tensor], into: Gradients) -> None:
-        names = (SHADER + name for name in self._kernel_names)
-        into.add_all(dict(zip(names, gradients, strict=True)))
+        return _kernels.ReflectionPicture(job.shape, parameters, job.view, want is not Want.PICTURE)
 
     def shade(
         self,
@@ -160,7 +146,8 @@ class ReflectionShader(nn.Module):
         def backward(grad_color: Tensor, into: Gradients) -> ImageGradients:
             gradients = [torch.empty_like(parameter) for parameter in parameters]
             block, grad_alpha = plane_gradients(job, planes, parameters, grad_color, gradients)
-            self._add(gradients, into)
+            names = (SHADER + name for name in self._kernel_names)
+            into.add_all(dict(zip(names, gradients, strict=True)))
             return block.permute(1, 2, 0), grad_alpha.permute(1, 2, 0)
 
         return Shaded(color, backward)

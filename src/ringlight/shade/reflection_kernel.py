@@ -17,7 +17,6 @@ from ringlight.core.kernel_limits import (
     REFLECTION_MAX_SIDE,
     REFLECTION_QUAD,
 )
-from ringlight.core.rendering import TileGradients
 from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -129,22 +128,3 @@ def plane_gradients(
     if grad_depth and not job.depth_gradient:
         grad_depth[0].zero_()
     return block, grad_alpha
-
-
-def tile_gradients(
-    job: ReflectionJob,
-    tiles: Float[Tensor, "D Q"],
-    parameters: Sequence[Tensor],
-    grad_color: Float[Tensor, "H W 3"],
-    gradients: Sequence[Tensor],
-) -> TileGradients:
-    """The same of kept tiles, see :class:`ringlight.core.rendering.Raster`; without the plane of depth where that has
-    no gradient. Lots are laid end to end tile by tile and block by block, not row by row."""
-    without_gradient = job.depth and not job.depth_gradient
-    found = torch.empty_like(tiles[: len(tiles) - without_gradient])
-    drawn = torch.empty(tiles.shape[1] // _kernels.BLOCK_PIXELS, dtype=torch.int32)
-    _kernels.reflection_backward_of_tiles(
-        job.shape, parameters, job.view, tiles, grad_color.permute(2, 0, 1).contiguous(), job.gradient_share, gradients,
-        found, drawn,
-    )  # fmt: skip
-    return found, drawn
