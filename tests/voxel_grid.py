@@ -70,6 +70,7 @@ class VoxelRecipe:
     steps: int = 10
     side: int = 4
     most = None
+    random_points = 0
 
     def settled(self, scene, rasterize, seed):
         return self, None

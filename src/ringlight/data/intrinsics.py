@@ -37,9 +37,8 @@ class Intrinsics:
                 "by a quarter; store the image the way it was when the poses were found"
             )
         x, y = width / self.width, height / self.height
-        # Either side was rounded to whole pixels, up or down, in the smaller of the two grids.
-        rounding = x / min(width, self.width) + y / min(height, self.height)
-        if abs(x - y) > rounding or not 1 / MOST_RESIZED <= max(x, y) <= MOST_RESIZED:
+        fewest, most = _factors((width, height), (self.width, self.height))
+        if fewest > min(most, MOST_RESIZED):
             raise SceneError(
                 f"{where} has an image of {width}x{height} pixels and a camera of {self.width}x{self.height}, which is "
                 "no resized form of it; use the photographs that the poses were found with, not cropped or stretched "
@@ -47,6 +46,15 @@ class Intrinsics:
             )
         focal = (self.focal[0] * x, self.focal[1] * y)
         return Intrinsics(focal, (self.center[0] * x, self.center[1] * y), width, height)
+
+
+def _factors(image: tuple[int, int], camera: tuple[int, int]) -> tuple[float, float]:
+    """Between which factors the larger grid was shrunk to the smaller one, whose sides were rounded up or down; the
+    first is above the second where no factor explains both sides."""
+    large, small = (image, camera) if image[0] * image[1] >= camera[0] * camera[1] else (camera, image)
+    fewest = max(big / (side + 1) for big, side in zip(large, small, strict=True))
+    most = min(big / (side - 1) if side > 1 else math.inf for big, side in zip(large, small, strict=True))
+    return fewest, most
 
 
 def checked_intrinsics(

@@ -104,7 +104,7 @@ class Session:
         if not record.scene.is_dir():
             remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
             raise RunError(f"{record.scene}: the scene of {path} is gone; {remedy}")
-        if not folder.checkpoints:
+        if not folder.checkpoints and not folder.model.is_file():  # a model is not trained anew in its place
             return Session._from_step_0(folder, record, lock, memory)
         stored, warnings = read_checkpoint(folder)
         scene = load_scene(record.scene, record.options)
