@@ -167,3 +167,10 @@ def test_a_light_with_idle_features_is_named_and_no_other():
     assert [note for note in notes if "of the light's" in note] == [sentence, other]
     assert sentence in printed(ResultsTable(runs), 120)
     assert sentence in ResultsTable(runs).markdown()
+
+
+def test_a_light_that_collapsed_is_told_of():
+    happened = "step 700: the light has collapsed; back to step 500"
+    runs = [("bad", sample_report(collapses=(happened,))), ("good", sample_report())]
+    assert f"bad: {happened}." in ResultsTable(runs).notes()
+    assert not any(note.startswith("good:") for note in ResultsTable(runs).notes())

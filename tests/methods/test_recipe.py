@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ringlight.core.later import came_later
+from ringlight.core.later import came_later, value_before
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import METHODS
@@ -45,14 +45,14 @@ def test_a_file_that_lacks_a_later_setting_means_what_there_was_before(preset: s
 
 
 def without_later(record: Any) -> tuple[dict[str, Any], Any]:
-    """Settings as an older program wrote them, and the record with the later ones at their defaults."""
+    """Settings as an older program wrote them, and the record with the later ones as they were before."""
     stored, before = {}, {}
     for field in fields(record):
         value = getattr(record, field.name)
         if is_dataclass(value):
             stored[field.name], before[field.name] = without_later(value)
         elif came_later(field):
-            before[field.name] = field.default
+            before[field.name] = value_before(field)
         else:
             stored[field.name] = value
     return stored, replace(record, **before)

@@ -9,8 +9,12 @@ import torch
 
 from ringlight.errors import ModelFileError, OutputError, RunError
 from ringlight.files.atomic import BEGUN, HALF_DONE, sweep
-from ringlight.runs.checkpoints import read_checkpoint, write_checkpoint
+from ringlight.fit.train import Training, train
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
 from ringlight.runs.folder import RunFolder
+from small_recipes import small
+from tiny_scene import tiny_scene
 
 NAMES = {"checkpoint.safetensors", "checkpoint-earlier.safetensors"}
 
@@ -134,3 +138,29 @@ def test_what_killed_writers_left_is_swept_up(folder: RunFolder) -> None:
     (folder.path / "mine.part").write_bytes(b"mine")
     sweep(folder.path)
     assert {path.name for path in folder.path.iterdir()} == NAMES | {"mine.part"}
+
+
+def guarded() -> Training:
+    return small("ringlight-ring", steps=12).build(tiny_scene(views=3, size=16), rasterizer_for("auto"), seed=0)
+
+
+def test_the_state_that_a_guard_keeps_must_fit_like_the_other() -> None:
+    training = guarded()
+    for _ in train(training):
+        pass
+    state = training.state()
+    kept = {name for name in state if name.startswith("guard.good.")}
+    assert {name.removeprefix("guard.good.") for name in kept} == {n for n in state if not n.startswith("guard.")}
+    refuse_misfits(state, guarded())
+    refuse_misfits({name: tensor for name, tensor in state.items() if name not in kept}, guarded())
+    for name in sorted(kept):
+        lacking = {other: tensor for other, tensor in state.items() if other != name}
+        with pytest.raises(KeyError):
+            refuse_misfits(lacking, guarded())
+        if state[name].ndim > 1:
+            with pytest.raises(ValueError, match="of shape"):
+                refuse_misfits(state | {name: state[name][:, :-1]}, guarded())
+    with pytest.raises(ValueError, match="is unknown"):
+        refuse_misfits(state | {"guard.good.model.columns.weight": torch.zeros(3)}, guarded())
+    with pytest.raises(ValueError, match="counts"):
+        refuse_misfits(state | {"guard.good.step": torch.tensor(-1)}, guarded())

@@ -61,15 +61,15 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
         saver = Saver(session.save, options.save_every)
         for progress in session.steps():
             now = time.monotonic()
-            bar.update(task, completed=progress.step)
+            bar.update(task, completed=session.training.step)
             if now - shown >= every or progress.step in options.eval_at:
                 _show(bar, task, meter.line(progress), live, options.quiet)
                 shown = time.monotonic()
-            if progress.step in options.eval_at and not options.quiet:
+            if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
                 decibels = psnr_of_views(session.training.model, session.scene)
                 console.print(f"step {progress.step}: {decibels:.2f} dB on the test views")
-            if progress.fault is not None:
-                console.print(f"warning: {progress.fault}", markup=False, highlight=False, soft_wrap=True)
+            for warning in filter(None, (progress.fault, progress.collapse)):
+                console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
             if stopping:
                 return
@@ -94,7 +94,9 @@ class _Meter:
         return f"{self.rate:6.1f} it/s  training {self.decibels:5.2f} dB  {count}  {size / 1e6:.2f} MB"
 
     def _time(self, step: int, second: float) -> None:
-        """Steps a second since the mark, which moves on every few seconds."""
+        """Steps a second since the mark, which moves on every few seconds, and back where the training does."""
+        if step < self.mark[0]:
+            self.mark, self.is_first_window = (step, second), False
         elapsed = second - self.mark[1]
         if self.is_first_window or elapsed >= RATE_SECONDS:
             self.rate = (step - self.mark[0]) / max(elapsed, 1e-9)

@@ -7,11 +7,17 @@ LATER = "later"
 """Key of a field's metadata."""
 
 
-def later(before: Any) -> Any:
-    """A dataclass field whose default, ``before``, is what programs did that did not know the setting."""
-    return field(default=before, metadata={LATER: True})
+def later(before: Any, now: Any = None) -> Any:
+    """A dataclass field; ``before`` is what programs did that did not know the setting, and the default unless ``now``
+    states another."""
+    return field(default=before if now is None else now, metadata={LATER: before})
 
 
 def came_later(setting: "Field[Any]") -> bool:
     """Whether a file may lack it."""
     return LATER in setting.metadata
+
+
+def value_before(setting: "Field[Any]") -> Any:
+    """What a file means that lacks it."""
+    return setting.metadata[LATER]

@@ -35,6 +35,7 @@ class Optimizer:
         self._mean = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
+        self._slowed = dict.fromkeys(self.groups, 1.0)
         # Names are cut once; what they name is looked up each time, for the verbs below and the model replace it.
         self._attributes: dict[tuple[str, ...], list[tuple[str, str]]] = {}
         for name in self.groups:
@@ -62,12 +63,19 @@ class Optimizer:
             group = self.groups[name]
             self._updates[name] += 1
             progress = (step - group.begins) / max(self.steps - group.begins, 1)
-            adam_step = (group.rate.at(progress), *group.betas, group.epsilon, self._updates[name])
+            adam_step = (self._slowed[name] * group.rate.at(progress), *group.betas, group.epsilon, self._updates[name])
             update = Update(parameter, gradient, self._mean[name], self._square[name], adam_step)
             (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
             used[name] = gradient
         left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)
         return None if left == 0 else bad_gradient(used, left)
+
+    def slow(self, prefixes: tuple[str, ...], factor: float) -> None:
+        """From now on the rates of parameters whose names begin so are ``factor`` times those of their groups.
+
+        Not part of :meth:`state`: who asks for it asks again in a resumed run.
+        """
+        self._slowed |= {name: factor for name in self._slowed if name.startswith(prefixes)}
 
     @torch.no_grad()
     def edit_rows(self, rows: Int[Tensor, "K"], added: Gaussians | None = None) -> None:

@@ -11,13 +11,20 @@ SHARE = 0.5
 COPIES = 5
 """Of a row while it trains: value, gradient, two moments, and one while density control builds a new table."""
 
+GOOD_COPIES = 3
+"""And where a guard keeps an earlier state: value and two moments."""
+
 WORK_BYTES = 400
 """A Gaussian in the rasterizer's workspace, measured: 350 at 800 x 800 pixels."""
 
 
-def most_rows(model: Model, memory: int | None = None) -> int:
-    """As many as fit into their share of ``memory`` bytes, by default this machine's, or its GPU's if that draws."""
+def most_rows(model: Model, memory: int | None = None, guarded: bool = False) -> int:
+    """As many as fit into their share of ``memory`` bytes, by default this machine's, or its GPU's if that draws.
+
+    A ``guarded`` training keeps an earlier state besides (fit/guard.py).
+    """
     if memory is None:
         on_gpu = model.device.type == "cuda"
         memory = torch.cuda.get_device_properties(model.device).total_memory if on_gpu else machine_memory()
-    return max(int(SHARE * memory) // (COPIES * model.bytes_each() + WORK_BYTES), 1)
+    copies = COPIES + (GOOD_COPIES if guarded else 0)
+    return max(int(SHARE * memory) // (copies * model.bytes_each() + WORK_BYTES), 1)

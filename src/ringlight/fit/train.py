@@ -13,6 +13,7 @@ from ringlight.core.rendering import Rendering, no_way_back
 from ringlight.core.want import Want
 from ringlight.data.contract import Batches
 from ringlight.fit.faults import FaultCounter, bad_loss, predicted
+from ringlight.fit.guard import Guard, sentences
 from ringlight.fit.losses.contract import Compared, Loss
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.regularizers.contract import Regularizer, Term
@@ -29,8 +30,8 @@ def alone(gradients: Gradients) -> Gradients:
 class Training:
     """What a recipe builds and :func:`train` consumes. ``step`` counts the steps already done.
 
-    ``reduce`` is where several processes make one of their gradients. Raises RecipeError for a regularizer of a buffer
-    that the model does not blend.
+    ``reduce`` is where several processes make one of their gradients; ``guard`` watches a light. Raises RecipeError for
+    a regularizer of a buffer that the model does not blend.
     """
 
     model: Model
@@ -42,6 +43,7 @@ class Training:
     regularizers: Mapping[str, Regularizer] = field(default_factory=dict)
     reduce: Callable[[Gradients], Gradients] = alone
     faults: FaultCounter = field(default_factory=FaultCounter)
+    guard: Guard | None = None
     step: int = 0
 
     def __post_init__(self) -> None:
@@ -57,6 +59,11 @@ class Training:
 
     def state(self) -> dict[str, Tensor]:
         """Every tensor that a run needs to go on as if it had never stopped."""
+        of_guard = self.guard.state() if self.guard else {}
+        return self._own_state() | {f"guard.{name}": tensor for name, tensor in of_guard.items()}
+
+    def _own_state(self) -> dict[str, Tensor]:
+        """What the next steps depend on: all but what the guard remembers."""
         state = {f"model.{name}": tensor for name, tensor in self.model.state_dict().items()}
         state |= {f"optimizer.{name}": tensor for name, tensor in self.optimizer.state().items()}
         for index, strategy in enumerate(self.strategies):
@@ -64,18 +71,40 @@ class Training:
         return state | {"step": torch.tensor(self.step), "faults": torch.tensor(self.faults.in_a_row)}
 
     def bytes_by_part(self) -> dict[str, int]:
-        """What lies in memory from step to step: "parameters", "moments", "photographs" as the loss wants them, and
-        what "strategies" count. Not what a step itself works in: gradients, images, the rasterizer's workspace."""
+        """What lies in memory from step to step: "parameters", "moments", "photographs" as the loss wants them, what
+        "strategies" count, and the "good state" of a guard. Not what a step itself works in: gradients, images, the
+        rasterizer's workspace."""
         held = {
             "parameters": self.model.parameters(),
             "moments": self.optimizer.moments.values(),
             "strategies": (tensor for strategy in self.strategies for tensor in strategy.state().values()),
         }
         sizes = {part: sum(t.numel() * t.element_size() for t in tensors) for part, tensors in held.items()}
-        return sizes | {"photographs": self.loss.bytes_kept}
+        kept = {"good state": self.guard.bytes_kept} if self.guard else {}
+        return sizes | {"photographs": self.loss.bytes_kept} | kept
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Inverse of :meth:`state`; the model takes the saved sizes."""
+        if self.guard is not None:
+            self.guard.restore(_below(state, "guard."))
+            self.guard.slow(self.optimizer)
+        self._restore_own(state)
+
+    def undo_collapse(self, loss: float) -> str | None:
+        """After a step with this photometric ``loss``: a sentence where the guard finds that the light has collapsed.
+
+        The training is then what it was at an earlier step, with lower rates; see :mod:`ringlight.fit.guard`.
+        """
+        if self.guard is None:
+            return None
+        before = len(self.guard.collapses)
+        good = self.guard.watch(self.step, loss, self._own_state)
+        if good is not None:
+            self._restore_own(good)
+            self.guard.slow(self.optimizer)
+        return None if len(self.guard.collapses) == before else sentences(self.guard.collapses)[-1]
+
+    def _restore_own(self, state: Mapping[str, Tensor]) -> None:
         self.model.load_tensors(_below(state, "model."))
         self.optimizer.restore(_below(state, "optimizer."))
         for index, strategy in enumerate(self.strategies):
@@ -87,7 +116,8 @@ class Training:
 class Progress:
     """What happened in one step. ``prediction`` and ``truth`` are what the loss compared, before the update.
 
-    ``fault`` is a sentence on a number that was not finite, and None in nearly all steps.
+    ``fault`` is a sentence on a number that was not finite, ``collapse`` one on a light that collapsed, after which the
+    training may have gone back to an earlier step; both are None in nearly all steps.
     """
 
     step: int
@@ -96,6 +126,7 @@ class Progress:
     prediction: Rendering
     truth: Float[Tensor, "*pixels 3"]
     fault: str | None = None
+    collapse: str | None = None
 
     @property
     def loss(self) -> float:
@@ -105,6 +136,8 @@ class Progress:
 
 def train(training: Training) -> Iterator[Progress]:
     """Fit the model in place, yielding after every step; to pause or stop is to stop asking.
+
+    Steps come in order, but that after one with a ``collapse`` may be an earlier one again.
 
     Raises DivergedError by the rules of :mod:`ringlight.fit.faults`; where all parameters are finite, ``training`` is
     then as its last step left it, and that step is counted.
@@ -126,7 +159,8 @@ def train(training: Training) -> Iterator[Progress]:
         for strategy in training.strategies:
             strategy.update(step, model, optimizer, prediction)
         training.step = step
-        yield Progress(step, losses, batch, prediction, compared.truth, fault)
+        collapse = training.undo_collapse(compared.value.item())
+        yield Progress(step, losses, batch, prediction, compared.truth, fault, collapse)
         training.faults.refuse_too_many(fault)
 
 

@@ -87,6 +87,10 @@ class Report:
     """Share of the hidden units of the network behind the features that are zero on nearly all of it. A quarter is so
     when a network is drawn, and a tenth after healthy runs."""
 
+    collapses: tuple[str, ...] = ()
+    """What happened each time that the light collapsed while it trained, a sentence each: where training went back to,
+    and with what rates it went on. ``train_seconds`` counts the steps that were undone too."""
+
     counted: int
     """What rendering needs of what the model is made of: Gaussians, voxels."""
     noun: str

@@ -8,8 +8,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.light_features import FeatureShares
 from ringlight.core.scene import PointCloud, Scene
-from ringlight.data.batches import ImageBatches
+from ringlight.data.batches import COARSE, ImageBatches
+from ringlight.fit.guard import Guard
 from ringlight.fit.losses.photographs import PhotographLoss
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam
@@ -20,6 +22,7 @@ from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.fit.strategies.unlock import Unlock
 from ringlight.fit.train import Training
 from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.models.feature_shares import feature_shares
 from ringlight.models.initial import INITIAL_OPACITY, gaussians_from_points
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
@@ -38,6 +41,10 @@ class Course:
     unlocks: Mapping[str, Mapping[int, int]] = field(default_factory=dict)
     surface_opacity: float = INITIAL_OPACITY
     coarse_steps: int = 0
+    light: tuple[str, ...] = ()
+    """How names of the light's parameters begin, if it can collapse and a guard is to undo that."""
+    first_lit: int = 1
+    """Step after which the light is on."""
     last: tuple[Strategy, ...] = ()
     regularizers: Mapping[str, Regularizer] = field(default_factory=dict)
 
@@ -66,6 +73,8 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
         model.get_buffer(buffer).zero_()
     steps, densify = recipe.steps, recipe.densify.within(scene.pixels)
     groups = recipe.rates.groups(scene.extent) | course.groups
+    growing = Densify(densify, scene.extent, steps, seed, white=scene.background == "white")
+    dropping = DropLeast(densify, [view.camera for view in scene.train], steps)
     return Training(
         model=model,
         batches=ImageBatches(scene, seed, course.coarse_steps),
@@ -73,10 +82,30 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
         optimizer=Optimizer(model, groups, steps, recipe.visible_only),
         strategies=(
             *(Unlock(buffer, schedule) for buffer, schedule in course.unlocks.items()),
-            Densify(densify, scene.extent, steps, seed, white=scene.background == "white"),
-            DropLeast(densify, [view.camera for view in scene.train], steps),
+            growing,
+            dropping,
             *course.last,
         ),
         steps=steps,
         regularizers=course.regularizers,
+        guard=_guard(course, model, scene, disturbed_steps(course, growing, dropping, steps)) if course.light else None,
     )
+
+
+def disturbed_steps(course: Course, growing: Densify, dropping: DropLeast, steps: int) -> frozenset[int]:
+    """After which the loss rises for good reasons: opacities are reset, Gaussians dropped, photographs larger, or
+    something new is shown. The light itself is none: it must not make the picture worse."""
+    coarse = course.coarse_steps
+    shown = (schedule.keys() for schedule in course.unlocks.values())
+    others = {step for steps in shown for step in steps} - {course.first_lit}
+    larger = {coarse * stage for stage in range(1, len(COARSE) + 1)} if coarse else set()
+    return dropping.rounds | others | larger | {step for step in range(1, steps + 1) if growing.resets(step)}
+
+
+def _guard(course: Course, model: SplatModel, scene: Scene, disturbed: frozenset[int]) -> Guard:
+    cameras = [view.camera for view in scene.train]
+
+    def look(index: int) -> FeatureShares | None:
+        return feature_shares(model, [cameras[index % len(cameras)]], scene.background_color)
+
+    return Guard(course.light, course.first_lit, look, disturbed)

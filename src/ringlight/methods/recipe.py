@@ -18,7 +18,7 @@ from typing import (
     runtime_checkable,
 )
 
-from ringlight.core.later import came_later
+from ringlight.core.later import came_later, value_before
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -87,9 +87,9 @@ def recipe_to_dict(recipe: Recipe) -> dict[str, Any]:
 def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -> Settings:
     """Inverse of :func:`recipe_to_dict`.
 
-    ``values`` come from a file and may be anything; one that lacks a setting of ``core/later.py`` means its default.
-    Raises RecipeError, with ``where`` in it, for another setting that is missing or that this version does not know, or
-    a value of another type than the setting's.
+    ``values`` come from a file and may be anything; one that lacks a setting of ``core/later.py`` means what there was
+    before. Raises RecipeError, with ``where`` in it, for another setting that is missing or that this version does not
+    know, or a value of another type than the setting's.
     """
     if not isinstance(values, Mapping):
         raise RecipeError(f"{where}: is not a group of settings; {DAMAGED}")
@@ -99,11 +99,12 @@ def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -
     unknown = sorted(set(values) - known)
     if unknown:
         raise RecipeError(f"{where}: unknown setting {unknown[0]!r}; it was written by another version of ringlight")
-    missing = sorted(known - set(values) - {field.name for field in fields if came_later(field)})
+    before = {field.name: value_before(field) for field in fields if came_later(field)}
+    missing = sorted(known - set(values) - before.keys())
     if missing:
         another = "it was written by another version of ringlight, or it is damaged: train again"
         raise RecipeError(f"{where}: setting {missing[0]!r} is missing; {another}")
-    arguments = {}
+    arguments = {name: value for name, value in before.items() if name not in values}
     for name, value in values.items():
         if dataclasses.is_dataclass(hints[name]):
             arguments[name] = recipe_from_dict(hints[name], value, f"{where}.{name}")

@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import FAST_SCALES, Adam, GaussianRates, Rate, check_rates
@@ -73,6 +74,9 @@ class RingLightMirrorRecipe(SplatRecipe):
     """Learning rate of the factors that the maps' features have at the reflecting point, at the start."""
     sphere_rate: float = 5e-3
     """Learning rate of the parallax spheres at the start."""
+    undo_collapse: bool = later(False, now=True)
+    """Whether a shader that collapses is noticed, and the run set back to where it was good, with half of the shader's
+    rates from there on."""
     antialiased: bool = True
     """Rasterize with the opacity compensation of Mip-Splatting, which is worth 0.4 dB on chrome."""
     visible_only: bool = False
@@ -134,6 +138,7 @@ class RingLightMirrorRecipe(SplatRecipe):
         return bounded.build_on(points, scene, rasterize, seed)
 
     def course(self, scene: "Scene") -> "Course":
+        from ringlight.core.gradients import SHADER
         from ringlight.methods.assembly import Course
 
         first_lit = max(int(self.warmup * self.steps), 1)
@@ -154,4 +159,6 @@ class RingLightMirrorRecipe(SplatRecipe):
             },
             unlocks={"shader.lit": {first_lit: 1}},
             surface_opacity=self.opacity,
+            light=(SHADER,) if self.undo_collapse else (),
+            first_lit=first_lit,
         )

@@ -78,7 +78,7 @@ class RingLightRingRecipe(SplatRecipe):
     mask_penalty: float = 0.0
     """Weight of the mean mask in the loss; the paper has none."""
     field_rate: float = 2e-3
-    """Learning rate of the light field and the render module when they are switched on; 6e-3 collapses."""
+    """Learning rate of the light field and the render module when they are switched on. Far higher ones collapse."""
     field_rate_end: float = 1e-4
     """And at the end of the run, log-linear in between; the paper keeps 1e-4 all along."""
     field_beta2: float = 0.999
@@ -86,6 +86,9 @@ class RingLightRingRecipe(SplatRecipe):
     of the gradients makes steps up to five times as long as the rate; with 0.99 twice as long."""
     field_epsilon: float = 1e-15
     """Epsilon of the light field's Adam; with it the loss's scale (gamma) has no effect."""
+    undo_collapse: bool = later(False, now=True)
+    """Whether a light field that collapses is noticed, and the run set back to where it was good, with half of the
+    field's rate from there on."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""
     random_points: int = later(0)
@@ -127,6 +130,7 @@ class RingLightRingRecipe(SplatRecipe):
         return RingLight(self.light, box, seed), PassThrough()
 
     def course(self, scene: "Scene") -> "Course":
+        from ringlight.core.gradients import COLOR
         from ringlight.fit.regularizers.mean_mask import MeanMask
         from ringlight.fit.strategies.prune import Prune
         from ringlight.methods.assembly import Course
@@ -143,6 +147,8 @@ class RingLightRingRecipe(SplatRecipe):
                 "color.*": Adam(rate, betas, self.field_epsilon, begins=first_lit),
             },
             unlocks={"color.lit": {first_lit: 1}},
+            light=(COLOR,) if self.undo_collapse else (),
+            first_lit=first_lit,
             last=(Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),),
             regularizers={"mask": MeanMask(self.mask_penalty * self.loss.scale)} if penalized else {},
         )
@@ -157,6 +163,7 @@ PAPER = dataclasses.replace(
     field_rate=1e-4,
     field_rate_end=1e-4,
     field_epsilon=1e-8,
+    undo_collapse=False,
     densify=DensifySettings(begin=PAPER_BEGIN, threshold=1.1, pixel_bound=False),
     loss=PhotometricLoss(pixel="l2", scale=PAPER_SCALE),
 )

@@ -7,15 +7,23 @@ from torch import Tensor
 from ringlight.errors import ModelFileError, OutputError, RunError
 from ringlight.files.atomic import flush_folder
 from ringlight.files.tensor_file import REMEDY, TensorFile, read_tensors, write_tensors
+from ringlight.fit.guard import good_state
 from ringlight.fit.train import Training
 from ringlight.runs.folder import EARLIER_NAME, FRESH_NAME, RunFolder
 
 LARGEST_COUNT = 2**31 - 1
-"""Of steps, updates and faults: any more is a damaged number."""
+"""Of steps, updates, faults and collapses: any more is a damaged number."""
 
 
 STORED_BY_NAME = ("model.", "optimizer.mean.", "optimizer.square.")
 """What a state holds of each of the model's tensors."""
+
+
+GUARD = "guard."
+"""What a state holds of the guard, and in it of the training at an earlier step."""
+
+COUNTED = ("strategy.", GUARD + "collapses")
+"""Of which there may be more with time."""
 
 
 def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapping[str, str]) -> None:
@@ -37,16 +45,28 @@ def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapp
 def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
     """Raise KeyError or ValueError unless ``state`` can be restored in ``training``, which is at its start.
 
-    The model has grown since, and with its rows what a strategy counts for each; everything else has its old shape.
+    The model has grown since, and with its rows what a strategy counts for each; everything else has its old shape. So
+    has the state that a guard keeps, of another number of rows.
     """
-    own, prefixes = training.state(), training.model.row_prefixes
+    own = training.state()
+    _refuse_other_shapes(state, own, training.model.row_prefixes)
+    of_guard = {name.removeprefix(GUARD): t for name, t in state.items() if name.startswith(GUARD)}
+    kept = good_state(of_guard)
+    if kept:
+        of_training = {name: tensor for name, tensor in own.items() if not name.startswith(GUARD)}
+        if kept.keys() - of_training.keys():
+            raise ValueError(f"{min(kept.keys() - of_training.keys())} is unknown")
+        _refuse_other_shapes(kept, of_training, training.model.row_prefixes)
+
+
+def _refuse_other_shapes(state: Mapping[str, Tensor], own: Mapping[str, Tensor], prefixes: tuple[str, ...]) -> None:
     of_rows = tuple(part + prefix for prefix in prefixes for part in STORED_BY_NAME)
     rows = next((state[name].shape[:1] for name in own if name.startswith(of_rows)), ())
     for name, tensor in own.items():
         found = state[name]
         of_row = name.startswith(of_rows)
         shape = (*rows, *tensor.shape[1:]) if of_row else tuple(tensor.shape)
-        counted = name.startswith("strategy.") and found.ndim == tensor.ndim
+        counted = name.startswith(COUNTED) and found.ndim == tensor.ndim
         if found.dtype != tensor.dtype or not (counted or tuple(found.shape) == shape):
             raise ValueError(f"{name} is {found.dtype} of shape {list(found.shape)}")
         if not found.is_floating_point() and not bool(((found >= 0) & (found.long() <= LARGEST_COUNT)).all()):

@@ -19,6 +19,7 @@ from ringlight.errors import ModelFileError, RunError, SceneError
 from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
 from ringlight.files.video import save_image
+from ringlight.fit.guard import sentences
 from ringlight.measure.evaluate import Keep, Scores, evaluate, mean_psnr
 from ringlight.measure.json_record import to_json
 from ringlight.measure.lpips import Net
@@ -62,6 +63,7 @@ class TrainingFacts:
     choosing_cpu_seconds: float | None = None
     peak_bytes: int | None = None
     training_bytes: dict[str, int] = field(default_factory=dict)
+    collapses: tuple[str, ...] = ()
     bytes_file: int | None = None
 
 
@@ -145,6 +147,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         choosing_cpu_seconds=session.clock.choosing,
         peak_bytes=session.memory.growth(),
         training_bytes=session.training.bytes_by_part(),
+        collapses=sentences(session.training.guard.collapses) if session.training.guard else (),
     )
     report = measure(session.training.model, session.scene, facts, session.folder.pictures, nets, tell)
     session.save_model({"psnr": report.psnr, "ssim_same": report.ssim_same, "lpips_alex": report.lpips_alex})
@@ -184,7 +187,7 @@ def _costs(run: RunFolder) -> dict[str, Any]:
     """What training took, from the report, else its seconds from the checkpoint."""
     with suppress(RunError):
         report = read_report(run.path)
-        return {name: getattr(report, name) for name in (*SECONDS, "peak_bytes", "training_bytes")}
+        return {name: getattr(report, name) for name in (*SECONDS, "peak_bytes", "training_bytes", "collapses")}
     with suppress(ModelFileError, KeyError, ValueError):
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
         return {name: float(stored[kept]) for name, kept in SECONDS.items() if kept in stored}

@@ -37,7 +37,8 @@ def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str) -> Prepare
     begun = time.process_time()
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
     training = recipe.build(scene, rasterizer_for(device), seed)
-    recipe, scene, warnings = bounded(recipe, scene, training, most_rows(training.model))
+    most = most_rows(training.model, guarded=training.guard is not None)
+    recipe, scene, warnings = bounded(recipe, scene, training, most)
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
     choosing, note = time.process_time() - begun, training.model.note

@@ -149,6 +149,8 @@ class Session:
             self.clock.cpu += time.process_time() - cpu
             if progress is None:
                 return
+            if progress.collapse is not None:
+                self._saved_at = -1  # a step that was saved may come again, with other bits
             yield progress
 
     def save(self) -> None:

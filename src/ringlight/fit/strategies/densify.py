@@ -47,7 +47,7 @@ class Densify:
         self._observe(model, prediction)
         if step > self.first_step and step % self.settings.every == 0:
             self._edit(step, model, optimizer)
-        if self._resets(step):
+        if self.resets(step):
             ceiling = math.log(self.settings.reset_opacity / (1 - self.settings.reset_opacity))
             optimizer.replace("columns.opacity_logits", model.columns["opacity_logits"].detach().clamp_max(ceiling))
 
@@ -61,7 +61,8 @@ class Densify:
             )
         self._sums, self._views = state["screen_gradients"].clone(), state["views"].clone()  # moved by the next step
 
-    def _resets(self, step: int) -> bool:
+    def resets(self, step: int) -> bool:
+        """Whether opacities are lowered after this step."""
         # As 3DGS: after the last round nothing would prune what a reset bares.
         if not self.reset_every or step >= self.last_step:
             return False
