@@ -30,6 +30,7 @@ KERNEL_TESTS = (
     "color/test_visibility_mask.py",
     "models/test_lazy.py",
     "models/test_way_back.py",
+    "models/test_way_back_of_tiles.py",
     "models/test_picture.py",
     "models/test_wants.py",
     "fields/test_perceptron_kernel.py",

@@ -5,7 +5,7 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "raster/camera.hpp"
+#include "raster/raster.hpp"
 
 namespace ringlight {
 namespace {
@@ -26,7 +26,8 @@ Camera camera_from(const Tensor<const float, 4, 4>& world_to_camera, const Tenso
 void bind_camera(nb::module_& module) {
   nb::class_<Camera>(module, "Camera", "core.camera.Camera for the kernels; lengths on the image in pixels.")
       .def(nb::new_(&camera_from), nb::kw_only(), "world_to_camera"_a, "position"_a, "focal"_a, "center"_a, "width"_a,
-           "height"_a);
+           "height"_a)
+      .def_prop_ro("tile_pixels", &tile_pixels, "Pixels of all tiles, those beyond the image as well.");
 }
 
 }  // namespace ringlight

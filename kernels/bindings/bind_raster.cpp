@@ -76,7 +76,7 @@ bool is_image(const Array& array, const Camera& camera) {
 void forward(Workspace& workspace, const Table& table, const Camera& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
              const LazyColors* lazy, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
-             bool early_stop) {
+             std::optional<Out<-1, -1>> tiles, bool early_stop) {
   require(is_finite(camera), "rasterizer: the camera must be finite");
   require(std::min(camera.width, camera.height) >= 1 &&
               std::max(camera.width, camera.height) <= convention::MAX_IMAGE_SIDE,
@@ -90,11 +90,13 @@ void forward(Workspace& workspace, const Table& table, const Camera& camera, con
           "rasterizer: image must be [C H W], or [3 H W] with a shader, and alpha [H W]");
   require(!blended || (shader && blended->shape(0) == channels && is_image(*blended, camera)),
           "rasterizer: what was blended goes with a shader, and must be [C H W]");
+  require(!tiles || (shader && !blended && tiles->shape(0) == channels + 1 && tiles->shape(1) == tile_pixels(camera)),
+          "rasterizer: tiles go with a shader, in place of what was blended, and must be [C + 1 pixels]");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
   const nb::gil_scoped_release unlocked;
   const Images images{image.data(), alpha.data(), shader ? &shader->shader() : nullptr,
-                      blended ? blended->data() : nullptr, early_stop};
+                      blended ? blended->data() : nullptr, tiles ? tiles->data() : nullptr, early_stop};
   workspace.forward(camera, settings, splats, images, {means2d.data(), radii.data()}, lazy);
 }
 
@@ -144,7 +146,25 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
   const SplatGradients to = gradients.pointers(splats, view.settings.absgrad);
   const nb::gil_scoped_release unlocked;
   workspace.backward(
-      splats, {image.data(), image_gradient.data(), alpha_gradient ? alpha_gradient->data() : nullptr}, to);
+      splats, {image.data(), image_gradient.data(), alpha_gradient ? alpha_gradient->data() : nullptr, nullptr, 0}, to);
+}
+
+void backward_of_tiles(Workspace& workspace, const Table& table, In<-1, -1> tiles, In<-1, -1> tile_gradients,
+                       Tensor<const std::int32_t, -1> drawn, const Gradients& gradients) {
+  const Splats splats = table.splats();
+  const View& view = workspace.view();
+  require(workspace.complete() && splats.count == view.splats.count &&
+              splats.channel_count == view.splats.channel_count,
+          "rasterizer: backward needs the table of the last forward pass");
+  const std::size_t pixels = tile_pixels(view.camera), channels = table.channels.shape(1);
+  const std::size_t with_gradient = tile_gradients.shape(0) - 1;
+  require(tiles.shape(0) == channels + 1 && tiles.shape(1) == pixels && tile_gradients.shape(1) == pixels &&
+              RECORD_CHANNELS < with_gradient && with_gradient <= channels && drawn.shape(0) == pixels / LANES,
+          "rasterizer: tiles, their gradients and drawn are of other shapes than those of the last forward pass");
+  const SplatGradients to = gradients.pointers(splats, view.settings.absgrad);
+  const nb::gil_scoped_release unlocked;
+  workspace.backward(splats, {tiles.data(), tile_gradients.data(), tile_gradients.data() + with_gradient * pixels,
+                              drawn.data(), static_cast<int>(with_gradient)}, to);
 }
 
 std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
@@ -166,6 +186,8 @@ nb::dict stage_seconds(const Workspace& workspace) {
 void bind_raster(nb::module_& module) {
   // A way back that is alive when Python exits holds a workspace: no leak of ours.
   nb::set_leak_warnings(false);
+
+  module.attr("BLOCK_PIXELS") = LANES;
 
   nb::class_<RasterSettings>(module, "RasterSettings", "What rasterize.RasterOptions says.")
       .def(nb::new_(&settings_from), nb::kw_only(), "eps2d"_a, "near"_a, "max_alpha"_a, "antialiased"_a,
@@ -193,14 +215,19 @@ void bind_raster(nb::module_& module) {
       .def(nb::init<>())
       .def_prop_ro("stage_seconds", &stage_seconds, "How long each stage took the last time, by name.")
       .def("forward", &forward, "table"_a, "camera"_a, "settings"_a, "image"_a, "alpha"_a, "means2d"_a, "radii"_a,
-           "lazy"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(), "early_stop"_a = false,
+           "lazy"_a = nb::none(), "shader"_a = nb::none(), "blended"_a = nb::none(), "tiles"_a = nb::none(),
+           "early_stop"_a = false,
            "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Lazy colours take the place of the table's "
            "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
-           "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W] is there "
-           "to keep what the shader was given. With early_stop the last 1/64 of a pixel's light may be what lies in "
+           "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W], or tiles "
+           "[C + 1 pixels], is there to keep what the shader was given: tile by tile, alpha last, and channels only of "
+           "tiles in which there is anything. With early_stop the last 1/64 of a pixel's light may be what lies in "
            "front of it, with alpha 1, and there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a, "alpha_gradient"_a.none(), "gradients"_a,
            "Fill the gradients of the last forward pass.")
+      .def("backward_of_tiles", &backward_of_tiles, "table"_a, "tiles"_a, "tile_gradients"_a, "drawn"_a, "gradients"_a,
+           "The same where tiles were kept, from the gradients of their first channels and, last, of alpha; drawn "
+           "[blocks] is 0 where a block has none but those of the first three channels.")
       .def("count_pairs", &pairs, "Pairs of Gaussian and pixel that the last forward pass evaluated and blended.");
 }
 

@@ -7,6 +7,7 @@
 #include "bindings/bindings.hpp"
 #include "bindings/picture_shader.hpp"
 #include "machine/buffer.hpp"
+#include "raster/raster.hpp"
 #include "reflection/reflection.hpp"
 #include "simd/dispatch.hpp"
 
@@ -94,9 +95,9 @@ void require_picture(const ReflectionView& view, const Image& image) {
 }
 
 // rgb [3 H W], normal [3 H W], latents [L H W], alpha [1 H W], and depth [1 H W] unless it is not needed.
-template <class Float, class Array>
-ReflectionBuffers<Float> buffers_from(const ReflectionShape& shape, const ReflectionView& view,
-                                      const std::vector<Array>& planes, bool with_depth) {
+ReflectionBuffers<const float> buffers_from(const ReflectionShape& shape, const ReflectionView& view,
+                                            const std::vector<Input>& planes) {
+  const bool with_depth = reads_depth(shape);
   require(planes.size() == (with_depth ? 5u : 4u), "reflection: buffers are rgb, normal, latents, alpha and depth");
   const std::size_t pixels = static_cast<std::size_t>(view.camera.height) * view.camera.width;
   const std::size_t channels[] = {3, 3, static_cast<std::size_t>(shape.latents), 1, 1};
@@ -113,23 +114,36 @@ void forward(const ReflectionShape& shape, const std::vector<Input>& parameters,
              const std::vector<Input>& planes, Image color) {
   require_picture(view, color);
   const auto weights = parameters_from<const float>(shape, parameters);
-  const auto buffers = buffers_from<const float>(shape, view, planes, reads_depth(shape));
+  const auto buffers = buffers_from(shape, view, planes);
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(reflection_forward)(shape, weights, view, buffers, color.data());
 }
 
+// Planes that lie tile by tile, [channels + 1 pixels]: rgb, normal, latents, depth unless it is not there, and alpha.
+template <class Float>
+ReflectionBuffers<Float> tiles_from(const ReflectionShape& shape, const ReflectionView& view,
+                                    const Tensor<Float, -1, -1>& tiles, bool with_depth) {
+  const std::size_t channels = 6 + static_cast<std::size_t>(shape.latents) + with_depth, plane = tiles.shape(1);
+  require(tiles.shape(0) == channels + 1 && plane == tile_pixels(view.camera),
+          "reflection: tiles are of another shape, or of another camera");
+  const auto from = [&](std::size_t channel) { return tiles.data() + channel * plane; };
+  return {from(0), from(3), from(6), with_depth ? from(channels - 1) : nullptr, from(channels), plane};
+}
+
 void backward(const ReflectionShape& shape, const std::vector<Input>& parameters, const ReflectionView& view,
-              const std::vector<Input>& planes, ImageInput color_gradient, double share,
-              const std::vector<Array>& gradients, const std::vector<Array>& plane_gradients) {
+              const Tensor<const float, -1, -1>& tiles, ImageInput color_gradient, double share,
+              const std::vector<Array>& gradients, const Tensor<float, -1, -1>& tile_gradients,
+              const Tensor<std::int32_t, -1>& drawn) {
   require(share > 0, "reflection: share must be above 0");
   require_picture(view, color_gradient);
   const auto weights = parameters_from<const float>(shape, parameters);
   const auto sums = parameters_from<float>(shape, gradients);
-  const auto buffers = buffers_from<const float>(shape, view, planes, reads_depth(shape));
-  const auto to = buffers_from<float>(shape, view, plane_gradients, shape.depth_gradient);
+  const auto buffers = tiles_from<const float>(shape, view, tiles, reads_depth(shape));
+  const auto to = tiles_from<float>(shape, view, tile_gradients, shape.depth_gradient);
+  require(drawn.shape(0) == buffers.plane / LANES, "reflection: drawn needs one number for each block");
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)
-  (shape, weights, view, buffers, color_gradient.data(), share, sums, to);
+  (shape, weights, view, buffers, color_gradient.data(), share, sums, to, drawn.data());
 }
 
 // Keeps parameters, which must not be given other memory meanwhile.
@@ -168,9 +182,11 @@ void bind_reflection(nb::module_& module) {
            "smallest_chord"_a);
   module.def("reflection_forward", &forward, "shape"_a, "parameters"_a, "view"_a, "planes"_a, "color"_a,
              "Shades the pixels that are opaque enough; the others keep their rgb.");
-  module.def("reflection_backward", &backward, "shape"_a, "parameters"_a, "view"_a, "planes"_a,
-             "color_gradient"_a, "share"_a, "gradients"_a, "plane_gradients"_a,
-             "Gradients of all parameters and of the planes; by a share of the pixels, importance-sampled.");
+  module.def("reflection_backward", &backward, "shape"_a, "parameters"_a, "view"_a, "tiles"_a, "color_gradient"_a,
+             "share"_a, "gradients"_a, "tile_gradients"_a, "drawn"_a,
+             "Gradients of all parameters and of what was kept tile by tile; by a share of the pixels, "
+             "importance-sampled. drawn [blocks] are bits of those pixels; blocks without any get no gradients but "
+             "those of rgb.");
   nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",
                                                "Shades tiles of a picture as reflection_forward shades its planes; "
                                                "where exact with the same bits, else with a layer in bytes.")

@@ -90,11 +90,7 @@ static inline void dense(const Panels& layer, const float* x, float* y) {
   }
 }
 
-static inline void rectify(float* values, int count) {
-  for (int i = 0; i < count * GROUP; i += LANES) store(values + i, max(Vec(0.f), load(values + i)));
-}
-
-// The gradient of rectify, from what it returned.
+// The gradient of a layer's Result::RECTIFIED, from what it returned.
 static inline void rectify_gradient(float* gradient, const float* rectified, int count) {
   for (int i = 0; i < count * GROUP; i += LANES)
     store(gradient + i, keep(gt(load(rectified + i), Vec(0.f)), load(gradient + i)));

@@ -27,17 +27,21 @@ RINGLIGHT_INLINE float* state_of(const Workplace& place, int block, int width) {
   return place.states + block * (2 + width) * LANES;
 }
 
+RINGLIGHT_INLINE void place_centers(const Tile& tile, Workplace& place) {
+  for (int side = 0; side < BLOCKS_PER_SIDE; side++) {
+    store(place.x[side], load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * side)));
+    store(place.y[side], load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * side)));
+  }
+}
+
 RINGLIGHT_INLINE void open_tile(const View& view, const Tile& tile, const ImageGradients& from, Workplace& place) {
   const std::size_t stride = static_cast<std::size_t>(view.camera.width);
   const std::size_t plane = stride * static_cast<std::size_t>(view.camera.height);
   const float* const transmittance =
       view.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
-  for (int side = 0; side < BLOCKS_PER_SIDE; side++) {
-    store(place.x[side], load(CENTERS_X) + Vec(static_cast<float>(tile.left + 4 * side)));
-    store(place.y[side], load(CENTERS_Y) + Vec(static_cast<float>(tile.top + 4 * side)));
-  }
+  place_centers(tile, place);
   const int floats = (2 + place.width) * LANES;
-  for_each_quartet(view, tile, [&](const Quartet& quartet) {
+  for_each_quartet(view.camera, tile, [&](const Quartet& quartet) {
     float* const first = state_of(place, quartet.first_block, place.width);
     Vec rest[QUARTET], pixels[QUARTET], upstream[QUARTET];
     for (int k = 0; k < QUARTET; k++) rest[k] = Vec(0.f);
@@ -61,6 +65,32 @@ RINGLIGHT_INLINE void open_tile(const View& view, const Tile& tile, const ImageG
       store(state + REST, rest[k]);
     }
   });
+}
+
+// The same from kept tiles, whose blocks lie as they are walked. Blocks that no gradient of the shader reached have
+// only that of the colour.
+RINGLIGHT_INLINE void open_kept_tile(const View& view, const Tile& tile, const ImageGradients& from,
+                                     Workplace& place) {
+  const std::size_t plane = static_cast<std::size_t>(view.tile_count) * TILE_PIXELS;
+  const std::size_t first = static_cast<std::size_t>(tile.number) * TILE_PIXELS;
+  place_centers(tile, place);
+  for (std::uint64_t left = tile.inside; left; left &= left - 1) {
+    const int block = __builtin_ctzll(left);
+    const std::size_t at = first + block * LANES;
+    const bool drawn = from.drawn[at / LANES] != 0;
+    float* const state = state_of(place, block, place.width);
+    const int channels = drawn ? view.gradient_channels : SHADED_CHANNELS;
+    Vec rest(0.f);
+    if (drawn) rest = -(load(from.alpha_gradient + at) * load(view.final_transmittance + at));
+    for (int c = 0; c < channels; c++) {
+      const Vec upstream = load(from.image_gradient + c * plane + at);
+      rest = fma(upstream, load(from.image + c * plane + at), rest);
+      store(state + UPSTREAM + c * LANES, upstream);
+    }
+    for (int c = channels; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));
+    store(state + RUNNING, Vec(1.f));
+    store(state + REST, rest);
+  }
 }
 
 template <int C, bool Absolute>
@@ -220,8 +250,9 @@ RINGLIGHT_INLINE void walk_tile(const View& view, const Tile& tile, const Tile* 
                                 Workplace& place) {
   const std::uint32_t end = tile.begin + view.tile_used[tile.number];
   if (end == tile.begin) return;
-  open_tile(view, tile, from, place);
-  if (next) {
+  if (from.drawn) open_kept_tile(view, tile, from, place);
+  else open_tile(view, tile, from, place);
+  if (next && !from.drawn) {
     prefetch_pixels(view, *next, from.image_gradient, view.gradient_channels);
     prefetch_pixels(view, *next, from.image, view.gradient_channels);
   }

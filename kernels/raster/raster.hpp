@@ -60,13 +60,18 @@ struct Images {
   float* alpha;              // [H W]
   const TileShader* shader;  // or null
   float* blended;            // [C H W] with a shader: what was blended stays here for a backward pass; or null
+  float* tiles;              // [C + 1 tile_plane] in place of `blended`: tile by tile, alpha last; or null
   bool early_stop;           // blocks stop at EARLY_STOP: faster, not exact, no backward pass
 };
 
+// Where tiles were kept, planes are tile by tile as Images::tiles has them. Beyond the first SHADED_CHANNELS, and of
+// alpha, only those blocks have a gradient for which `drawn` is not 0; the others hold nothing there.
 struct ImageGradients {
   const float* image;           // [C H W] what the forward pass returned
   const float* image_gradient;  // [C H W]
   const float* alpha_gradient;  // [H W], or null for 0
+  const std::int32_t* drawn;    // [T BLOCKS] pixels of the block, bits; or null: planes are those of a picture
+  int channels;                 // of `drawn` gradients
 };
 
 struct SplatGradients {
@@ -124,6 +129,8 @@ enum SlotField { SUM_G, SUM_GU, SUM_GV, SUM_GUU, SUM_GUV, SUM_GVV, SLOT_MOMENTS,
 inline constexpr int CHUNK = 128;
 inline constexpr int BLOCKS = 64;  // blocks of a tile, bits of a mask
 inline constexpr int LANES = 16;   // pixels of a block
+inline constexpr int TILE_PIXELS = BLOCKS * LANES;
+inline constexpr int SHADED_CHANNELS = 3;  // what a shader leaves
 inline constexpr float LOG2_MIN_ALPHA = -7.99435343685886f;  // log2(1 / 255): what is fainter is not drawn
 
 struct View {
@@ -160,6 +167,12 @@ struct View {
   std::size_t scratch_stride;  // floats
   float* scratch;              // [workers scratch_stride]
 };
+
+// Pixels of all tiles, those beyond the image as well: a plane that lies tile by tile.
+constexpr std::size_t tile_pixels(const Camera& camera) {
+  constexpr std::size_t SIDE = convention::TILE;
+  return (camera.width + SIDE - 1) / SIDE * ((camera.height + SIDE - 1) / SIDE) * TILE_PIXELS;
+}
 
 // Channels that the blending kernels are compiled for; narrower images are padded. Ten and the six moments fill a slot
 // of one cache line; eleven are what deferred shading blends. Wider ones take the general kernel, which keeps the

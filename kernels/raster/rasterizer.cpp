@@ -117,7 +117,7 @@ void Workspace::forward(const Camera& camera, const RasterSettings& settings, co
   RINGLIGHT_CHOSEN(blend)(view_, images);
   watch.end(BLEND);
   view_.lazy = nullptr;
-  const bool is_kept = (!images.shader || images.blended) && (!lazy || lazy->kept);
+  const bool is_kept = (!images.shader || images.blended || images.tiles) && (!lazy || lazy->kept);
   complete_ = is_kept && !images.early_stop && !lazy_broken_;
   if (lazy && lazy_broken_) throw std::domain_error("rasterizer: colours are not finite");
 }
@@ -125,7 +125,7 @@ void Workspace::forward(const Camera& camera, const RasterSettings& settings, co
 void Workspace::backward(const Splats& splats, const ImageGradients& from, const SplatGradients& to) {
   view_.splats = splats;
   reserve_scratch(0);  // the number of threads may have changed
-  view_.gradient_channels = gradient_channels(view_, from.image_gradient);
+  view_.gradient_channels = from.drawn ? from.channels : gradient_channels(view_, from.image_gradient);
   const std::size_t stride = static_cast<std::size_t>(slot_stride(view_.gradient_channels, view_.settings.absgrad));
   view_.slots = slots_.reserve(slots_in_use_ * stride);
   view_.slot_used = slot_used_.reserve(slots_in_use_);

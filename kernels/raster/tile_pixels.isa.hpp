@@ -15,11 +15,11 @@ struct Quartet {
 
 // Calls body(quartet) for the quartets of a tile that hold pixels of the image.
 template <class F>
-RINGLIGHT_INLINE void for_each_quartet(const View& view, const Tile& tile, F&& body) {
+RINGLIGHT_INLINE void for_each_quartet(const Camera& camera, const Tile& tile, F&& body) {
   constexpr int SIDE = convention::BLOCK, WIDTH = QUARTET * SIDE;
   for (int block = 0; block < BLOCKS; block += QUARTET) {
     const int x = tile.left + SIDE * (block % BLOCKS_PER_SIDE), y = tile.top + SIDE * (block / BLOCKS_PER_SIDE);
-    const int right = view.camera.width - x, below = view.camera.height - y;
+    const int right = camera.width - x, below = camera.height - y;
     if (right > 0 && below > 0) body(Quartet{block, x, y, right < WIDTH ? right : WIDTH, below < SIDE ? below : SIDE});
   }
 }

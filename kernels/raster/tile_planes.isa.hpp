@@ -5,8 +5,6 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-constexpr int SHADED_CHANNELS = 3;  // what a shader leaves
-
 // Lays what is behind the blended blocks under their channels.
 RINGLIGHT_INLINE void finish_blocks(const View& view, const Tile& tile, float* states, int floats) {
   for (std::uint64_t left = tile.inside; left; left &= left - 1) {
@@ -25,7 +23,7 @@ RINGLIGHT_INLINE void write_channels(const View& view, const Tile& tile, const f
                                      int channels, const float* behind, float* image) {
   const std::size_t stride = static_cast<std::size_t>(view.camera.width);
   const std::size_t plane = stride * static_cast<std::size_t>(view.camera.height);
-  for_each_quartet(view, tile, [&](const Quartet& quartet) {
+  for_each_quartet(view.camera, tile, [&](const Quartet& quartet) {
     const float* const first = states + quartet.first_block * floats;
     Vec transmittance[QUARTET], values[QUARTET];
     for (int k = 0; k < QUARTET; k++) transmittance[k] = load(first + k * floats + FINAL);
@@ -42,7 +40,7 @@ RINGLIGHT_INLINE void write_alpha(const View& view, const Tile& tile, const floa
                                   float* alpha) {
   const std::size_t stride = static_cast<std::size_t>(view.camera.width);
   float* const kept = view.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
-  for_each_quartet(view, tile, [&](const Quartet& quartet) {
+  for_each_quartet(view.camera, tile, [&](const Quartet& quartet) {
     const float* const first = states + quartet.first_block * floats;
     Vec values[QUARTET];
     for (int k = 0; k < QUARTET; k++) {
@@ -54,6 +52,25 @@ RINGLIGHT_INLINE void write_alpha(const View& view, const Tile& tile, const floa
   });
 }
 
+// Lanes of a block that are pixels of the image.
+RINGLIGHT_INLINE Mask inside_image(const View& view, const Tile& tile, int block) {
+  const int x = tile.left + convention::BLOCK * (block % BLOCKS_PER_SIDE);
+  const int y = tile.top + convention::BLOCK * (block / BLOCKS_PER_SIDE);
+  return both(lt(load(CENTERS_X), Vec(static_cast<float>(view.camera.width - x))),
+              lt(load(CENTERS_Y), Vec(static_cast<float>(view.camera.height - y))));
+}
+
+// All channels of finished blocks as they lie, and alpha: 0 outside the image.
+RINGLIGHT_INLINE void keep_tile(const View& view, const Tile& tile, const float* states, int floats, float* tiles) {
+  const std::size_t plane = static_cast<std::size_t>(view.tile_count) * TILE_PIXELS;
+  float* to = tiles + static_cast<std::size_t>(tile.number) * TILE_PIXELS;
+  for (int c = 0; c < view.splats.channel_count; c++, to += plane)
+    for (int block = 0; block < BLOCKS; block++)
+      store(to + block * LANES, load(states + block * floats + COLOR + c * LANES));
+  for (int block = 0; block < BLOCKS; block++)
+    store(to + block * LANES, keep(inside_image(view, tile, block), load(states + block * floats + BLOCK_ALPHA)));
+}
+
 // What was blended, or what the shader makes of it.
 RINGLIGHT_INLINE void write_tile(const View& view, const Tile& tile, float* states, int floats, float* scratch,
                                  const Images& images) {
@@ -63,11 +80,12 @@ RINGLIGHT_INLINE void write_tile(const View& view, const Tile& tile, float* stat
   if (!shader) return write_channels(view, tile, states, floats, channels, view.splats.background, images.image);
   finish_blocks(view, tile, states, floats);
   if (images.blended) write_channels(view, tile, states, floats, channels, nullptr, images.blended);
+  if (images.tiles) keep_tile(view, tile, states, floats, images.tiles);
   shader->shade(*shader, {tile.left, tile.top, tile.inside, states, static_cast<std::size_t>(floats)}, scratch);
   write_channels(view, tile, states, floats, SHADED_CHANNELS, nullptr, images.image);
 }
 
-// A tile in which there is nothing: what lies behind.
+// A tile in which there is nothing: what lies behind. Of kept tiles only alpha says so.
 static inline void write_background(const View& view, const Tile& tile, const Images& images) {
   const std::size_t stride = static_cast<std::size_t>(view.camera.width);
   const std::size_t plane = stride * static_cast<std::size_t>(view.camera.height);
@@ -75,7 +93,7 @@ static inline void write_background(const View& view, const Tile& tile, const Im
   float* const kept = view.final_transmittance + static_cast<std::size_t>(tile.number) * BLOCKS * LANES;
   for (int i = 0; i < BLOCKS * LANES; i += LANES) store(kept + i, Vec(1.f));
   const auto fill = [&](float* to, float value) {
-    for_each_quartet(view, tile, [&](const Quartet& quartet) {
+    for_each_quartet(view.camera, tile, [&](const Quartet& quartet) {
       Vec values[QUARTET] = {value, value, value, value};
       store_quartet(to, stride, quartet, values);
     });
@@ -86,6 +104,10 @@ static inline void write_background(const View& view, const Tile& tile, const Im
   fill(images.alpha, 0.f);
   fill_planes(images.image, images.shader ? SHADED_CHANNELS : view.splats.channel_count);
   if (images.blended) fill_planes(images.blended, view.splats.channel_count);
+  if (images.tiles) {
+    const std::size_t before = static_cast<std::size_t>(view.splats.channel_count) * view.tile_count + tile.number;
+    for (int i = 0; i < TILE_PIXELS; i += LANES) store(images.tiles + before * TILE_PIXELS + i, Vec(0.f));
+  }
   view.tile_used[tile.number] = 0;
 }
 

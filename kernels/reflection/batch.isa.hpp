@@ -20,8 +20,9 @@ static inline int widest_layer(const ReflectionShape& shape) {
   return shape.hidden > network_inputs(shape) ? shape.hidden : network_inputs(shape);
 }
 
+template <Result Kind = Result::PLAIN>
 static inline void apply(const Panels& layer, const float* from, float* terms, float* to) {
-  dense<LayerTerms>(layer, feature_terms<LayerTerms>(from, layer.inputs, terms), to);
+  dense<LayerTerms, Kind>(layer, feature_terms<LayerTerms>(from, layer.inputs, terms), to);
 }
 
 // What a call prepares once: layers in the order of use, maps sewn, spheres' sizes.
@@ -113,10 +114,8 @@ static inline void read_maps(const ReflectionScene& scene, ReflectionBatch& batc
 // From the inputs to what is added per alpha; the hidden layers are left in place.
 static inline void run_network(const ReflectionScene& scene, ReflectionBatch& batch) {
   const float* from = batch.inputs;
-  for (int layer = 0; layer + 1 < scene.shape.layers; from = batch.hidden[layer++]) {
-    apply(scene.tables.layers[layer], from, batch.terms, batch.hidden[layer]);
-    rectify(batch.hidden[layer], scene.shape.hidden);
-  }
+  for (int layer = 0; layer + 1 < scene.shape.layers; from = batch.hidden[layer++])
+    apply<Result::RECTIFIED>(scene.tables.layers[layer], from, batch.terms, batch.hidden[layer]);
   apply(scene.tables.layers[scene.shape.layers - 1], from, batch.terms, batch.added);
 }
 

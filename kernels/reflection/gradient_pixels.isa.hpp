@@ -31,22 +31,20 @@ static inline int shard_count(std::size_t covered) {
   return covered <= 1024 ? 1 : covered <= 4096 ? 2 : covered <= 16384 ? 4 : 8;
 }
 
-// What a shard does: the drawn pixels from `begin` to `end`, and the planes from `pixel` to `last_pixel`.
+// What a shard does: the drawn pixels from `begin` to `end`.
 struct ShardRange {
-  std::size_t begin, end, pixel, last_pixel;
+  std::size_t begin, end;
 };
 
 // Ranges begin with a step: no two of them write to the same one.
-static inline ShardRange range_of(const std::int32_t* drawn, std::size_t count, std::size_t pixels, std::size_t shard,
+static inline ShardRange range_of(const std::int32_t* drawn, std::size_t count, std::size_t shard,
                                   std::size_t shards) {
   const std::size_t each = (count + shards - 1) / shards;
   const auto start = [&](std::size_t at) {
     while (at && at < count && step_of(drawn[at]) == step_of(drawn[at - 1])) at++;
     return at < count ? at : count;
   };
-  const std::size_t begin = start(shard * each), end = start((shard + 1) * each);
-  const auto pixel = [&](std::size_t at) { return at < count ? static_cast<std::size_t>(step_of(drawn[at])) : pixels; };
-  return {begin, end, shard ? pixel(begin) : 0, pixel(end)};
+  return {start(shard * each), start((shard + 1) * each)};
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

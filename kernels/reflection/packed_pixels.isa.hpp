@@ -6,6 +6,7 @@
 
 #include "dense/lane_panels.isa.hpp"
 #include "machine/scratch.isa.hpp"
+#include "raster/tiles.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 
@@ -89,20 +90,11 @@ static inline void unpack(const float* row, const PackedPixels& pixels, float* p
   });
 }
 
-// The same to the part of a plane from `begin` to `end`, in which all of them lie; 0 between them.
-static inline void unpack_over_zeros(const float* row, const PackedPixels& pixels, std::size_t begin, std::size_t end,
-                                     float* plane) {
-  const auto clear_until = [&](std::size_t next) __attribute__((always_inline)) {
-    if (next > begin) std::memset(plane + begin, 0, (next - begin) * sizeof(float));
-  };
+// The same to whole steps of a plane; 0 in their other pixels.
+static inline void unpack_steps(const float* row, const PackedPixels& pixels, float* plane) {
   pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
-    clear_until(first);
-    const Vec values = expand_lanes(load(row + place), on);
-    if (end - first >= LANES) store(plane + first, values);
-    else store_first(plane + first, values, static_cast<int>(end - first));
-    begin = first + LANES;
+    store(plane + first, expand_lanes(load(row + place), on));
   });
-  clear_until(end);
 }
 
 // Where the pixels of an image have their centres.
@@ -121,6 +113,20 @@ static inline void pack_centers(int width, const PackedPixels& pixels, float* x,
     }
     store(x + place, pack_lanes(column + Vec(0.5f), on));
     store(y + place, pack_lanes(line + Vec(0.5f), on));
+  });
+  fill_up(pixels.count(), x);
+  fill_up(pixels.count(), y);
+}
+
+// Where pixels that lie tile by tile have their centres.
+static inline void pack_tile_centers(int width, const PackedPixels& pixels, float* x, float* y) {
+  const std::size_t tiles_across = (width + convention::TILE - 1) / convention::TILE;
+  pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
+    const std::size_t tile = first / TILE_PIXELS, block = first % TILE_PIXELS / LANES;
+    const std::size_t left = tile % tiles_across * convention::TILE + block % BLOCKS_PER_SIDE * convention::BLOCK;
+    const std::size_t top = tile / tiles_across * convention::TILE + block / BLOCKS_PER_SIDE * convention::BLOCK;
+    store(x + place, pack_lanes(load(CENTERS_X) + Vec(static_cast<float>(left)), on));
+    store(y + place, pack_lanes(load(CENTERS_Y) + Vec(static_cast<float>(top)), on));
   });
   fill_up(pixels.count(), x);
   fill_up(pixels.count(), y);

@@ -5,6 +5,9 @@
 //
 // Nothing is kept between forward and backward: the backward pass recomputes, for a share of the pixels, above 0, that
 // is importance-sampled. All pixels hand on the gradient of rgb that does not go by the network.
+//
+// In the backward pass buffers and their gradients are tile by tile (raster.hpp), only color_gradient is a picture's.
+// `drawn` gets which pixels of each block were drawn, bits; only blocks that have any get gradients beyond that of rgb.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -91,7 +94,7 @@ static inline int shaded_channels(const ReflectionShape& shape) {
   void reflection_backward(const ReflectionShape&, const ReflectionParameters<const float>&, const ReflectionView&, \
                            const ReflectionBuffers<const float>&, const float* color_gradient, double share, \
                            const ReflectionParameters<float>& gradients, \
-                           const ReflectionBuffers<float>& buffer_gradients); \
+                           const ReflectionBuffers<float>& buffer_gradients, std::int32_t* drawn); \
   std::size_t reflection_room(const ReflectionShading&);   /* bytes for reflection_prepare */ \
   void reflection_prepare(ReflectionShading&, void* room); /* from shape and parameters to all that is not view */ \
   }

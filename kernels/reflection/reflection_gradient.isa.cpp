@@ -4,6 +4,7 @@
 #include "dense/shard_sums.isa.hpp"
 #include "machine/parallel.hpp"
 #include "machine/scratch.isa.hpp"
+#include "raster/tile_pixels.isa.hpp"
 #include "reflection/batch.isa.hpp"
 #include "reflection/gradient_pixels.isa.hpp"
 #include "reflection/reflection.hpp"
@@ -80,6 +81,7 @@ struct Backward {
   const std::int32_t* drawn;  // pixels
   const float* weights;       // what each counts
   const ReflectionBuffers<float>& to;
+  std::int32_t* blocks;       // which pixels of each were drawn, bits
 };
 
 // What a shard has to itself: packed pixels, and a group of them.
@@ -202,18 +204,17 @@ void backpropagate(const Backward& pass, const Workplace& place, int first, cons
   }
 }
 
-// The rows of the packed pixels to their planes, from pixel `begin` to `end`. Where none is, as if what is added were a
-// constant: right for every pixel that is not shaded, and for those that were not drawn the part that does not go by
-// the network.
-void write_gradients(const Backward& pass, const Workplace& place, std::size_t begin, std::size_t end) {
-  for (int c = 0; c < 3; c++) {
-    const std::size_t plane = c * pass.to.plane;
-    std::memcpy(pass.to.rgb + plane + begin, pass.color_gradient + plane + begin, (end - begin) * sizeof(float));
-  }
+// The rows of the packed pixels to their planes. rgb holds the gradient of the colour already, as if what is added were
+// a constant: right for every pixel that is not shaded, and for those that were not drawn the part that does not go by
+// the network. Of the other planes only blocks with a drawn pixel are read.
+void write_blocks(const Backward& pass, const Workplace& place) {
+  place.pixels.for_each_step([&](std::size_t first, unsigned on, int) {
+    pass.blocks[first / LANES] = static_cast<std::int32_t>(on);
+  });
   for_each_row(pass.scene.shape, pass.to, place.of_values, [&](float* plane, const float* row) {
     const bool is_base = row >= place.of_values.rgb && row < place.of_values.rgb + 3 * place.of_values.plane;
     if (is_base) unpack(row, place.pixels, plane);
-    else unpack_over_zeros(row, place.pixels, begin, end, plane);
+    else unpack_steps(row, place.pixels, plane);
   });
 }
 
@@ -221,16 +222,33 @@ void write_gradients(const Backward& pass, const Workplace& place, std::size_t b
 void differentiate(const Backward& pass, std::size_t begin, Workplace& place, const ParameterSums& sums) {
   const ReflectionScene& scene = pass.scene;
   const PackedPixels& pixels = place.pixels;
-  const std::size_t size = static_cast<std::size_t>(scene.view.camera.width) * scene.view.camera.height;
-  pack(scene.shape, scene.view, pass.from, pixels, place.surfaces);
+  const std::size_t size = pass.from.plane;
+  pack(scene.shape, scene.view, pass.from, true, pixels, place.surfaces);
   for (int c = 0; c < 3; c++)
-    pack(pass.color_gradient + c * pass.from.plane, size, pixels, place.of_colors + c * PACKED_ROW);
+    pack(pass.color_gradient + c * size, size, pixels, place.of_colors + c * PACKED_ROW);
   std::memcpy(place.weights, pass.weights + begin, pixels.count() * sizeof(float));
   std::memset(place.weights + pixels.count(), 0, GROUP * sizeof(float));
   for (int first = 0; first < pixels.count(); first += GROUP) {
     evaluate<true>(scene, place.surfaces, first, place.batch);
     backpropagate(pass, place, first, sums);
   }
+}
+
+// dL/dcolor of a picture to the planes of rgb that are tile by tile.
+void colors_to_tiles(const Camera& camera, const float* color_gradient, const ReflectionBuffers<float>& to) {
+  const std::size_t stride = static_cast<std::size_t>(camera.width), size = stride * camera.height;
+  const int across = (camera.width + convention::TILE - 1) / convention::TILE;
+  parallel_for(to.plane / TILE_PIXELS, [&](std::size_t number) {
+    const int n = static_cast<int>(number);
+    const Tile tile{n, n % across * convention::TILE, n / across * convention::TILE, 0, 0, 0};
+    for (int c = 0; c < 3; c++)
+      for_each_quartet(camera, tile, [&](const Quartet& quartet) {
+        Vec blocks[QUARTET];
+        load_quartet(color_gradient + c * size, stride, quartet, blocks);
+        float* const first = to.rgb + c * to.plane + number * TILE_PIXELS + quartet.first_block * LANES;
+        for (int k = 0; k < QUARTET; k++) store(first + k * LANES, blocks[k]);
+      });
+  });
 }
 
 void run_shard(const Backward& pass, const ShardRange& range, float* zeroed) {
@@ -245,14 +263,12 @@ void run_shard(const Backward& pass, const ShardRange& range, float* zeroed) {
   Arena scratch{memory.floats()};
   lay_out_workplace(place, shape, scratch);
   const MatrixUnit unit;
-  std::size_t at = range.begin, pixel = range.pixel;
-  while (pixel < range.last_pixel) {
+  for (std::size_t at = range.begin; at < range.end;) {
     place.pixels.clear();
     const std::size_t next = add_listed(pass.drawn, at, range.end, place.pixels);
-    if (next > at) differentiate(pass, at, place, sums);
-    const std::size_t next_pixel = next < range.end ? step_of(pass.drawn[next]) : range.last_pixel;
-    write_gradients(pass, place, pixel, next_pixel);
-    at = next, pixel = next_pixel;
+    differentiate(pass, at, place, sums);
+    write_blocks(pass, place);
+    at = next;
   }
 }
 
@@ -284,8 +300,11 @@ void add_up_shards(const ReflectionShape& shape, const Shards& shards, const Ref
 void reflection_backward(const ReflectionShape& shape, const ReflectionParameters<const float>& parameters,
                          const ReflectionView& view, const ReflectionBuffers<const float>& buffers,
                          const float* color_gradient, double share, const ReflectionParameters<float>& gradients,
-                         const ReflectionBuffers<float>& buffer_gradients) {
-  const std::size_t pixels = static_cast<std::size_t>(view.camera.width) * view.camera.height;
+                         const ReflectionBuffers<float>& buffer_gradients, std::int32_t* blocks) {
+  const std::size_t pixels = buffers.plane;
+  colors_to_tiles(view.camera, color_gradient, buffer_gradients);
+  std::memset(blocks, 0, pixels / LANES * sizeof *blocks);
+  color_gradient = buffer_gradients.rgb;
   const Scratch list((pixels + LANES) * sizeof(std::int32_t)), counts((pixels + LANES) * sizeof(float));
   auto* const drawn = static_cast<std::int32_t*>(list.data());
   float* const weights = counts.floats();
@@ -303,9 +322,9 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
   const Transposed transposed = transpose_layers(shape, parameters, arena);
   float* const sums = arena.take(of_shard.used * shards);
   const ReflectionScene scene{shape, parameters, view, tables};
-  const Backward pass{scene, transposed, buffers, color_gradient, drawn, weights, buffer_gradients};
+  const Backward pass{scene, transposed, buffers, color_gradient, drawn, weights, buffer_gradients, blocks};
   parallel_for(shards, [&](std::size_t shard) {
-    run_shard(pass, range_of(drawn, count, pixels, shard, shards), sums + shard * of_shard.used);
+    run_shard(pass, range_of(drawn, count, shard, shards), sums + shard * of_shard.used);
   });
   add_up_shards(shape, {sums, of_shard.used, shards}, gradients);
 }

@@ -39,13 +39,14 @@ static inline PackedSurfaces lay_out_surfaces(const ReflectionShape& shape, Aren
   return {x, y, lay_out_rows(shape, reads_depth(shape), arena)};
 }
 
+// Of planes that are a picture's, or tile by tile.
 static inline void pack(const ReflectionShape& shape, const ReflectionView& view,
-                        const ReflectionBuffers<const float>& planes, const PackedPixels& pixels,
+                        const ReflectionBuffers<const float>& planes, bool by_tile, const PackedPixels& pixels,
                         const PackedSurfaces& to) {
-  const std::size_t size = static_cast<std::size_t>(view.camera.width) * view.camera.height;
-  pack_centers(view.camera.width, pixels, to.x, to.y);
+  by_tile ? pack_tile_centers(view.camera.width, pixels, to.x, to.y)
+          : pack_centers(view.camera.width, pixels, to.x, to.y);
   for_each_row(shape, planes, to.values,
-               [&](const float* plane, float* row) { pack(plane, size, pixels, row); });
+               [&](const float* plane, float* row) { pack(plane, planes.plane, pixels, row); });
 }
 
 // Every row from `place` on.

@@ -38,7 +38,8 @@ class Stopwatch:
         self._watch(model.color, "emit", "colour forward", "colour backward")
         model.rasterize = copy.copy(model.rasterize)  # which other trainings may use too
         self._watch(model.rasterize, "draw", "raster forward", "raster backward")
-        self._watch(model.shader, "shade", "shade forward", "shade backward")
+        for way_there in ("shade", "tiles"):
+            self._watch(model.shader, way_there, "shade forward", "shade backward")
 
     def end_round(self) -> None:
         """A step has been done."""
@@ -60,7 +61,7 @@ class Stopwatch:
 
         def timed(*arguments: Any, **named: Any) -> Any:
             record = self._timed(stage, usual)(*arguments, **named)
-            if stage_back is None:
+            if stage_back is None or record is None:
                 return record
             back = self._timed(stage_back, record.backward)
             if dataclasses.is_dataclass(record):

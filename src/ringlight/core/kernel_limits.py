@@ -1,7 +1,13 @@
-"""The largest sizes that the compiled kernels take, for Python and C++: CMake writes them into convention.hpp.
+"""Tiles, and the largest sizes that the compiled kernels take. CMake writes both into convention.hpp for C++.
 
 Numbers alone: settings are checked by them before the compiled module, or torch, is imported.
 """
+
+TILE = 32
+"""Pixels on a side of a tile: 8 x 8 blocks of 4 x 4 pixels, so that one 64-bit mask covers a tile."""
+
+BLOCK = 4
+"""Pixels on a side of a block: 16 lanes, one AVX-512 register or two AVX2 registers."""
 
 MAX_IMAGE_SIDE = 8192
 """Pixels."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NoReturn
 
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int32
 from torch import Tensor
 
 from ringlight.core.computed_once import computed_once
@@ -22,6 +22,10 @@ Channels = dict[str, Float[Tensor, "..."]]
 
 EmissionGradients = tuple[Float[Tensor, "N C"], Float[Tensor, "N"] | None]
 """By the channels side by side, and by the opacity factor, if there was one."""
+
+TileGradients = tuple[Float[Tensor, "G Q"], Int32[Tensor, "B"]]
+"""G planes, of the first channels of kept tiles and, last, of alpha; and of each block which pixels have gradients
+beyond those of the first three channels, bits. Blocks without any hold nothing there."""
 
 ImageGradients = tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None]
 """By the blended channels side by side, and by alpha; None where it had no part."""
@@ -43,6 +47,18 @@ class LazyColors:
     checked: Float[Tensor, "N 3"]
     kernel: "_kernels.LazyColors"
     all_rows: Callable[[], Float[Tensor, "N 3"]]
+
+
+@dataclass(frozen=True)
+class TileShading:
+    """A hint for the compiled rasterizer: ``kernel`` shades tiles as soon as they are blended.
+
+    ``backward(tiles, grad_color, into)`` is the way back from the colour [H W 3] to what is kept of them, see
+    :class:`Raster`; where it is None, what was blended must be kept as an image.
+    """
+
+    kernel: "_kernels.PictureShader"
+    backward: Callable[[Tensor, Tensor, Gradients], TileGradients] | None = None
 
 
 class Emission:
@@ -104,6 +120,10 @@ class Raster:
 
     ``shaded`` are the colours of the shader that the rasterizer was handed, if it took the hint; ``image`` may then be
     without channels, C = 0, where a mere picture was wanted. ``backward(grad_image, grad_alpha, into)``.
+
+    ``tiles`` is what was blended where the hint has a way back: Q pixels tile by tile and block by block, those beyond
+    the image as well, and alpha last; tiles in which there is nothing have alpha alone. Then ``image`` has no channels
+    either, and ``backward`` takes :data:`TileGradients`.
     """
 
     image: Float[Tensor, "H W C"]
@@ -111,6 +131,7 @@ class Raster:
     footprint: Footprint
     backward: Callable[[Tensor, Tensor | None, Gradients], EmissionGradients] = no_way_back
     shaded: Float[Tensor, "H W 3"] | None = None
+    tiles: Float[Tensor, "D Q"] | None = None
 
 
 @dataclass(frozen=True)
@@ -126,8 +147,9 @@ class Rendering:
     """What a model shows of a batch: display-referred sRGB, nominally in [0, 1] (not clamped).
 
     A photograph or a crop is [H W 3], a lot of rays [R 3]. ``buffers`` are what was blended, by name, and "alpha";
-    empty where a picture was shaded while it was blended. ``footprint`` says where Gaussians fell, of models that have
-    any. ``backward(grad_color, grad_buffers)`` gives the gradients of all parameters that had a part.
+    empty where a picture was shaded while it was blended, and where a training step asks for none. ``footprint`` says
+    where Gaussians fell, of models that have any. ``backward(grad_color, grad_buffers)`` gives the gradients of all
+    parameters that had a part.
     """
 
     color: Float[Tensor, "*pixels 3"]

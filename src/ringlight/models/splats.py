@@ -1,6 +1,7 @@
 """A splat model: a table of Gaussians, a colour model that says what each emits, a shader, and a rasterizer."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -19,7 +20,7 @@ from ringlight.core.want import Want
 from ringlight.data.batches import ImageBatch
 from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
-from ringlight.models.way_back import ALPHA, WayBack, named_parts, ordered
+from ringlight.models.way_back import ALPHA, WayBack, named_parts, ordered, shaded_in_tiles
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.shade.contract import Shader
 
@@ -88,7 +89,7 @@ class SplatModel(nn.Module):
 
     def predict(self, batch: ImageBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
         """What a training step asks: the batch's photograph, or crop, over its background."""
-        return self.render(batch.camera, batch.background, want, buffers)
+        return self._rendered(batch.camera, batch.background, want, buffers, keeps_tiles=not buffers)
 
     def render(
         self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
@@ -97,6 +98,17 @@ class SplatModel(nn.Module):
 
         ``buffers`` are those that the caller looks at besides what the shader needs; see :meth:`refuse_unblended`.
         """
+        return self._rendered(camera, background, want, buffers)
+
+    def _rendered(
+        self,
+        camera: Camera,
+        background: Float[Tensor, "3"],
+        want: Want,
+        buffers: Sequence[str],
+        keeps_tiles: bool = False,
+    ) -> Rendering:
+        """With ``keeps_tiles`` what was blended may stay as it lay in the cache: the rendering has no buffers then."""
         needs = self.shader.needs
         names = (*needs, *(name for name in buffers if name not in needs and name != ALPHA))
         gaussians, widths = self.gaussians, [self.color.emits[name] for name in names]
@@ -107,9 +119,14 @@ class SplatModel(nn.Module):
         # A shader of tiles takes what it needs and no more, and of a mere picture nothing else is kept.
         in_tiles = len(names) == len(needs) and not (buffers and want is Want.PICTURE)
         tiles = self.shader.tiles(camera, background, want) if in_tiles else None
+        if tiles is not None and not keeps_tiles:
+            tiles = replace(tiles, backward=None)
         raster = self.rasterize.draw(gaussians, emission, camera, behind, self.options, want, tiles)
-        read = sum(needs.values())
-        shaded = self.shader.shade(raster.image[..., :read], raster.alpha, camera, background, want, raster.shaded)
+        if raster.tiles is None:
+            read = sum(needs.values())
+            shaded = self.shader.shade(raster.image[..., :read], raster.alpha, camera, background, want, raster.shaded)
+        else:
+            shaded = shaded_in_tiles(raster, tiles)
         blended = {} if raster.image.shape[-1] == 0 else named_parts(raster, names, widths)
         if want is not Want.GRADIENTS:
             return Rendering(shaded.color, raster.alpha, blended, raster.footprint)

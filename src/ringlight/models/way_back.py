@@ -1,13 +1,14 @@
 """From the gradient of a picture to those of all parameters: the seams between colour model, rasterizer and shader."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.gradients import Gradients
-from ringlight.core.rendering import Channels, Emission, Raster, Shaded
+from ringlight.core.rendering import Channels, Emission, Raster, Shaded, TileShading
 
 ALPHA = "alpha"
 """The buffer that is always there."""
@@ -33,6 +34,15 @@ def ordered(emission: Emission, names: Sequence[str]) -> Emission:
 
     widths = {name: emission.widths[name] for name in names}
     return Emission(widths, emission.channels[:, index], emission.opacity_factor, backward)
+
+
+def shaded_in_tiles(raster: Raster, tiles: TileShading | None) -> Shaded:
+    """What ``tiles`` made of the raster while it was blended; the way back is that of the kept tiles."""
+    assert raster.shaded is not None
+    assert raster.tiles is not None
+    assert tiles is not None
+    assert tiles.backward is not None
+    return Shaded(raster.shaded, partial(tiles.backward, raster.tiles))
 
 
 class WayBack:
@@ -62,11 +72,15 @@ class WayBack:
         into, (emission, raster, shaded) = Gradients(), self._parts
         self._parts, self._versions = None, []
         grad_image, grad_alpha = shaded.backward(grad_color, into)
-        unread = sum(self._widths) - grad_image.shape[-1]
-        if unread:
-            grad_image = torch.nn.functional.pad(grad_image, (0, unread))
-        if grad_buffers:
-            grad_image, grad_alpha = self._with_buffers(grad_image, grad_alpha, grad_buffers)
+        if raster.tiles is None:
+            unread = sum(self._widths) - grad_image.shape[-1]
+            if unread:
+                grad_image = torch.nn.functional.pad(grad_image, (0, unread))
+            if grad_buffers:
+                grad_image, grad_alpha = self._with_buffers(grad_image, grad_alpha, grad_buffers)
+        elif grad_buffers:
+            name = next(iter(grad_buffers))
+            raise RuntimeError(f"no buffers were asked for, and {name!r} has a gradient; ask for it")
         emission.backward(*raster.backward(grad_image, grad_alpha, into), into)
         return into
 

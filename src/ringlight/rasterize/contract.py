@@ -1,7 +1,7 @@
 """The socket: Gaussians and what they emit in, a blended image out."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -9,12 +9,9 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.rendering import Emission, Raster
+from ringlight.core.rendering import Emission, Raster, TileShading
 from ringlight.core.want import Want
 from ringlight.rasterize import convention
-
-if TYPE_CHECKING:
-    from ringlight import _kernels
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ class Rasterizer(Protocol):
         background: Float[Tensor, "C"],
         options: RasterOptions = RasterOptions(),
         want: Want = Want.EXACT,
-        tiles: "_kernels.PictureShader | None" = None,
+        tiles: TileShading | None = None,
     ) -> Raster:
         """Blend front to back by camera depth. Finite input gives a finite image and finite gradients.
 

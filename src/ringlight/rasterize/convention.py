@@ -3,12 +3,6 @@
 The semantics are gsplat's (Apache-2.0, version 1.5.3), so that a model means the same on every back end.
 """
 
-TILE = 32
-"""Pixels on a side of a tile: 8 x 8 blocks of 4 x 4 pixels, so that one 64-bit mask covers a tile."""
-
-BLOCK = 4
-"""Pixels on a side of a block: 16 lanes, one AVX-512 register or two AVX2 registers."""
-
 MIN_ALPHA = 1 / 255
 """A weaker contribution cannot change an 8-bit pixel and is skipped."""
 

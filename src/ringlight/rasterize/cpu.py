@@ -4,9 +4,10 @@ The kernels take the table as stored and return gradients of the stored paramete
 """
 
 import contextlib
+from collections.abc import Callable
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int32
 from torch import Tensor
 
 from ringlight import _kernels
@@ -14,7 +15,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.core.gradients import COLUMNS, Gradients
 from ringlight.core.memory import machine_memory
-from ringlight.core.rendering import Emission, EmissionGradients, Raster, no_way_back
+from ringlight.core.rendering import Emission, EmissionGradients, Raster, TileShading, no_way_back
 from ringlight.core.want import Want
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.cpu_job import Job, Table, table_of
@@ -43,7 +44,7 @@ class CpuRasterizer:
         background: Float[Tensor, "C"],
         options: RasterOptions = RasterOptions(),
         want: Want = Want.EXACT,
-        tiles: "_kernels.PictureShader | None" = None,
+        tiles: TileShading | None = None,
     ) -> Raster:
         """See :class:`ringlight.rasterize.contract.Rasterizer`; takes both hints."""
         job, factor = Job(camera, background, options, len(gaussians)), emission.opacity_factor
@@ -64,22 +65,26 @@ class CpuRasterizer:
         table: Table,
         want: Want,
         lazy: "_kernels.LazyColors | None" = None,
-        tiles: "_kernels.PictureShader | None" = None,
+        tiles: TileShading | None = None,
     ) -> Raster:
         loan, is_hinted = _Loan(self.spare), lazy is not None or tiles is not None
-        keeps_blended = tiles is not None and want is not Want.PICTURE
+        keeps_tiles = tiles is not None and tiles.backward is not None and want is Want.GRADIENTS
+        keeps_blended = tiles is not None and want is not Want.PICTURE and not keeps_tiles
         blended = job.background.new_empty(len(job.background), *job.size) if keeps_blended else None
+        kept = job.background.new_empty(len(job.background) + 1, job.tile_pixels) if keeps_tiles else None
         early_stop = is_hinted and want is Want.PICTURE
         try:
-            shown, alpha = job.draw(loan.workspace, table, lazy, tiles, blended, early_stop)
+            shown, alpha = job.draw(loan.workspace, table, lazy, tiles, blended, kept, early_stop)
         except BaseException:
             loan.give_back()  # who keeps the exception keeps this frame
             raise
         image, shaded = shown, None
         if tiles is not None:
             image, shaded = shown[:0] if blended is None else blended, shown.permute(1, 2, 0)
-        backward = _WayBack(job, table, image, loan) if want is Want.GRADIENTS else no_way_back
-        return Raster(image.permute(1, 2, 0), alpha.unsqueeze(-1), job.footprint, backward, shaded)
+        backward: Callable[..., EmissionGradients] = no_way_back
+        if want is Want.GRADIENTS:
+            backward = _FromImage(job, table, image, loan) if kept is None else _FromTiles(job, table, kept, loan)
+        return Raster(image.permute(1, 2, 0), alpha.unsqueeze(-1), job.footprint, backward, shaded, kept)
 
 
 class _Loan:
@@ -103,13 +108,11 @@ class _Loan:
 class _WayBack:
     """Gradients of one view: see :class:`ringlight.core.rendering.Raster`. May be called once."""
 
-    def __init__(self, job: Job, table: Table, image: Float[Tensor, "C H W"], loan: _Loan) -> None:
-        self._job, self._table, self._image = job, table, image
+    def __init__(self, job: Job, table: Table, blended: Tensor, loan: _Loan) -> None:
+        self._job, self._table, self._blended = job, table, blended
         self._loan: _Loan | None = loan
 
-    def __call__(
-        self, grad_image: Float[Tensor, "H W C"], grad_alpha: Float[Tensor, "H W 1"] | None, into: Gradients
-    ) -> EmissionGradients:
+    def _go(self, into: Gradients, kernel: Callable[..., None]) -> EmissionGradients:
         if self._loan is None:
             raise RuntimeError("the way back of this view has been gone already; draw it again")
         job, found = self._job, {name: None if c is None else torch.empty_like(c) for name, c in self._table.items()}
@@ -121,12 +124,37 @@ class _WayBack:
             means2d=footprint.means2d_gradient,
             absolute=footprint.absolute_gradient,
         )
-        planes = grad_image.permute(2, 0, 1).contiguous()
-        plane = None if grad_alpha is None else grad_alpha[..., 0].contiguous()
-        self._loan.workspace.backward(job.native(self._table), self._image, planes, plane, gradients)
+        kernel(self._loan.workspace, job.native(self._table), gradients)
         self._loan = None
         for name in GEOMETRY:
             into.add(COLUMNS + name, found[name])  # type: ignore[arg-type]
         grad_channels = found["channels"]
         assert grad_channels is not None
         return grad_channels, found["opacity_factor"]
+
+
+class _FromImage(_WayBack):
+    """Where planes of the whole image were blended, [C H W]."""
+
+    def __call__(
+        self, grad_image: Float[Tensor, "H W C"], grad_alpha: Float[Tensor, "H W 1"] | None, into: Gradients
+    ) -> EmissionGradients:
+        planes = grad_image.permute(2, 0, 1).contiguous()
+        plane = None if grad_alpha is None else grad_alpha[..., 0].contiguous()
+
+        def kernel(workspace: _kernels.Workspace, table: _kernels.SplatTable, to: _kernels.SplatGradients) -> None:
+            workspace.backward(table, self._blended, planes, plane, to)
+
+        return self._go(into, kernel)
+
+
+class _FromTiles(_WayBack):
+    """Where tiles were kept, [C + 1 Q]."""
+
+    def __call__(
+        self, grad_tiles: Float[Tensor, "G Q"], drawn: Int32[Tensor, "B"], into: Gradients
+    ) -> EmissionGradients:
+        def kernel(workspace: _kernels.Workspace, table: _kernels.SplatTable, to: _kernels.SplatGradients) -> None:
+            workspace.backward_of_tiles(table, self._blended, grad_tiles, drawn, to)
+
+        return self._go(into, kernel)

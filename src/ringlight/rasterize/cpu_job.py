@@ -7,7 +7,7 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
-from ringlight.core.rendering import Footprint
+from ringlight.core.rendering import Footprint, TileShading
 from ringlight.errors import BackendError
 from ringlight.rasterize.contract import RasterOptions
 
@@ -36,6 +36,7 @@ class Job:
         self.settings = _kernels.RasterSettings(**vars(options))
         self.absgrad = options.absgrad
         self.size = (camera.height, camera.width)
+        self.tile_pixels = self.camera.tile_pixels
         self.background = background.detach().float().contiguous()
         # Type and device are the background's: torch's defaults may be others.
         self.footprint = Footprint(self.background.new_empty(count, 2), self.background.new_empty(count, 2))
@@ -49,13 +50,14 @@ class Job:
         workspace: "_kernels.Workspace",
         table: Table,
         lazy: "_kernels.LazyColors | None" = None,
-        shader: "_kernels.PictureShader | None" = None,
+        shader: TileShading | None = None,
         blended: Float[Tensor, "C H W"] | None = None,
+        tiles: Float[Tensor, "D Q"] | None = None,
         early_stop: bool = False,
     ) -> tuple[Float[Tensor, "P H W"], Float[Tensor, "H W"]]:
         """The planar image, or of a ``shader``'s colours, and alpha; fills in the footprint.
 
-        ``lazy`` goes before the table's channels. ``blended`` keeps what the shader was given.
+        ``lazy`` goes before the table's channels. ``blended`` or ``tiles`` keep what the shader was given.
         With ``early_stop`` the last 1/64 of a pixel's light may be what lies in front of it, and there is no way back.
         """
         planes = len(self.background) if shader is None else 3
@@ -63,8 +65,9 @@ class Job:
         marks = (self.footprint.means2d, self.footprint.radii)
         try:
             workspace.forward(
-                self.native(table), self.camera, self.settings, image, alpha, *marks, lazy, shader, blended, early_stop
-            )
+                self.native(table), self.camera, self.settings, image, alpha, *marks, lazy,
+                None if shader is None else shader.kernel, blended, tiles, early_stop,
+            )  # fmt: skip
         except MemoryError as error:
             size, count = f"{self.size[1]} x {self.size[0]}", len(self.footprint.radii)
             raise BackendError(

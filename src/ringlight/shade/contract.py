@@ -1,18 +1,15 @@
 """The socket: blended channels in, colour out, per pixel."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.light_features import LightFeatures
-from ringlight.core.rendering import Channels, Shaded
+from ringlight.core.rendering import Channels, Shaded, TileShading
 from ringlight.core.want import Want
-
-if TYPE_CHECKING:
-    from ringlight import _kernels
 
 
 @runtime_checkable
@@ -28,7 +25,7 @@ class Shader(Protocol):
         until training switches something off."""
         ...
 
-    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> "_kernels.PictureShader | None":
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> TileShading | None:
         """A hint for the compiled rasterizer: what shades tiles as soon as they are blended, from exactly the channels
         in ``needs``. None where there is no such thing."""
         ...

@@ -18,7 +18,7 @@ from ringlight.core.gradients import SHADER, Gradients
 from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import Channels, ImageGradients, Shaded
+from ringlight.core.rendering import Channels, ImageGradients, Shaded, TileGradients, TileShading
 from ringlight.core.want import Want
 from ringlight.fields.axis_factors import AxisFactors
 from ringlight.fields.diagonal_ring import DiagonalRing
@@ -38,8 +38,10 @@ from ringlight.shade.reflection_kernel import (
     reads_depth,
     reflection_job,
     shaded_planes,
+    tile_gradients,
 )
 from ringlight.shade.reflection_settings import FIRST_LOG_INVERSE_RADII, ReflectionSettings
+from ringlight.shade.tile_order import tile_by_tile
 
 RINGS: dict[str, type[TensorRing]] = {"full": TensorRing, "diagonal": DiagonalRing}
 """By the setting ``ring``."""
@@ -98,13 +100,26 @@ class ReflectionShader(nn.Module):
         depth = {"depth": 1} if reads_depth(self.settings) else {}
         return {"rgb": 3, "normal": 3, "latents": self.settings.latents, **depth}
 
-    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> _kernels.PictureShader | None:
+    def tiles(self, camera: Camera, background: Float[Tensor, "3"], want: Want) -> TileShading | None:
         """See :class:`ringlight.shade.contract.Shader`; wide layers may multiply bytes where a picture is wanted."""
         parameters = self.kernel_parameters()
         if not self.lit or not kernel_takes(self.settings, *parameters):
             return None
         job = self.job(camera, background)
-        return _kernels.ReflectionPicture(job.shape, parameters, job.view, want is not Want.PICTURE)
+        kernel = _kernels.ReflectionPicture(job.shape, parameters, job.view, want is not Want.PICTURE)
+
+        @torch.no_grad()
+        def backward(tiles: Tensor, grad_color: Tensor, into: Gradients) -> TileGradients:
+            gradients = [torch.empty_like(parameter) for parameter in parameters]
+            found = tile_gradients(job, tiles, parameters, grad_color, gradients)
+            self._add(gradients, into)
+            return found
+
+        return TileShading(kernel, backward)
+
+    def _add(self, gradients: list[Tensor], into: Gradients) -> None:
+        names = (SHADER + name for name in self._kernel_names)
+        into.add_all(dict(zip(names, gradients, strict=True)))
 
     def shade(
         self,
@@ -136,18 +151,16 @@ class ReflectionShader(nn.Module):
         color: Float[Tensor, "H W 3"] | None,
     ) -> Shaded:
         job, parameters = self.job(camera, background), self.kernel_parameters()
-        planes = planes_of(job, image, alpha)
         if color is None:
-            color = shaded_planes(job, planes, parameters)
+            color = shaded_planes(job, planes_of(job, image, alpha), parameters)
         if want is not Want.GRADIENTS:
             return Shaded(color)
 
         @torch.no_grad()
         def backward(grad_color: Tensor, into: Gradients) -> ImageGradients:
             gradients = [torch.empty_like(parameter) for parameter in parameters]
-            block, grad_alpha = plane_gradients(job, planes, parameters, grad_color, gradients)
-            names = (SHADER + name for name in self._kernel_names)
-            into.add_all(dict(zip(names, gradients, strict=True)))
+            block, grad_alpha = plane_gradients(job, image, alpha, parameters, grad_color, gradients)
+            self._add(gradients, into)
             return block.permute(1, 2, 0), grad_alpha.permute(1, 2, 0)
 
         return Shaded(color, backward)
@@ -175,6 +188,8 @@ class ReflectionShader(nn.Module):
     ) -> Float[Tensor, "H W 3"]:
         """What the kernel computes, in torch and in any precision. Here ``gradient_share`` saves no time."""
         pixels = covered_pixels(buffers, camera, background, self.settings.depth_gradient)
+        if gradient_share < 1:  # lots are laid end to end in this order
+            pixels = pixels.chosen(tile_by_tile(pixels.index, camera.height, camera.width))
         added = importance_sampled(pixels.alpha * self._added(pixels), gradient_share)
         rgb = buffers["rgb"]
         residual = rgb.new_zeros(3, rgb[..., 0].numel()).index_copy(1, pixels.index, added.T)

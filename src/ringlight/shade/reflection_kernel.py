@@ -17,15 +17,14 @@ from ringlight.core.kernel_limits import (
     REFLECTION_MAX_SIDE,
     REFLECTION_QUAD,
 )
+from ringlight.core.rendering import TileGradients
 from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_settings import ReflectionSettings
+from ringlight.shade.tile_order import in_drawn_blocks, planes_from_tiles, tiles_from_planes
 
 Planes = list[Float[Tensor, "_ H W"]]
 """What was blended, see :func:`planes_of`."""
-
-ALPHA = 3
-"""Its place among them."""
 
 
 def kernel_takes(settings: ReflectionSettings, *tensors: Tensor) -> bool:
@@ -107,24 +106,39 @@ def shaded_planes(job: ReflectionJob, planes: Planes, parameters: Sequence[Tenso
     return color.permute(1, 2, 0)
 
 
+def tile_gradients(
+    job: ReflectionJob,
+    tiles: Float[Tensor, "D Q"],
+    parameters: Sequence[Tensor],
+    grad_color: Float[Tensor, "H W 3"],
+    gradients: Sequence[Tensor],
+) -> TileGradients:
+    """Gradients of kept tiles, see :class:`ringlight.core.rendering.Raster`; without the plane of depth where that has
+    no gradient. Fills in those of the parameters."""
+    without_gradient = job.depth and not job.depth_gradient
+    found = torch.empty_like(tiles[: len(tiles) - without_gradient])
+    drawn = torch.empty(tiles.shape[1] // _kernels.BLOCK_PIXELS, dtype=torch.int32)
+    _kernels.reflection_backward(
+        job.shape, parameters, job.view, tiles, grad_color.permute(2, 0, 1).contiguous(), job.gradient_share, gradients,
+        found, drawn,
+    )  # fmt: skip
+    return found, drawn
+
+
 def plane_gradients(
     job: ReflectionJob,
-    planes: Planes,
+    image: Float[Tensor, "H W C"],
+    alpha: Float[Tensor, "H W 1"],
     parameters: Sequence[Tensor],
     grad_color: Float[Tensor, "H W 3"],
     gradients: Sequence[Tensor],
 ) -> tuple[Float[Tensor, "C H W"], Float[Tensor, "1 H W"]]:
-    """Gradients of the blended channels, side by side as they came, and of alpha; fills in those of the parameters."""
-    blended = [plane for index, plane in enumerate(planes) if index != ALPHA]
-    block = grad_color.new_empty(sum(map(len, blended)), *blended[0].shape[1:])
-    grad_rgb, grad_normal, grad_latents, *grad_depth = block.split([len(plane) for plane in blended])
-    grad_alpha = torch.empty_like(planes[ALPHA])
-    grad_planes = [grad_rgb, grad_normal, grad_latents, grad_alpha]
-    _kernels.reflection_backward(
-        job.shape, parameters, job.view, planes, grad_color.permute(2, 0, 1).contiguous(),
-        job.gradient_share, gradients,
-        [*grad_planes, *grad_depth] if job.depth_gradient else grad_planes,
-    )  # fmt: skip
-    if grad_depth and not job.depth_gradient:
-        grad_depth[0].zero_()
-    return block, grad_alpha
+    """The same of a whole picture, with the same bits: of its channels side by side, and of alpha."""
+    tiles = tiles_from_planes(torch.cat([image, alpha], -1).permute(2, 0, 1))
+    found, drawn = tile_gradients(job, tiles, parameters, grad_color, gradients)
+    found[3:] = torch.where(in_drawn_blocks(drawn), found[3:], 0.0)
+    planes = planes_from_tiles(found, *image.shape[:2])
+    blended, grad_alpha = planes[:-1], planes[-1:]
+    if job.depth and not job.depth_gradient:
+        blended = torch.cat([blended, torch.zeros_like(grad_alpha)])
+    return blended, grad_alpha
