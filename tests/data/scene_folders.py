@@ -30,6 +30,14 @@ def write_image(path: Path, size: tuple[int, int] = (WIDTH, HEIGHT), mode: str =
     Image.fromarray(pixels).save(path)
 
 
+def write_mask(path: Path, size: tuple[int, int] = (WIDTH, HEIGHT), kept: bool = True, value: int = 255) -> None:
+    """A mask that keeps the middle half of each side; or, unless ``kept``, drops it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pixels = np.full((size[1], size[0]), 0 if kept else value, np.uint8)
+    pixels[size[1] // 4 : -(size[1] // 4), size[0] // 4 : -(size[0] // 4)] = value if kept else 0
+    Image.fromarray(pixels).save(path)
+
+
 def look_at_origin(index: int, count: int = 9, distance: float = 4.0) -> np.ndarray:
     """OpenGL camera-to-world of one camera of a ring."""
     azimuth = 2 * math.pi * index / count

@@ -1,6 +1,7 @@
 """NeRF-Synthetic folders: axes, splits, and what may be wrong with them."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -127,13 +128,49 @@ def test_an_image_outside_the_folder_is_refused(tmp_path: Path, name: str):
         load_scene(folder)
 
 
-def test_a_link_that_leaves_the_folder_is_refused(tmp_path: Path):
+@pytest.mark.parametrize("place", ["train/r_1.png", "train"])
+def test_photographs_may_be_links_out_of_the_folder(tmp_path: Path, place: str):
+    """As in the caches of Hugging Face, git-annex and DVC, whose files have no suffix."""
     folder = write_blender(tmp_path / "scene")
-    write_image(tmp_path / "secret.png")
-    (folder / "train" / "r_1.png").unlink()
-    (folder / "train" / "r_1.png").symlink_to(tmp_path / "secret.png")
-    with pytest.raises(SceneError, match="outside"):
+    plain = load_scene(folder)
+    pixels = [view.load() for view in plain.train]
+    (folder / place).rename(tmp_path / "4f3a")
+    (folder / place).symlink_to(tmp_path / "4f3a")
+    scene = load_scene(folder)
+    assert [view.name for view in scene.train] == [view.name for view in plain.train]
+    assert all(np.array_equal(view.load(), before) for view, before in zip(scene.train, pixels, strict=True))
+
+
+def test_a_name_that_leaves_the_folder_by_a_link_in_it_is_refused(tmp_path: Path):
+    folder = write_blender(tmp_path / "scene")
+    write_image(tmp_path / "other" / "secret.png")
+    (tmp_path / "other" / "inside").mkdir()
+    (folder / "link").symlink_to(tmp_path / "other" / "inside")
+    document = blender_document("train", 4)
+    document["frames"][1]["file_path"] = "link/../secret.png"
+    rewrite(folder, **document)
+    with pytest.raises(SceneError, match=r"'link/../secret\.png', which does not exist"):
         load_scene(folder)
+
+
+def test_links_to_what_is_no_photograph_are_one_sentence(tmp_path: Path):
+    folder = write_blender(tmp_path / "scene")
+    link = folder / "train" / "r_1.png"
+    link.unlink()
+    (tmp_path / "text").write_text("secret words")
+    os.mkfifo(tmp_path / "pipe")
+    reasons = {
+        "text": "not a readable image",
+        "pipe": "does not exist",
+        ".": "does not exist",
+        "gone": "fetch it first",
+    }
+    for target, reason in reasons.items():
+        link.symlink_to(tmp_path / target)
+        with pytest.raises(SceneError, match=rf"r_1.*{reason}") as caught:
+            load_scene(folder)
+        assert "secret words" not in str(caught.value)
+        link.unlink()
 
 
 @pytest.mark.parametrize("name", ["a\0b", "x" * 5000, "\ud800", "loop", 7, "", None])

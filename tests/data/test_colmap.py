@@ -1,5 +1,6 @@
 """COLMAP folders: binary and text agree, cameras project points where COLMAP saw them, damage is one sentence."""
 
+import shutil
 import struct
 from pathlib import Path
 
@@ -10,12 +11,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scene_folders import (
     FOCAL,
+    HEIGHT,
+    WIDTH,
     colmap_names,
     result_or_sentence,
     write_colmap,
     write_colmap_binary,
     write_colmap_text,
     write_image,
+    write_nerfstudio,
     write_photographs,
 )
 
@@ -147,6 +151,76 @@ def test_a_resized_folder_may_have_another_type_of_image(tmp_path: Path):
     for name in colmap_names(9):
         write_image((tmp_path / "images_2" / name).with_suffix(".JPG"), (8, 6))
     assert load_scene(tmp_path, SceneOptions(downscale=2)).train[0].load().shape == (6, 8, 3)
+
+
+def test_a_resized_folder_that_is_not_is_refused(tmp_path: Path):
+    write_colmap(tmp_path)
+    write_photographs(tmp_path / "images_4")
+    refusal = r"images_4/.*png: has 16x12 pixels, which is not 16x12 divided by 4; make images_4 again, or move it away"
+    with pytest.raises(SceneError, match=refusal):
+        load_scene(tmp_path, SceneOptions(downscale=4))
+    write_photographs(tmp_path / "images_4", size=(4, 3))
+    assert load_scene(tmp_path, SceneOptions(downscale=4)).train[0].camera.width == 4
+
+
+@pytest.mark.parametrize("size", [(3, 2), (3, 3), (4, 3), (4, 2)])
+def test_sides_of_a_resized_folder_may_be_rounded_either_way(tmp_path: Path, size: tuple[int, int]):
+    write_colmap(tmp_path)
+    write_photographs(tmp_path / "images_5", size=size)
+    assert load_scene(tmp_path, SceneOptions(downscale=5)).train[0].camera.width == size[0]
+
+
+def test_a_resized_folder_is_held_against_the_photographs_not_the_model(tmp_path: Path):
+    """COLMAP may have run on photographs of another size."""
+    write_colmap(tmp_path)
+    write_photographs(tmp_path / "images", size=(4 * WIDTH, 4 * HEIGHT))
+    write_photographs(tmp_path / "images_2", size=(2 * WIDTH, 2 * HEIGHT))
+    assert load_scene(tmp_path, SceneOptions(downscale=2)).train[0].camera.width == 2 * WIDTH
+    shutil.rmtree(tmp_path / "images")
+    with pytest.raises(SceneError, match="is not 16x12 divided by 2"):
+        load_scene(tmp_path, SceneOptions(downscale=2))
+
+
+@pytest.mark.parametrize("name", ["image", "imgs", "rgb", "input", "photos", "frames", "my camera"])
+def test_photographs_may_lie_in_another_folder(tmp_path: Path, name: str):
+    write_colmap(tmp_path)
+    (tmp_path / "images").rename(tmp_path / name)
+    (tmp_path / "dense").mkdir()
+    scene = load_scene(tmp_path)
+    assert f"photographs: {name}" in scene.notes
+    assert len(scene.train) == 7
+
+
+def test_photographs_may_lie_beside_the_model(tmp_path: Path):
+    write_photographs(tmp_path)
+    write_colmap_binary(tmp_path / "sparse")
+    assert len(load_scene(tmp_path).train) == 7
+
+
+def test_of_several_folders_the_one_with_the_registered_names_is_taken(tmp_path: Path):
+    write_colmap(tmp_path)
+    (tmp_path / "images").rename(tmp_path / "input")
+    write_image(tmp_path / "images" / "cover.png")
+    assert "photographs: input" in load_scene(tmp_path).notes
+    (tmp_path / "input").rename(tmp_path / "walk")
+    assert "photographs: walk" in load_scene(tmp_path).notes
+    shutil.copytree(tmp_path / "walk", tmp_path / "normals")
+    with pytest.raises(SceneError, match=r"normals and walk both hold the photographs .*--photos"):
+        load_scene(tmp_path)
+    scene = load_scene(tmp_path, SceneOptions(photos="walk"))
+    assert "photographs: walk" in scene.notes
+    assert len(load_scene(tmp_path, SceneOptions(photos=str(tmp_path / "normals"))).train) == 7
+
+
+def test_photographs_may_lie_outside_the_scene_if_the_user_says_so(tmp_path: Path):
+    folder = write_colmap(tmp_path / "scene")
+    (folder / "images").rename(tmp_path / "elsewhere")
+    scene = load_scene(folder, SceneOptions(photos=str(tmp_path / "elsewhere")))
+    assert f"photographs: {tmp_path / 'elsewhere'}" in scene.notes
+    with pytest.raises(SceneError, match="nowhere: no such folder"):
+        load_scene(folder, SceneOptions(photos="nowhere"))
+    with pytest.raises(SceneError, match=r"transforms\.json names the photographs; leave --photos images out"):
+        load_scene(write_nerfstudio(tmp_path / "other"), SceneOptions(photos="images"))
 
 
 def test_missing_images_are_counted(tmp_path: Path):

@@ -13,7 +13,8 @@ import torch
 from PIL import Image
 from scene_folders import write_blender, write_image
 
-from ringlight.data.images import Photograph, PixelBudget, read_header, target_size
+from ringlight.data.image_files import read_header
+from ringlight.data.images import Photograph, PixelBudget, target_size
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import SceneError
@@ -92,12 +93,6 @@ def test_a_palette_with_a_transparent_entry_has_alpha(tmp_path: Path):
     palette.save(tmp_path / "p.png", transparency=0)
     assert read_header(tmp_path / "p.png").has_alpha
     assert (Photograph(tmp_path / "p.png", 5, 4)()[..., 3] == 0).all()
-
-
-def test_sixteen_bit_grey_is_refused(tmp_path: Path):
-    Image.fromarray(np.full((4, 5), 40_000, np.uint16)).save(tmp_path / "deep.png")
-    with pytest.raises(SceneError, match="8-bit RGB"):
-        read_header(tmp_path / "deep.png")
 
 
 def test_shrinking_is_antialiased(tmp_path: Path):
@@ -185,7 +180,11 @@ def png(width: int, height: int, data: bytes) -> bytes:
 
 @pytest.mark.parametrize(
     ("width", "height", "reason"),
-    [(9_000, 9_000, "more than its bytes can hold"), (20_000, 20_000, "exceeds limit"), (2**31 - 1, 2**31 - 1, "")],
+    [
+        (9_000, 9_000, "more than its bytes can hold"),
+        (20_000, 20_000, "more than its bytes can hold"),
+        (2**31 - 1, 2**31 - 1, ""),
+    ],
 )
 def test_a_decompression_bomb_is_refused_unread(tmp_path: Path, width: int, height: int, reason: str):
     path = tmp_path / "bomb.png"

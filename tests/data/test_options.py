@@ -11,7 +11,7 @@ from ringlight.errors import RecipeError
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("downscale", 0), ("max_width", 0), ("holdout_every", 1), ("initial_points", 0), ("points_seed", -1)],
+    [("downscale", 0), ("max_width", 0), ("holdout_every", -1), ("initial_points", 0), ("points_seed", -1)],
 )
 def test_a_number_out_of_range_is_refused_by_the_name_of_its_flag(field: str, value: int):
     with pytest.raises(RecipeError, match=f"--{field.replace('_', '-')} is {value}: give a whole number of at least"):

@@ -21,7 +21,8 @@ from scene_folders import write_blender, write_colmap, write_nerfstudio
 
 from ringlight.core.gaussians import Gaussians
 from ringlight.data import colmap_binary, colmap_text
-from ringlight.data.images import BROKEN_IMAGE, PIXELS_A_BYTE, Photograph, read_header
+from ringlight.data.image_files import BROKEN_IMAGE, PIXELS_A_BYTE, read_header
+from ringlight.data.images import Photograph
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.data.ply_points import read_ply_points

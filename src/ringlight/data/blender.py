@@ -7,9 +7,10 @@ transforms_val.json is not used, as in the literature.
 from pathlib import Path
 
 from ringlight.core.scene import Scene
-from ringlight.data.capture import Capture, hold_out, scene_from
+from ringlight.data.capture import Capture, scene_from
 from ringlight.data.json_fields import read_object
 from ringlight.data.options import SceneOptions
+from ringlight.data.splits import Split, split_of
 from ringlight.data.transforms import read_frames
 
 LOOKS_FOR = "transforms_train.json"
@@ -28,9 +29,8 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     """
     train_file, test_file = folder / LOOKS_FOR, folder / "transforms_test.json"
     train = read_frames(read_object(train_file), train_file)
+    own, frames = None, train
     if test_file.is_file():
         test = read_frames(read_object(test_file), test_file)
-        note = "split: transforms_train.json and transforms_test.json"
-    else:
-        train, test, note = hold_out(train, options.holdout_every, train_file)
-    return scene_from(Capture("blender", train, test, notes=(note,)), folder, options)
+        own, frames = Split(train, test, "split: transforms_train.json and transforms_test.json"), [*train, *test]
+    return scene_from(Capture("blender", split_of(frames, own, options, train_file)), folder, options)

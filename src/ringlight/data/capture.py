@@ -1,16 +1,19 @@
 """What a format finds in a folder, and how it becomes a Scene: the part that all formats share."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ringlight.core.camera import Camera, picture_sizes
+from ringlight.core.camera import picture_sizes
 from ringlight.core.memory import machine_memory
 from ringlight.core.scene import PointCloud, Scene, View
+from ringlight.data.frame import Frame
 from ringlight.data.images import FILTER_NOTE, Photograph, PixelBudget, target_size
+from ringlight.data.masks import with_masks
 from ringlight.data.options import SceneOptions
 from ringlight.data.points import scene_extent, starting_points
+from ringlight.data.splits import Split, split_warnings
 from ringlight.errors import SceneError
 
 VALIDATION_EVERY = 10
@@ -18,77 +21,58 @@ VALIDATION_EVERY = 10
 
 
 @dataclass(frozen=True)
-class Frame:
-    """One image file and its camera. ``name`` is the path below the images' folder, with slashes; the camera has
-    the size of the file."""
-
-    name: str
-    path: Path
-    camera: Camera
-    has_alpha: bool
-
-
-@dataclass(frozen=True)
 class Capture:
     """Everything that a format module read: the split, the SfM points if there are any, and remarks for the reader."""
 
     format: Literal["blender", "colmap", "nerfstudio"]
-    train: Sequence[Frame]
-    test: Sequence[Frame]
+    split: Split
     points: PointCloud | None = None
     notes: tuple[str, ...] = ()
 
 
-def hold_out(frames: Sequence[Frame], every: int, source: Path) -> tuple[list[Frame], list[Frame], str]:
-    """Training frames, test frames (each ``every``-th by name, from the first), and the rule in words.
-
-    Raises:
-        SceneError: a split would be empty.
-    """
-    if len(frames) < 2:
-        raise SceneError(f"{source}: {len(frames)} image is too few to hold one out for testing; add photographs")
-    ordered = sorted(frames, key=lambda frame: frame.name)
-    train = [frame for index, frame in enumerate(ordered) if index % every]
-    note = f"split: of the images sorted by name, each with index % {every} == 0 is a test image"
-    return train, ordered[::every], note
-
-
 def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
-    """The scene with images at the size the options ask for; nothing is decoded yet.
+    """The scene with images at the size the options ask for; of photographs none is decoded yet, of masks a few.
 
     Raises:
-        SceneError: no image in a split.
+        SceneError: no image to train on, or masks that cannot be used.
     """
-    for frames, kind in ((capture.train, "training"), (capture.test, "test")):
-        if not frames:
-            raise SceneError(f"{folder}: no {kind} image; add photographs, or correct the split")
-    capture = _for_validation(capture, folder) if options.validate else capture
+    split = capture.split
+    if not split.train:
+        raise SceneError(f"{folder}: no training image; add photographs, or correct the split")
+    repeated = split_warnings(split.train, split.test)
+    split_notes = [split.note]
+    if options.validate:
+        split = _for_validation(split, folder)
+        split_notes.append(split.note)
+    masked = with_masks((*split.train, *split.test), folder, options)
     budget = PixelBudget(int(options.photo_memory * machine_memory()))
-    train = tuple(_view(frame, options, budget) for frame in capture.train)
-    test = tuple(_view(frame, options, budget) for frame in capture.test)
-    background = _background(train + test, options)
+    views = tuple(_view(frame, options, budget) for frame in masked.frames)
+    train, test = views[: len(split.train)], views[len(split.train) :]
+    background = _background(views, options)
     cameras = [view.camera for view in train]
     points, box, points_note = starting_points(capture.points, cameras, options)
-    notes = (*capture.notes, _size_note(capture.train, train), f"background: {background}", points_note)
+    about = (_size_note(split.train, train), f"background: {background}", points_note)
+    notes = (*capture.notes, *split_notes, *capture.split.warnings, *repeated, *masked.notes, *about)
     name = folder.resolve().name or "scene"  # the root of a file system has no name
     extent, source = scene_extent(cameras, box), str(folder.resolve())
     return Scene(name, train, test, points, extent, box, background, capture.format, source, notes)
 
 
-def _for_validation(capture: Capture, folder: Path) -> Capture:
+def _for_validation(split: Split, folder: Path) -> Split:
     """Every 10th training view, from the first, in place of the test views."""
-    held = capture.train[::VALIDATION_EVERY]
-    kept = [frame for index, frame in enumerate(capture.train) if index % VALIDATION_EVERY]
+    held = split.train[::VALIDATION_EVERY]
+    kept = [frame for index, frame in enumerate(split.train) if index % VALIDATION_EVERY]
     if not kept:
         raise SceneError(f"{folder}: 1 training image is too few for --validate; add photographs")
     note = f"validation: each training image with index % {VALIDATION_EVERY} == 0 is measured, in place of test images"
-    return replace(capture, train=kept, test=held, notes=(*capture.notes, note))
+    return Split(kept, held, note)
 
 
 def _view(frame: Frame, options: SceneOptions, budget: PixelBudget) -> View:
     width, height = target_size(frame.camera.width, frame.camera.height, options)
     camera = frame.camera.resized(width, height)
-    return View(frame.name, camera, Photograph(frame.path, width, height, budget), frame.has_alpha)
+    photograph = Photograph(frame.path, width, height, budget, frame.mask)
+    return View(frame.name, camera, photograph, frame.has_alpha, photograph.decoded)
 
 
 def _background(views: tuple[View, ...], options: SceneOptions) -> str:
@@ -100,6 +84,7 @@ def _background(views: tuple[View, ...], options: SceneOptions) -> str:
 def _size_note(frames: Sequence[Frame], views: tuple[View, ...]) -> str:
     before = picture_sizes([frame.camera for frame in frames], " to ")
     after = picture_sizes([view.camera for view in views], " to ")
+    deep = ", 16 bits a channel rounded to 8" if any(frame.header.is_deep for frame in frames) else ""
     if before == after:
-        return f"images: {after} pixels, as they are"
-    return f"images: {before} pixels downscaled to {after} by {FILTER_NOTE}"
+        return f"images: {after} pixels{deep}, as they are"
+    return f"images: {before} pixels{deep} downscaled to {after} by {FILTER_NOTE}"

@@ -9,13 +9,16 @@ from pathlib import Path
 
 from ringlight.core.scene import Scene
 from ringlight.data import colmap_binary, colmap_text
-from ringlight.data.capture import Capture, Frame, hold_out, scene_from
+from ringlight.data.capture import Capture, scene_from
 from ringlight.data.colmap_model import ColmapImage, pinhole
 from ringlight.data.folder import image_inside, require_none_missing
-from ringlight.data.images import read_header
+from ringlight.data.frame import Frame
+from ringlight.data.image_files import read_header
 from ringlight.data.intrinsics import Intrinsics
 from ringlight.data.options import SceneOptions
+from ringlight.data.photograph_folder import PhotographFolder, photograph_folder
 from ringlight.data.poses import camera_of, world_to_camera_from_quaternion
+from ringlight.data.splits import split_of
 from ringlight.errors import SceneError
 
 LOOKS_FOR = "sparse/0/cameras.bin or .txt"
@@ -52,13 +55,13 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     if not model.images:
         raise SceneError(f"{model.folder}: registers no images; run the mapper with more overlapping photographs")
     notes = _model_note(models, model)
-    images, options = _image_folder(folder, options)
-    frames = _frames(model, images, folder)
-    train, test, split = hold_out(frames, options.holdout_every, model.folder)
+    photographs = photograph_folder(folder, [image.name for image in model.images], options)
+    frames = _frames(model, photographs, folder)
+    split = split_of(frames, None, options, model.folder)
     path = model.folder / f"points3D{model.suffix}"
     points = READERS[model.suffix].read_points(path) if path.is_file() else None
-    capture = Capture("colmap", train, test, points, (*notes, split, f"photographs: {images.name}"))
-    return scene_from(capture, folder, options)
+    capture = Capture("colmap", split, points, (*notes, f"photographs: {_name(photographs.path, folder)}"))
+    return scene_from(capture, folder, replace(options, downscale=1) if photographs.divided > 1 else options)
 
 
 def _model_folders(folder: Path) -> list[tuple[Path, str]]:
@@ -80,19 +83,13 @@ def _model_note(models: list[SubModel], chosen: SubModel) -> tuple[str, ...]:
     )
 
 
-def _image_folder(folder: Path, options: SceneOptions) -> tuple[Path, SceneOptions]:
-    """Where the photographs lie, and the options that remain: images_K is already downscaled by K."""
-    if options.downscale is not None and options.downscale > 1:
-        resized = folder / f"images_{options.downscale}"
-        if resized.is_dir():
-            return resized, replace(options, downscale=1)
-    images = folder / "images"
-    if not images.is_dir():
-        raise SceneError(f"{folder}: no folder 'images' beside 'sparse'; put the photographs there")
-    return images, options
+def _name(photographs: Path, folder: Path) -> str:
+    """In the scene's folder, or whole."""
+    return photographs.name if photographs.parent == folder else str(photographs)
 
 
-def _frames(model: SubModel, images: Path, folder: Path) -> list[Frame]:
+def _frames(model: SubModel, photographs: PhotographFolder, folder: Path) -> list[Frame]:
+    images = photographs.path
     source = model.folder / f"images{model.suffix}"
     lenses = _lenses(model, images, folder)
     found, missing = [], []
@@ -104,6 +101,9 @@ def _frames(model: SubModel, images: Path, folder: Path) -> list[Frame]:
         else:
             found.append((image, path, where))
     require_none_missing(missing, len(model.images), images)
+    for image, path, _ in found:
+        lens = lenses[image.camera_id]
+        photographs.refuse_other_size(path, image.name, (lens.width, lens.height))
     return [_frame(image, lenses[image.camera_id], path, where) for image, path, where in found]
 
 
@@ -127,4 +127,4 @@ def _frame(image: ColmapImage, lens: Intrinsics, path: Path, where: str) -> Fram
     header = read_header(path)
     pose = world_to_camera_from_quaternion(image.quaternion, image.translation, where)
     camera = camera_of(pose, lens.on_image(header.width, header.height, where))
-    return Frame(image.name, path, camera, header.has_alpha)
+    return Frame(image.name, path, camera, header)

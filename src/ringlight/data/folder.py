@@ -1,11 +1,16 @@
-"""The files of a scene's folder: read whole, found by the name another file gives, and never outside the folder."""
+"""The files of a scene's folder: read whole, found by the name another file gives, which cannot lead out of the folder.
 
+A link in the folder may: no file of a scene can place one, and photographs in caches and under git-annex or DVC are
+links.
+"""
+
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from ringlight.errors import SceneError
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".webp")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".webp", ".tif", ".tiff", ".heic", ".HEIC", ".avif")
 """Tried in this order where a name comes without its suffix, or with that of the full-size image."""
 
 
@@ -32,17 +37,20 @@ def image_inside(base: Path, name: str, where: str) -> Path | None:
 
 
 def file_inside(base: Path, name: str, where: str) -> Path | None:
-    """The file called ``name`` below ``base``, with links resolved; None where there is no such file.
+    """The file, or link to one, called ``name`` below ``base``; None where there is no such file.
 
     Backslashes separate folders too, as on the machine where the name was written; ``where`` says who named it.
 
     Raises:
-        SceneError: the name leaves ``base``, or no file can have it.
+        SceneError: the name leaves ``base``, no file can have it, or it is of a link that leads nowhere.
     """
     try:
         root = base.resolve()
-        path = (root / name.replace("\\", "/")).resolve()
+        path = Path(os.path.normpath(root / name.replace("\\", "/")))
         if path.is_relative_to(root):
+            if path.is_symlink() and not path.exists():
+                target = path.readlink()
+                raise SceneError(f"{where} names the file {name!r}, a link to {target}, which is gone; fetch it first")
             return path if path.is_file() else None
     except (OSError, ValueError, RuntimeError) as error:  # too long, with a NUL, not unicode; a ring of links
         raise SceneError(f"{where} names the file {name!r}, which no file can be called; correct the name") from error

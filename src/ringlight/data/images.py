@@ -6,69 +6,23 @@ colours are premultiplied by alpha meanwhile, so that what is hidden under trans
 A decoded image stays in memory as 8 bit: 400 photographs of 1600 x 1066 take 2.0 GB. As floats they would take
 8 GB, and decoding a JPEG of that size again at each step costs more than a training step. Of a scene that does not fit
 its share of the memory as many stay as fit, and the others are decoded each time: with views in random order no rule
-for exchanging them finds more of them in memory. An EXIF orientation is
-not applied, because camera poses are solved on the pixels as stored.
+for exchanging them finds more of them in memory.
 """
 
-import struct
-import warnings
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
+from ringlight.data.image_files import decoded
+from ringlight.data.mask_files import MaskFile
 from ringlight.data.options import SceneOptions
-from ringlight.errors import SceneError
 
 FILTER_NOTE = "Lanczos (3 lobes, antialiased, on colours premultiplied by alpha)"
 """What every scene with shrunk images states."""
-
-EIGHT_BIT_MODES = frozenset({"1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr", "La", "RGBa"})
-"""Pillow's modes whose conversion to RGB keeps the brightness; of 16-bit grey it would clip all but the darkest."""
-
-BROKEN_IMAGE = (
-    OSError, SyntaxError, ValueError, EOFError, IndexError, TypeError, KeyError, OverflowError, MemoryError,
-    struct.error, zlib.error, Image.DecompressionBombError, Image.DecompressionBombWarning,
-)  # fmt: skip
-"""What Pillow's decoders raise on damaged files."""
-
-
-FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF")
-"""What photographs come as; Pillow knows others, one of which runs a program to be read."""
-
-PIXELS_A_BYTE = 8 * 1032
-"""Deflate packs 1032 bytes into one at most, and a byte holds up to eight pixels: no file with more is whole."""
-
-
-@dataclass(frozen=True)
-class ImageHeader:
-    """What an image file says of itself before it is decoded; sizes in pixels."""
-
-    width: int
-    height: int
-    has_alpha: bool
-
-
-def read_header(path: Path) -> ImageHeader:
-    """Size and transparency of an image file, without decoding it.
-
-    Raises:
-        SceneError: not an image that can be read, or of more than 8 bits a channel.
-    """
-    try:
-        with _opened(path) as image:
-            mode, has_alpha = image.mode, _has_alpha(image)
-            width, height = image.size
-    except BROKEN_IMAGE as error:
-        raise _unreadable(path, error) from error
-    if mode not in EIGHT_BIT_MODES:
-        raise SceneError(f"{path}: has pixels of kind {mode!r}; convert the image to 8-bit RGB")
-    return ImageHeader(width, height, has_alpha)
 
 
 def target_size(width: int, height: int, options: SceneOptions) -> tuple[int, int]:
@@ -82,27 +36,32 @@ def target_size(width: int, height: int, options: SceneOptions) -> tuple[int, in
 
 @dataclass
 class PixelBudget:
-    """Bytes that the photographs of one scene may keep between them."""
+    """Bytes that the photographs of one scene may keep between them; asked by several threads."""
 
     left: int
+    _lock: Lock = field(default_factory=Lock, init=False, repr=False)
 
     def take(self, size: int) -> bool:
         """Whether ``size`` more bytes may be kept; they then count."""
-        if size > self.left:
-            return False
-        self.left -= size
-        return True
+        with self._lock:
+            if size > self.left:
+                return False
+            self.left -= size
+            return True
 
 
 @dataclass
 class Photograph:
-    """An image file at a chosen size; call it for the pixels, are decoded once, and kept while ``budget`` lasts."""
+    """An image file at a chosen size, with its mask as alpha; call it for the pixels, which are decoded once, and kept
+    while ``budget`` lasts. Several threads may call it."""
 
     path: Path
     width: int
     height: int
     budget: PixelBudget | None = None
+    mask: MaskFile | None = None
     pixels: UInt8[np.ndarray, "H W C"] | None = field(default=None, init=False, repr=False)
+    _lock: Lock = field(default_factory=Lock, init=False, repr=False)
 
     def __call__(self) -> UInt8[np.ndarray, "H W C"]:
         """The pixels, display-referred sRGB, three channels or four with straight alpha; not to be written to.
@@ -112,44 +71,20 @@ class Photograph:
         """
         if self.pixels is not None:
             return self.pixels
-        pixels = self._decode()
-        if self.budget is None or self.budget.take(pixels.nbytes):
-            self.pixels = pixels
-        return pixels
+        with self._lock:  # whoever comes second waits, and finds what the first one has decoded
+            if self.pixels is not None:
+                return self.pixels
+            pixels = self.decoded()
+            if self.budget is None or self.budget.take(pixels.nbytes):
+                self.pixels = pixels
+            return pixels
 
-    def _decode(self) -> UInt8[np.ndarray, "H W C"]:
-        try:
-            with _opened(self.path) as image:
-                colors = image.convert("RGBA" if _has_alpha(image) else "RGB")
-        except BROKEN_IMAGE as error:
-            raise _unreadable(self.path, error) from error
+    def decoded(self) -> UInt8[np.ndarray, "H W C"]:
+        """The same pixels, decoded now and not kept."""
+        colors = decoded(self.path)
+        if self.mask is not None:
+            colors = self.mask.laid_over(colors)
         if colors.size != (self.width, self.height):
             # Pillow premultiplies RGBA by itself around every filter but NEAREST.
             colors = colors.resize((self.width, self.height), Image.Resampling.LANCZOS)
         return np.array(colors)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Image.Image]:
-    """The image, not decoded yet; ValueError or Pillow's own for one that promises absurdly many pixels."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", Image.DecompressionBombWarning)  # its limit: 89 million pixels
-        with Image.open(path, formats=FORMATS) as image:
-            width, height = image.size
-            if width * height > PIXELS_A_BYTE * path.stat().st_size:
-                raise ValueError(f"promises {width}x{height} pixels, more than its bytes can hold")
-            yield image
-
-
-def _has_alpha(image: Image.Image) -> bool:
-    return image.mode in ("RGBA", "LA", "PA", "La", "RGBa") or "transparency" in image.info
-
-
-def _unreadable(path: Path, error: BaseException) -> SceneError:
-    if isinstance(error, UnidentifiedImageError):
-        reason = "of no known format"
-    elif isinstance(error, OSError) and error.strerror:
-        reason = error.strerror
-    else:
-        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-    return SceneError(f"{path}: not a readable image ({reason}); copy or export the image again")

@@ -37,8 +37,7 @@ class Intrinsics:
                 "by a quarter; store the image the way it was when the poses were found"
             )
         x, y = width / self.width, height / self.height
-        fewest, most = _factors((width, height), (self.width, self.height))
-        if fewest > min(most, MOST_RESIZED):
+        if not is_rescaled((width, height), (self.width, self.height)):
             raise SceneError(
                 f"{where} has an image of {width}x{height} pixels and a camera of {self.width}x{self.height}, which is "
                 "no resized form of it; use the photographs that the poses were found with, not cropped or stretched "
@@ -46,6 +45,12 @@ class Intrinsics:
             )
         focal = (self.focal[0] * x, self.focal[1] * y)
         return Intrinsics(focal, (self.center[0] * x, self.center[1] * y), width, height)
+
+
+def is_rescaled(first: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether one of two sizes, (width, height) in pixels, is the other divided by a factor and rounded."""
+    fewest, most = _factors(first, other)
+    return fewest <= min(most, MOST_RESIZED)
 
 
 def _factors(image: tuple[int, int], camera: tuple[int, int]) -> tuple[float, float]:

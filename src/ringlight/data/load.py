@@ -1,11 +1,13 @@
 """From a folder of posed photographs to a Scene: each format is asked in turn."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 from ringlight.core.scene import Scene
 from ringlight.data import blender, colmap, nerfstudio
-from ringlight.data.options import SceneOptions
+from ringlight.data.options import FOUND, UNUSED, SceneOptions
+from ringlight.data.splits import spelled_out
 from ringlight.data.unposed import remedy_without_cameras
 from ringlight.errors import SceneError
 
@@ -38,10 +40,25 @@ def load_scene(path: str | Path, options: SceneOptions | None = None) -> Scene:
             raise SceneError(f"{folder}: is a file, not a folder; {remedy}")
         if not folder.is_dir():
             raise SceneError(f"{folder}: no such folder; check the path")
-        return _format_of(folder, options).load(folder, options)
+        module = _format_of(folder, options)
+        if options.photos != FOUND and module is not colmap:
+            raise SceneError(f"{folder}: {module.LOOKS_FOR} names the photographs; leave --photos {options.photos} out")
+        return module.load(folder, options)
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise SceneError(f"{folder}: cannot be read ({reason}); check the path and its permissions") from error
+
+
+def kept_options(path: Path, options: SceneOptions) -> SceneOptions:
+    """The same options wherever and whenever the scene is read again: a list of test images as its names, a folder that
+    is not the scene's own by its full path. Raises SceneError for a list that cannot be read."""
+    holdout = None if options.holdout is None else spelled_out(options.holdout)
+    masks, photos = (_kept_folder(path, named) for named in (options.masks, options.photos))
+    return replace(options, masks=masks, photos=photos, holdout=holdout)
+
+
+def _kept_folder(path: Path, named: str) -> str:
+    return named if named in (FOUND, UNUSED) or (path / named).is_dir() else str(Path(named).resolve())
 
 
 def _format_of(folder: Path, options: SceneOptions) -> ModuleType:

@@ -7,11 +7,13 @@ same world, and training does not depend on its scale.
 from pathlib import Path
 
 from ringlight.core.scene import PointCloud, Scene
-from ringlight.data.capture import Capture, Frame, hold_out, scene_from
+from ringlight.data.capture import Capture, scene_from
 from ringlight.data.folder import file_inside, image_inside
+from ringlight.data.frame import Frame
 from ringlight.data.json_fields import Fields, read_object, text, texts
 from ringlight.data.options import SceneOptions
 from ringlight.data.ply_points import read_ply_points
+from ringlight.data.splits import Split, split_of
 from ringlight.data.transforms import read_frames
 from ringlight.errors import SceneError
 
@@ -36,23 +38,26 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     file = folder / LOOKS_FOR
     document = read_object(file)
     frames = read_frames(document, file)
-    train, test, note = _listed_split(document, frames, file) or hold_out(frames, options.holdout_every, file)
-    return scene_from(Capture("nerfstudio", train, test, _points(document, file), (note,)), folder, options)
+    split = split_of(frames, _listed_split(document, frames, file), options, file)
+    return scene_from(Capture("nerfstudio", split, _points(document, file)), folder, options)
 
 
-def _listed_split(document: Fields, frames: list[Frame], file: Path) -> tuple[list[Frame], list[Frame], str] | None:
-    """As :func:`hold_out`, what the file states: test images, or else validation images, are kept from training."""
+def _listed_split(document: Fields, frames: list[Frame], file: Path) -> Split | None:
+    """What the file states: test images, or else validation images, are kept from training. An empty list means that
+    there are none."""
     train_names = texts(document, "train_filenames", str(file))
     test_key = "test_filenames" if "test_filenames" in document else "val_filenames"
     test_names = texts(document, test_key, str(file))
     if test_names is None:
         return None
     test = _named(frames, test_names, test_key, file)
+    none = "" if test else ", which is empty: there are no test views"
     if train_names is None:
         held_out = {frame.name for frame in test}
-        return [frame for frame in frames if frame.name not in held_out], test, f"split: {test_key} of {file.name}"
+        left = [frame for frame in frames if frame.name not in held_out]
+        return Split(left, test, f"split: {test_key} of {file.name}{none}")
     train = _named(frames, train_names, "train_filenames", file)
-    return train, test, f"split: train_filenames and {test_key} of {file.name}"
+    return Split(train, test, f"split: train_filenames and {test_key} of {file.name}{none}")
 
 
 def _named(frames: list[Frame], names: list[str], key: str, file: Path) -> list[Frame]:

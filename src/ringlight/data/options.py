@@ -3,7 +3,14 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
+
+FOUND = "auto"
+"""A folder that is looked for in the scene's own."""
+
+UNUSED = "none"
+"""A folder that is not looked at."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +33,23 @@ class ReadingOptions:
     max_width: int = 1600
     """Wider images are shrunk to this width in pixels, as in 3DGS. It does not count when --downscale is given."""
 
+    photos: str = later(FOUND)
+    """Folder of a COLMAP model's photographs. auto is images or another usual name beside sparse, else the only folder
+    that holds them all."""
+
+    masks: str = later(FOUND)
+    """Folder of masks, in the scene's folder or anywhere, one for each photograph NAME, called NAME.png or NAME: white
+    is kept, black becomes background. auto takes those that the scene names, else its folder masks; none takes none."""
+
+    invert_masks: bool = later(False)
+    """Black is kept instead of white."""
+
     holdout_every: int = 8
-    """Every n-th image by name, from the first, is a test image, unless the scene brings a split of its own."""
+    """Every n-th image by name, from the first, is a test image, unless the scene brings a split of its own. 0: all
+    images are for training, whatever the scene says."""
+
+    holdout: str | None = later(None)
+    """Test images in place of any split: their names with commas between, or a file ending in .txt with one a line."""
 
     photo_memory: float = 0.25
     """Share of the machine's memory for decoded photographs. Those that do not fit are decoded at each use."""
@@ -37,7 +59,13 @@ class ReadingOptions:
             raise RecipeError(f"--photo-memory is {self.photo_memory:g}: give a share from 0 to 1")
         _refuse_below("--downscale", self.downscale, 1)
         _refuse_below("--max-width", self.max_width, 1)
-        _refuse_below("--holdout-every", self.holdout_every, 2)
+        if self.holdout_every == 1:
+            raise RecipeError(
+                "--holdout-every is 1: no image would be left for training; give 2 or more, or 0 for none"
+            )
+        _refuse_below("--holdout-every", self.holdout_every, 0)
+        if self.invert_masks and self.masks == UNUSED:
+            raise RecipeError("--invert-masks and --masks none do not go together; leave one of them out")
 
 
 def _refuse_below(flag: str, value: int | None, least: int) -> None:

@@ -6,11 +6,12 @@ A value that a frame does not state holds for the whole file. Poses are camera-t
 import math
 from pathlib import Path
 
-from ringlight.data.capture import Frame
 from ringlight.data.folder import image_inside, require_none_missing
-from ringlight.data.images import ImageHeader, read_header
+from ringlight.data.frame import Frame
+from ringlight.data.image_files import ImageHeader, read_header
 from ringlight.data.intrinsics import Intrinsics, checked_intrinsics
 from ringlight.data.json_fields import Fields, number, pose_matrix, text
+from ringlight.data.mask_files import MaskFile
 from ringlight.data.poses import camera_of, world_to_camera_from_opengl
 from ringlight.errors import SceneError
 
@@ -55,7 +56,14 @@ def _frame(fields: Fields, path: Path, base: Path, where: str) -> Frame:
     header = read_header(path)
     pose = world_to_camera_from_opengl(pose_matrix(fields, where), where)
     camera = camera_of(pose, read_intrinsics(fields, header, where))
-    return Frame(path.relative_to(base.resolve()).as_posix(), path, camera, header.has_alpha)
+    name = path.relative_to(base.resolve()).as_posix()
+    return Frame(name, path, camera, header, _mask(fields, base, where))
+
+
+def _mask(fields: Fields, base: Path, where: str) -> MaskFile | None:
+    """nerfstudio's ``mask_path``; a file that is missing is refused where masks are wanted."""
+    name = text(fields, "mask_path", where)
+    return None if name is None else MaskFile(image_inside(base, name, where) or base / name)
 
 
 def read_intrinsics(fields: Fields, header: ImageHeader, where: str) -> Intrinsics:

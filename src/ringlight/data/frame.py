@@ -1,0 +1,25 @@
+"""One photograph of a scene, before it is known at which size it is used."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ringlight.core.camera import Camera
+from ringlight.data.image_files import ImageHeader
+from ringlight.data.mask_files import MaskFile
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One image file and its camera. ``name`` is the path below the images' folder, with slashes; the camera has
+    the size of the file; ``mask`` becomes its alpha, where there is one."""
+
+    name: str
+    path: Path
+    camera: Camera
+    header: ImageHeader
+    mask: MaskFile | None = None
+
+    @property
+    def has_alpha(self) -> bool:
+        """Whether its pixels get a fourth channel."""
+        return self.header.has_alpha or self.mask is not None

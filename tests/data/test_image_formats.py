@@ -1,0 +1,190 @@
+"""Formats of photographs: each gives the colours that were stored, at the precision that is promised."""
+
+import base64
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, features
+from scene_folders import HEIGHT, WIDTH, write_blender
+
+from ringlight.data.deep_images import rounded
+from ringlight.data.image_files import decoded, read_header
+from ringlight.data.load import load_scene
+from ringlight.errors import SceneError
+
+HEIC = base64.b64decode(
+    "AAAAHGZ0eXBoZWljAAAAAG1pZjFoZWljbWlhZgAAAXxtZXRhAAAAAAAAACFoZGxyAAAAAAAAAABwaWN0AAAAAAAAAAAAAAAAAAAAACJpbG9jAA"
+    "AAAERAAAEAAQAAAAABoAABAAAAAAAAAM0AAAAjaWluZgAAAAAAAQAAABVpbmZlAgAAAAABAABodmMxAAAAAA5waXRtAAAAAAABAAAA/GlwcnAA"
+    "AADcaXBjbwAAAHVodmNDAQNwAAAAkAAAAAAAHvAA/P34+AAADwNgAAEAGEABDAH//wNwAAADAJAAAAMAAAMAHroCQGEAAQApQgEBA3AAAAMAkA"
+    "AAAwAAAwAeoCCBBZbqrprm4CGgwIAAAAyAAAADAIRiAAEABkQBwXPBiQAAABNjb2xybmNseAABAA0ABoAAAAAUaXNwZQAAAAAAAABAAAAAQAAA"
+    "AChjbGFwAAAAEAAAAAEAAAAMAAAAAf///9AAAAAC////zAAAAAIAAAAQcGl4aQAAAAADCAgIAAAAGGlwbWEAAAAAAAAAAQABBYECAwWEAAAA1W"
+    "1kYXQAAADJKAGvBjIeSzIQ8QysW8NX2cI7UoR9x3Exc+30CmgjN4i+fD8PzfjFIXn4P3/jfg763sdX4AH6XVdf/2WIA8zx9wdgS/4XACSGX8RQ"
+    "3p05vFJ7h6CmFIid7B3/OXHOtA6dg1JMGlt2Nt8fHcgVtZ+2ff1OYhosv7qaRbIzOfiWhJKCU7ejFPqgVMsscsJb4gOf+esP3tJFkZCdqTVjp/"
+    "/CR5YYEa8GxkLu4ZEwNjM+UBS3RF36Enn83Cvu4U62tCBhmjwdS8g9x3PA"
+)
+"""16x12 pixels, lossy, encoded by libheif and x265: no encoder of this format is free enough to be installed here."""
+
+HEIC_COLORS = [[(220, 200, 90), (40, 200, 90)], [(220, 60, 90), (40, 60, 90)]]
+"""Of its quarters, rows first."""
+
+RNG = np.random.default_rng(3)
+
+
+def sixteen_bits(channels: int) -> np.ndarray:
+    return RNG.integers(0, 65536, (HEIGHT, WIDTH, channels), dtype=np.uint16)
+
+
+def write_png(path: Path, values: np.ndarray) -> None:
+    """16 bits a channel, big endian, rows filtered by the difference from the one above."""
+    kind = {1: 0, 3: 2, 4: 6}[values.shape[2]]
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+    rows = values.astype(">u2").view(np.uint8).reshape(len(values), -1)
+    filtered = np.diff(rows, axis=0, prepend=np.zeros_like(rows[:1]))
+    data = zlib.compress(b"".join(b"\2" + row.tobytes() for row in filtered))
+    head = struct.pack(">IIBBBBB", values.shape[1], values.shape[0], 16, kind, 0, 0, 0)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b""))
+
+
+def write_tiff(path: Path, values: np.ndarray, order: str, packed: bool) -> None:
+    """One strip of 16-bit numbers in either byte order, stored or deflated."""
+    height, width, channels = values.shape
+    data = values.astype(f"{order}u2").tobytes()
+    data = zlib.compress(data) if packed else data
+    bits = struct.pack(f"{order}{channels}H", *[16] * channels)
+    entries = [(256, 3, 1, width), (257, 3, 1, height), (258, 3, channels, None), (259, 3, 1, 8 if packed else 1)]
+    entries += [(262, 3, 1, 2 if channels > 1 else 1), (273, 4, 1, 8), (277, 3, 1, channels), (278, 3, 1, height)]
+    entries += [(279, 4, 1, len(data)), (284, 3, 1, 1)]
+    entries += [(338, 3, 1, 2)] if channels == 4 else []  # the fourth is alpha, not premultiplied
+    pad = data + b"\0" * (len(data) % 2)
+    place = 8 + len(pad) + len(bits)
+    directory = struct.pack(f"{order}H", len(entries))
+    for tag, kind, count, value in entries:
+        if value is None and channels > 1:
+            content = struct.pack(f"{order}I", 8 + len(pad))
+        else:
+            content = struct.pack(f"{order}{'H' if kind == 3 else 'I'}", 16 if value is None else value)
+        directory += struct.pack(f"{order}HHI", tag, kind, count) + content.ljust(4, b"\0")
+    mark = b"II*\0" if order == "<" else b"MM\0*"
+    path.write_bytes(mark + struct.pack(f"{order}I", place) + pad + bits + directory + b"\0" * 4)
+
+
+def nearest(values: np.ndarray) -> np.ndarray:
+    return np.round(values / 257).astype(np.uint8)
+
+
+def test_every_sixteen_bit_number_becomes_the_nearest():
+    values = np.arange(65536, dtype=np.uint16)
+    ours = rounded((values >> 8).astype(np.uint8), (values & 255).astype(np.uint8))
+    assert np.array_equal(ours, nearest(values))
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("kind", ["png", "<", ">", "<packed", ">packed"])
+def test_sixteen_bits_are_rounded_not_cut(tmp_path: Path, channels: int, kind: str):
+    values, path = sixteen_bits(channels), tmp_path / f"deep.{'png' if kind == 'png' else 'tif'}"
+    if kind == "png":
+        write_png(path, values)
+    else:
+        write_tiff(path, values, kind[0], packed="packed" in kind)
+    header = read_header(path)
+    assert (header.width, header.height, header.has_alpha, header.is_deep) == (WIDTH, HEIGHT, channels == 4, True)
+    expected = np.repeat(nearest(values), 3, 2) if channels == 1 else nearest(values)
+    assert np.array_equal(np.asarray(decoded(path)), expected)
+
+
+def test_a_deep_image_that_is_cut_is_one_sentence(tmp_path: Path):
+    write_png(tmp_path / "deep.png", sixteen_bits(3))
+    whole = (tmp_path / "deep.png").read_bytes()
+    for length in range(0, len(whole) - 40, 7):
+        (tmp_path / "deep.png").write_bytes(whole[:length])
+        with pytest.raises(SceneError, match=r"deep\.png: not a readable image"):
+            decoded(tmp_path / "deep.png")
+
+
+def test_the_scene_says_that_it_rounds(tmp_path: Path):
+    folder = write_blender(tmp_path)
+    assert not any("16 bits" in note for note in load_scene(folder).notes)
+    write_png(folder / "train" / "r_1.png", sixteen_bits(4))
+    scene = load_scene(folder)
+    assert "images: 16x12 pixels, 16 bits a channel rounded to 8, as they are" in scene.notes
+    assert scene.train[1].load().shape == (HEIGHT, WIDTH, 4)
+
+
+def test_numbers_that_are_no_colours_are_refused(tmp_path: Path):
+    Image.fromarray(np.full((4, 5), 0.5, np.float32)).save(tmp_path / "depth.tif")
+    with pytest.raises(SceneError, match=r"depth\.tif: has pixels of kind 'F'; convert the image to RGB of 8 or 16"):
+        read_header(tmp_path / "depth.tif")
+
+
+def test_heic_is_read(tmp_path: Path):
+    pytest.importorskip("pi_heif")
+    path = tmp_path / "photograph.HEIC"
+    path.write_bytes(HEIC)
+    header = read_header(path)
+    assert (header.width, header.height, header.has_alpha) == (WIDTH, HEIGHT, False)
+    picture = decoded(path)
+    for row in range(2):
+        for column in range(2):
+            color = picture.getpixel((4 + 8 * column, 3 + 6 * row))
+            assert np.abs(np.subtract(color, HEIC_COLORS[row][column])).max() <= 3
+
+
+@pytest.mark.skipif(not features.check("avif"), reason="this Pillow was built without AVIF")
+@pytest.mark.parametrize("mode", ["RGB", "RGBA"])
+def test_avif_is_read(tmp_path: Path, mode: str):
+    pixels = np.full((HEIGHT, WIDTH, len(mode)), 130, np.uint8)
+    pixels[:, : WIDTH // 2, 0] = 210
+    Image.fromarray(pixels).save(tmp_path / "a.avif", quality=100, subsampling="4:4:4")
+    assert read_header(tmp_path / "a.avif").has_alpha == (mode == "RGBA")
+    assert np.abs(np.asarray(decoded(tmp_path / "a.avif")).astype(int) - pixels).max() <= 3
+
+
+def test_scenes_take_photographs_of_these_formats(tmp_path: Path):
+    pytest.importorskip("pi_heif")
+    folder = write_blender(tmp_path, mode="RGB")
+    (folder / "train" / "r_1.png").unlink()
+    (folder / "train" / "r_1.HEIC").write_bytes(HEIC)
+    view = load_scene(folder).train[1]
+    assert view.name == "train/r_1.HEIC"
+    assert view.load().shape == (HEIGHT, WIDTH, 3)
+
+
+@pytest.mark.parametrize("kind", ["AVIF", "HEIC"])
+def test_without_the_extra_it_is_named(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch):
+    beginning = b"\0\0\0\x1cftypavif\0\0\0\0mif1avifmiaf" if kind == "AVIF" else HEIC
+    (tmp_path / "a.jpg").write_bytes(beginning)
+    monkeypatch.setattr(features, "check", lambda feature: False)
+    for module in ("pi_heif", "pillow_heif"):
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(SceneError, match=rf"a\.jpg: is a photograph in {kind}, .*pip install 'ringlight\[photos\]'$"):
+        read_header(tmp_path / "a.jpg")
+
+
+@pytest.mark.parametrize("length", [12, 40, 200, 400, 600])
+def test_a_heic_file_that_is_cut_is_one_sentence(tmp_path: Path, length: int):
+    pytest.importorskip("pi_heif")
+    (tmp_path / "a.heic").write_bytes(HEIC[:length])
+    with pytest.raises(SceneError, match=r"a\.heic: not a readable image"):
+        decoded(tmp_path / "a.heic")
+
+
+def test_what_is_read_is_named(tmp_path: Path):
+    for content in (b"nothing", b"GIF89a" + bytes(50), b"\0\0\0\x18ftypmp42\0\0\0\0mp42isom"):
+        (tmp_path / "a.jpg").write_bytes(content)
+        with pytest.raises(SceneError, match="of no known format; PNG, JPEG, WEBP, BMP, TIFF, AVIF and HEIC are read"):
+            read_header(tmp_path / "a.jpg")
+
+
+def test_an_image_of_too_many_pixels_has_its_own_remedy(tmp_path: Path):
+    Image.new("L", (10_000, 9_000)).save(tmp_path / "large.png")
+    with pytest.raises(
+        SceneError, match=r"large\.png: has 10000x9000 pixels, and images are read up to 89 million; put"
+    ):
+        read_header(tmp_path / "large.png")
