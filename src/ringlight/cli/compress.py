@@ -98,5 +98,5 @@ def _sentences(compressed: "Compressed") -> str:
             f"{losses.psnr_after - losses.psnr_before:+.3f} dB"
         )
     else:
-        lines.append("  not measured on photographs: name the scene's folder for that")
+        lines.append("  not measured on photographs: name a scene's folder that has test views for that")
     return "\n".join(lines) + "\n"

@@ -66,14 +66,21 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
                 _show(bar, task, meter.line(progress), live, options.quiet)
                 shown = time.monotonic()
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
-                decibels = psnr_of_views(session.training.model, session.scene)
-                console.print(f"step {progress.step}: {decibels:.2f} dB on the test views")
+                _show_test_views(console, session, progress.step)
             for warning in filter(None, (progress.fault, progress.collapse)):
                 console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
             if stopping:
                 return
         bar.update(task, clock="took")
+
+
+def _show_test_views(console: Console, session: Session, step: int) -> None:
+    if session.scene.test:
+        decibels = psnr_of_views(session.training.model, session.scene)
+        console.print(f"step {step}: {decibels:.2f} dB on the test views")
+    else:
+        console.print(f"step {step}: there are no test views to measure on")
 
 
 class _Meter:

@@ -153,7 +153,9 @@ def _train(session: "Session", options: RunOptions) -> int:
     report = train_and_measure(session, options, f"ringlight train --resume {session.folder.path}")
     _print(report, options)
     if not options.json:
-        sys.stderr.write(f"written to {session.folder.path}; see it with: ringlight render {session.folder.path}\n")
+        path = "" if session.scene.test else " --path orbit"
+        shown = f"ringlight render {session.folder.path}{path}"
+        sys.stderr.write(f"written to {session.folder.path}; see it with: {shown}\n")
     return 0
 
 

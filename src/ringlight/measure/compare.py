@@ -65,7 +65,8 @@ def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
         lpips_notes=stored_lpips_notes([run.report for run in loaded]),
     )
     sheets = [_sheet(scene, together, labels, views) for scene, together in scenes.items()] if views else []
-    bare = [run.folder for run in loaded if not (run.pictures(RENDERS) and run.pictures(TRUTHS))]
+    shown = [run for run in loaded if run.report.images]
+    bare = [run.folder for run in shown if not (run.pictures(RENDERS) and run.pictures(TRUTHS))]
     notes = tuple(f"{folder} has no pictures; make them with 'ringlight eval {folder}'." for folder in bare)
     return Comparison(table, _stacked([sheet for sheet in sheets if sheet]), notes)
 

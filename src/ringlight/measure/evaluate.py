@@ -28,11 +28,11 @@ class Scores:
     """Means over the test views, field by field those of a ``Report``: ``Report(**vars(scores), ...)``."""
 
     resolution: str
-    psnr: float
-    psnr_u8: float
-    psnr_pooled: float
-    ssim_same: float
-    ssim_valid: float
+    psnr: float | None
+    psnr_u8: float | None
+    psnr_pooled: float | None
+    ssim_same: float | None
+    ssim_valid: float | None
     lpips_alex: float | None
     lpips_vgg: float | None
     lpips_vgg_01: float | None
@@ -74,6 +74,13 @@ def evaluate(
             progress(done, len(views))
     size = picture_sizes([view.camera for view in views], "..")
     return _means(tuple(images), metrics.psnr_pooled(squared_errors), size, note)
+
+
+def scores_without_views(training: Sequence[View]) -> Scores:
+    """Of a scene that holds no view out: nothing is measured."""
+    unmeasured = {field.name: None for field in fields(ImageScore)[1:]}
+    size = picture_sizes([view.camera for view in training], "..")
+    return Scores(resolution=size, psnr_pooled=None, lpips_note="", images=(), **unmeasured)
 
 
 def mean_psnr(

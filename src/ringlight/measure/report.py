@@ -47,7 +47,7 @@ class Report:
     split: str
     """How many views train and how many test; ``notes`` has the rule."""
     resolution: str
-    """Of the test views: "400x400", or the smallest and largest, "976x541..980x545"."""
+    """Of the test views: "400x400", or the smallest and largest, "976x541..980x545"; without any, of training views."""
     background: str
     notes: tuple[str, ...]
     """What the loader decided: downscaling and its filter, sub-model, ..."""
@@ -56,20 +56,21 @@ class Report:
     planned: int | None
     """Steps of the whole run; more than ``iterations`` for a run that was stopped."""
 
-    psnr: float
-    """dB, mean over images, float."""
-    psnr_u8: float
+    psnr: float | None
+    """dB, mean over images, float. None, as all others of test views, where the scene has none."""
+    psnr_u8: float | None
     """The same on images rounded to 8 bit."""
-    psnr_pooled: float
+    psnr_pooled: float | None
     """dB of the squared error pooled over all test images."""
     psnr_train: float | None = None
-    """The same as ``psnr`` on training views: as many as there are test views, or all if fewer, evenly spread. None
+    """The same as ``psnr`` on training views: as many as there are test views, or all if fewer, evenly spread; without
+    test views up to 20. None
     where the model was trained on none of the scene's, or a photograph of them cannot be read."""
     psnr_thirds: tuple[float, ...] | None = None
     """``psnr`` over the third of the test views whose cameras lie nearest to a training camera, the middle third, and
     the farthest; None for fewer than three views."""
-    ssim_same: float
-    ssim_valid: float
+    ssim_same: float | None
+    ssim_valid: float | None
     lpips_alex: float | None
     lpips_vgg: float | None
     lpips_vgg_01: float | None
@@ -106,8 +107,8 @@ class Report:
     saving_seconds: float | None
     """Wall clock of checkpoints, the last one included; not among ``train_seconds``."""
     choosing_cpu_seconds: float | None = None
-    """Before the first step: the trial that chose the method, the hull that was carved, the model's making; not among
-    ``train_cpu_seconds``. Until 2026-11-22 the trial alone."""
+    """Before the first step: photographs decoded, the trial that chose the method, the hull carved, the model made; not
+    among ``train_cpu_seconds``. Until 2026-11-22 the trial alone."""
     steps_per_second: float | None
     peak_bytes: int | None
     """Most resident memory of the host from before the scene was loaded to the last step, above what it was then."""

@@ -66,6 +66,8 @@ class ResultsTable:
         for label, report in self.runs:
             if report.planned is not None and report.iterations is not None and report.iterations < report.planned:
                 notes.append(f"{label} stopped at step {report.iterations} of {report.planned}.")
+            if report.psnr is None:
+                notes.append(f"{label} has no test views.")
         notes += [f"{label}: {sentence}." for label, report in self.runs for sentence in report.collapses]
         notes += [f"{label}: {note}" for label, report in self.runs if (note := light_note(report))]
         if self.lpips_notes is not None:

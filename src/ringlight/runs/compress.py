@@ -11,7 +11,7 @@ import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
-from ringlight.errors import OutputError, RecipeError, RunError, SceneError
+from ringlight.errors import OutputError, RecipeError, RunError
 from ringlight.files.atomic import refuse_existing
 from ringlight.files.model_file import SceneFacts, write_model_file
 from ringlight.files.packed import pack_tensors, unpack_tensors
@@ -69,12 +69,12 @@ def check_target(path: Path, overwrite: bool) -> None:
 def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Compressed:
     """Write the packed model; with a ``scene``, its test views say what packing costs.
 
-    ``tell`` hears (pictures done, pictures in all). Raises SceneError for a scene without test views, RunError for a
+    ``tell`` hears (pictures done, pictures in all). A scene without test views counts as none. Raises RunError for a
     model that packing makes no smaller, OutputError where the file cannot be written.
     """
     stored = opened.stored
     if scene is not None and not scene.test:
-        raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
+        scene = None
     tensors = stored.model.rendering_tensors() | tensors_from_cameras(stored.cameras)
     packed = pack_tensors(tensors)
     if _bytes(packed.tensors) >= _bytes(tensors):

@@ -20,7 +20,7 @@ from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
 from ringlight.files.video import save_image
 from ringlight.fit.guard import sentences
-from ringlight.measure.evaluate import Keep, Scores, evaluate, mean_psnr
+from ringlight.measure.evaluate import Keep, Scores, evaluate, mean_psnr, scores_without_views
 from ringlight.measure.json_record import to_json
 from ringlight.measure.lpips import Net
 from ringlight.measure.machine import machine, source_commit
@@ -45,6 +45,10 @@ SECONDS = {
     "choosing_cpu_seconds": "choosing_seconds",
 }
 """What reports call a checkpoint's clocks."""
+
+
+MOST_SEEN = 20
+"""Training views that are measured where there are no test views."""
 
 
 @dataclass(frozen=True)
@@ -79,25 +83,26 @@ def measure(
     """Measure on the test views; the folders ``pictures``, if given, get the rendered views and the photographs.
 
     ``trained`` are the cameras that the model was trained with, if other than those of the scene's training views.
-    ``tell`` hears (views done, views in all), training views among them. Raises SceneError where the scene holds no
-    test views, OutputError where a picture cannot be written.
+    ``tell`` hears (views done, views in all), training views among them. Of a scene without test views training views
+    alone are measured. Raises OutputError where a picture cannot be written.
     """
-    if not scene.test:
-        raise SceneError(f"{scene.source}: has no test views; give --holdout-every 8, or a test split")
     background = scene.background_color
 
-    render, keep = _shows(model, background), None if pictures is None else _keeper(*pictures)
+    render, keep = _shows(model, background), _keeper(*pictures) if pictures and scene.test else None
     cameras = [view.camera for view in scene.train] if trained is None else trained
     seen, tested = _training_views(scene, cameras), len(scene.test)
 
     def telling(before: int) -> Tell | None:
         return None if tell is None else lambda done, _: tell(before + done, tested + len(seen))
 
-    scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=telling(0))
+    if scene.test:
+        scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=telling(0))
+    else:
+        scores = scores_without_views(scene.train)
     known = None
     with suppress(SceneError):  # where a photograph is gone, test views are measured all the same
         known = mean_psnr(render, seen, background, telling(tested)) if seen else None
-    speed = frames_per_second(render, [view.camera for view in scene.test])
+    speed = frames_per_second(render, [view.camera for view in scene.test or seen or scene.train[:MOST_SEEN]])
     report = _report(scene, facts, scores, model, speed)
     shares = feature_shares(model, cameras, background)
     return replace(
@@ -117,10 +122,11 @@ def psnr_of_views(model: Model, scene: Scene, tell: Tell | None = None) -> float
 
 
 def _training_views(scene: Scene, trained: Sequence[Camera]) -> list[View]:
-    """Views of the scene's training split that the model was trained with: as many as test views, evenly spread."""
+    """Views of the scene's training split that the model was trained with: as many as test views, evenly spread, or up
+    to MOST_SEEN without test views."""
     apart = distances([view.camera for view in scene.train], trained)
     seen = [view for view, distance in zip(scene.train, apart, strict=True) if distance == 0]
-    count = min(len(seen), len(scene.test))
+    count = min(len(seen), len(scene.test) or MOST_SEEN)
     return [seen[index * len(seen) // count] for index in range(count)]
 
 

@@ -12,6 +12,7 @@ import torch
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.raw_bytes import FLOAT_BYTES, raw_bytes
 from ringlight.data.bundled import BUNDLED, bundled_scene
+from ringlight.data.load import kept_options
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
 from ringlight.measure.report import REPORT_NAME, Report, read_report
@@ -57,7 +58,7 @@ class StudyRun:
         if not (self.folder / RECORD_NAME).is_file():
             return self
         record = RunRecord.read(self.folder)
-        options = with_points_of(self.variant.recipe, self.options)
+        options = kept_options(self.scene, with_points_of(self.variant.recipe, self.options))
         asked = (_comparable(self.variant.recipe), self.seed, self.scene.resolve(), options)
         if (_comparable(record.recipe), record.seed, record.scene, record.options) != asked:
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
@@ -94,8 +95,11 @@ def runs_of_study(
 ) -> tuple[StudyRun, ...]:
     """All runs, scene by scene and seed by seed, each variant after those whose size bounds it.
 
-    Raises RunError for two scenes of one name, or a folder that holds a run of other settings.
+    Raises RunError for two scenes of one name, or a folder that holds a run of other settings, RecipeError for options
+    that leave no test views.
     """
+    if options.holdout_every == 0 and options.holdout is None and not options.validate:
+        raise RecipeError("a study compares on test views, and --holdout-every 0 leaves none; leave it out")
     found = [_scene(path) for path in scenes]
     names = [scene.resolve().name for scene in found]
     for name in names:
