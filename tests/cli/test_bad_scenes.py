@@ -5,14 +5,16 @@ Damage at every byte of COLMAP files is tested beside their reader.
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from command import Command
-from refusal import QUIET, Damage, refused, snapshot
+from refusal import QUIET, SHORT, Damage, refused, snapshot
 from scenes_on_disk import edit_json
 
 from data.scene_folders import write_colmap
+from ringlight.data.decode_check import DecodeCheck
 
 
 def _missing_image(scene: Path) -> None:
@@ -85,10 +87,43 @@ def test_a_damaged_scene_is_refused_before_a_folder_is_made(
     assert not out.exists()
 
 
-def test_a_truncated_image_ends_training(scene_copy: Path, tmp_path: Path, ringlight: Command) -> None:
-    image = scene_copy / "train" / "r_1.png"
+@pytest.mark.parametrize("split", ["train", "test"])
+def test_a_truncated_image_is_found_before_a_folder_is_made(
+    split: str, scene_copy: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    image = scene_copy / split / "r_1.png"
     image.write_bytes(image.read_bytes()[:150])
     refused(ringlight("train", scene_copy, "3dgs", "--out", tmp_path / "out", "--steps", "8", *QUIET), 1, image)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_truncated_image_of_many_ends_training_where_it_can_go_on(
+    scene_copy: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check = DecodeCheck.__init__
+    monkeypatch.setattr(DecodeCheck, "__init__", lambda self, scene: check(self, scene, seconds=0.0))
+    monkeypatch.setattr(DecodeCheck, "refuse_damaged", _once_the_folder_is_there(tmp_path / "out"))
+    image = scene_copy / "test" / "r_1.png"
+    whole = image.read_bytes()
+    image.write_bytes(whole[:150])
+    out = ("--out", tmp_path / "out")
+    sentence = refused(ringlight("train", scene_copy, "3dgs", *out, *SHORT), 1, image, f"--resume {tmp_path / 'out'}")
+    assert "step 0" in sentence
+    image.write_bytes(whole)
+    assert ringlight("train", "--resume", tmp_path / "out", *QUIET).code == 0
+    assert (tmp_path / "out" / "report.json").is_file()
+
+
+def _once_the_folder_is_there(out: Path) -> Callable[[DecodeCheck], None]:
+    """As where decoding takes longer than everything before the first step."""
+    refuse = DecodeCheck.refuse_damaged
+
+    def late(check: DecodeCheck) -> None:
+        if out.exists():
+            check.wait()
+            refuse(check)
+
+    return late
 
 
 def test_a_truncated_test_image_ends_the_evaluation(run_folder: Path, scene_copy: Path, ringlight: Command) -> None:

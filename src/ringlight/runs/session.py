@@ -8,9 +8,10 @@ from pathlib import Path
 import ringlight
 from ringlight.core.finite import first_not_finite
 from ringlight.core.scene import Scene
-from ringlight.data.load import load_scene
+from ringlight.data.decode_check import DecodeCheck
+from ringlight.data.load import kept_options, load_scene
 from ringlight.data.options import SceneOptions
-from ringlight.errors import DivergedError, OutputError, RecipeError, RunError
+from ringlight.errors import DivergedError, OutputError, RecipeError, RunError, SceneError
 from ringlight.files.atomic import sweep
 from ringlight.fit.train import Progress, Training, train
 from ringlight.measure.peak_memory import PeakMemory
@@ -46,7 +47,8 @@ class Clock:
     saving: float = 0.0
     """Wall clock; a checkpoint knows of those before it."""
     choosing: float = 0.0
-    """CPU seconds before the first step, in which the method is chosen and the first surface carved; not in ``cpu``."""
+    """CPU seconds before the first step, in which photographs are decoded, the method is chosen and the first surface
+    carved; not in ``cpu``."""
 
 
 @dataclass(eq=False, repr=False)
@@ -63,6 +65,7 @@ class Session:
     clock: Clock
     lock: RunLock
     memory: PeakMemory
+    photographs: DecodeCheck
     warnings: tuple[str, ...]
     decided: str | None = None
     _good: int = -1
@@ -80,14 +83,19 @@ class Session:
         if not 0 <= seed <= LARGEST_SEED:
             raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
         memory = PeakMemory()
-        options = with_points_of(recipe, options)
-        run = prepare_run(load_scene(scene_path, options), recipe, seed, device)
+        options = kept_options(scene_path, with_points_of(recipe, options))
+        scene = load_scene(scene_path, options)
+        photographs, seconds = _checked(scene)
+        run = prepare_run(scene, recipe, seed, device)
+        photographs.refuse_damaged()
         record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
-        clock = Clock(choosing=run.choosing)
-        return Session(folder, record, run.scene, run.training, clock, lock, memory, run.warnings, run.decided)
+        clock = Clock(choosing=run.choosing + seconds)
+        return Session(
+            folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings, run.decided
+        )
 
     @staticmethod
     def resume(path: Path) -> "Session":
@@ -108,6 +116,7 @@ class Session:
             return Session._from_step_0(folder, record, lock, memory)
         stored, warnings = read_checkpoint(folder)
         scene = load_scene(record.scene, record.options)
+        photographs, _ = _checked(scene)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         try:
             refuse_misfits(stored.tensors, training)
@@ -129,22 +138,33 @@ class Session:
                 "photographs back as they were, or start again with --out NEW"
             )
         sweep(folder.path)
-        return Session(folder, record, scene, training, clock, lock, memory, warnings, _good=training.step)
+        return Session(folder, record, scene, training, clock, lock, memory, photographs, warnings, _good=training.step)
 
     @staticmethod
     def _from_step_0(folder: RunFolder, record: RunRecord, lock: RunLock, memory: PeakMemory) -> "Session":
         """The run that ``record`` describes, which ended before its first checkpoint."""
-        run = prepare_run(load_scene(record.scene, record.options), record.recipe, record.seed, record.device)
+        scene = load_scene(record.scene, record.options)
+        photographs, seconds = _checked(scene)
+        run = prepare_run(scene, record.recipe, record.seed, record.device)
         sweep(folder.path)
-        clock = Clock(choosing=run.choosing)  # what it took before is not known: neither this nor the trial is recorded
-        return Session(folder, record, run.scene, run.training, clock, lock, memory, run.warnings)
+        clock = Clock(
+            choosing=run.choosing + seconds
+        )  # what it took before is not known: neither this nor the trial is recorded
+        return Session(folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings)
 
     def steps(self) -> Iterator[Progress]:
-        """The training steps that remain; the clock runs only while a step runs."""
+        """The training steps that remain; the clock runs only while a step runs.
+
+        Raises SceneError, as soon as it is known, for a photograph that is damaged; it says where the run can go on.
+        """
         steps = train(self.training)
         while True:
             wall, cpu = time.perf_counter(), time.process_time()
-            progress = next(steps, None)
+            try:
+                self.photographs.refuse_damaged()
+                progress = next(steps, None)
+            except SceneError as error:
+                raise SceneError(f"{error}; {self.way_on()}") from error
             self.clock.wall += time.perf_counter() - wall
             self.clock.cpu += time.process_time() - cpu
             if progress is None:
@@ -198,6 +218,13 @@ class Session:
         header = model_header(self.record.preset, self.record.recipe, self.training.step, facts, metrics)
         cameras = [view.camera for view in self.scene.train]
         save_model(self.folder.model, self.training.model, header, cameras)
+
+
+def _checked(scene: Scene) -> tuple[DecodeCheck, float]:
+    """The check of the scene's photographs, and the CPU seconds that it took so far."""
+    begun = time.process_time()
+    photographs = DecodeCheck(scene)
+    return photographs, time.process_time() - begun
 
 
 class Saver:
