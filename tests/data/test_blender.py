@@ -163,7 +163,7 @@ def test_links_to_what_is_no_photograph_are_one_sentence(tmp_path: Path):
         "text": "not a readable image",
         "pipe": "does not exist",
         ".": "does not exist",
-        "gone": "fetch it first",
+        "gone": "fetch it",
     }
     for target, reason in reasons.items():
         link.symlink_to(tmp_path / target)

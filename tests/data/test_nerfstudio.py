@@ -90,6 +90,14 @@ def test_a_lens_that_is_no_pinhole_is_refused_with_the_remedy(tmp_path: Path, le
         load_scene(write_nerfstudio(tmp_path, own))
 
 
+@pytest.mark.parametrize(
+    ("change", "words"), [({"h": 0.1}, "an image size"), ({"fl_x": 0}, "a focal length"), ({"cx": 1e30}, "a centre")]
+)
+def test_what_cannot_be_is_named(tmp_path: Path, change: dict, words: str):
+    with pytest.raises(SceneError, match=f"has {words} of"):
+        load_scene(write_nerfstudio(tmp_path, nerfstudio_document() | change))
+
+
 @pytest.mark.parametrize("change", [{"fl_x": 0.0}, {"fl_x": -5}, {"cx": 1e30}, {"w": -16}, {"fl_x": "20"}, {"h": 0.1}])
 def test_intrinsics_that_cannot_be_are_refused(tmp_path: Path, change: dict):
     with pytest.raises(SceneError, match="frame 0"):
@@ -121,6 +129,18 @@ def test_a_split_that_names_no_frame_is_refused(tmp_path: Path, names: object):
     document = nerfstudio_document() | {"train_filenames": ["images/0003.png"], "test_filenames": names}
     with pytest.raises(SceneError, match="test"):
         load_scene(write_nerfstudio(tmp_path, document))
+
+
+@pytest.mark.parametrize("key", ["file_path", "camera_model", "mask_path", "ply_file_path", "test_filenames"])
+def test_what_no_file_can_be_called_is_not_shown_whole(tmp_path: Path, key: str):
+    document, name = nerfstudio_document(), "x" * 100_000
+    if key in ("file_path", "mask_path"):
+        document["frames"][1][key] = name
+    else:
+        document[key] = [name] if key == "test_filenames" else name
+    with pytest.raises(SceneError, match=r"'x{60}'\.\.\. \(100000 characters\)") as caught:
+        load_scene(write_nerfstudio(tmp_path, document))
+    assert len(str(caught.value)) < 600
 
 
 def test_points_come_from_the_ply(tmp_path: Path):

@@ -59,7 +59,7 @@ class Camera:
         if not (1 <= self.width <= MAX_IMAGE_SIDE and 1 <= self.height <= MAX_IMAGE_SIDE):
             raise BackendError(
                 f"the kernels draw images of 1 to {MAX_IMAGE_SIDE} pixels a side, not {self.width} x {self.height}; "
-                "downscale the camera"
+                "ask for smaller ones (--downscale of photographs, --width of pictures)"
             )
         self.refuse_if_not_finite()
         pose, position = (tensor.detach().float().contiguous() for tensor in (self.world_to_camera, self.position))

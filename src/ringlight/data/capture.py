@@ -8,6 +8,7 @@ from typing import Literal
 from ringlight.core.camera import picture_sizes
 from ringlight.core.memory import machine_memory
 from ringlight.core.scene import PointCloud, Scene, View
+from ringlight.data.doubts import doubts
 from ringlight.data.frame import Frame
 from ringlight.data.images import FILTER_NOTE, Photograph, PixelBudget, target_size
 from ringlight.data.masks import with_masks
@@ -52,7 +53,8 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
     cameras = [view.camera for view in train]
     points, box, points_note = starting_points(capture.points, cameras, options)
     about = (_size_note(split.train, train), f"background: {background}", points_note)
-    notes = (*capture.notes, *split_notes, *capture.split.warnings, *repeated, *masked.notes, *about)
+    odd = doubts(points.positions, [view.name for view in train], cameras)
+    notes = (*capture.notes, *split_notes, *capture.split.warnings, *repeated, *masked.notes, *about, *odd)
     name = folder.resolve().name or "scene"  # the root of a file system has no name
     extent, source = scene_extent(cameras, box), str(folder.resolve())
     return Scene(name, train, test, points, extent, box, background, capture.format, source, notes)

@@ -11,7 +11,7 @@ from ringlight.core.scene import Scene
 from ringlight.data import colmap_binary, colmap_text
 from ringlight.data.capture import Capture, scene_from
 from ringlight.data.colmap_model import ColmapImage, pinhole
-from ringlight.data.folder import image_inside, require_none_missing
+from ringlight.data.folder import image_inside, require_none_missing, shown
 from ringlight.data.frame import Frame
 from ringlight.data.image_files import read_header
 from ringlight.data.intrinsics import Intrinsics
@@ -94,7 +94,7 @@ def _frames(model: SubModel, photographs: PhotographFolder, folder: Path) -> lis
     lenses = _lenses(model, images, folder)
     found, missing = [], []
     for image in model.images:
-        where = f"{source}: image {image.name!r}"
+        where = f"{source}: image {shown(image.name)}"
         path = image_inside(images, image.name, where)
         if path is None:
             missing.append((str(source), image.name))

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float
 
 from ringlight.core.scene import PointCloud
+from ringlight.data.folder import shown
 from ringlight.data.intrinsics import Intrinsics, checked_intrinsics
 from ringlight.data.poses import MAX_COORDINATE
 from ringlight.errors import SceneError
@@ -83,13 +84,15 @@ def pinhole(camera: ColmapCamera, where: str, remedy: str) -> Intrinsics:
     """
     model = MODELS_BY_NAME.get(camera.model)
     if model is None or not model.is_perspective:
-        raise SceneError(f"{where} has the camera model {camera.model!r}, which is not a pinhole; {remedy}")
+        raise SceneError(f"{where} has the camera model {shown(camera.model)}, which is not a pinhole; {remedy}")
     if len(camera.parameters) != model.parameters:
         counts = f"{len(camera.parameters)} parameters where {model.name} has {model.parameters}"
         raise SceneError(f"{where} has {counts}; copy the model again")
     focal, center = camera.parameters[: model.focals], camera.parameters[model.focals : model.focals + 2]
     if any(camera.parameters[model.focals + 2 :]):
-        raise SceneError(f"{where} has the camera model {camera.model!r} with distortion that is not zero; {remedy}")
+        raise SceneError(
+            f"{where} has the camera model {shown(camera.model)} with distortion that is not zero; {remedy}"
+        )
     size = (float(camera.width), float(camera.height))
     return checked_intrinsics((focal[0], focal[-1]), (center[0], center[1]), size, where)
 

@@ -14,6 +14,13 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".webp", ".t
 """Tried in this order where a name comes without its suffix, or with that of the full-size image."""
 
 
+LONGEST_NAME = 255
+"""Characters that a file's name may have, on most file systems."""
+
+MOST_SHOWN = 60
+"""Characters shown of a longer one."""
+
+
 def read_bytes(path: Path) -> bytes:
     """The whole file.
 
@@ -47,14 +54,24 @@ def file_inside(base: Path, name: str, where: str) -> Path | None:
     try:
         root = base.resolve()
         path = Path(os.path.normpath(root / name.replace("\\", "/")))
+        path.resolve()  # raises for what no file can be called
         if path.is_relative_to(root):
             if path.is_symlink() and not path.exists():
                 target = path.readlink()
-                raise SceneError(f"{where} names the file {name!r}, a link to {target}, which is gone; fetch it first")
+                raise SceneError(
+                    f"{where} names the file {shown(name)}, a link to {shown(str(target))}, which is gone; fetch it"
+                )
             return path if path.is_file() else None
     except (OSError, ValueError, RuntimeError) as error:  # too long, with a NUL, not unicode; a ring of links
-        raise SceneError(f"{where} names the file {name!r}, which no file can be called; correct the name") from error
-    raise SceneError(f"{where} names the file {name!r} outside {base}; move the file into that folder")
+        raise SceneError(
+            f"{where} names the file {shown(name)}, which no file can be called; correct the name"
+        ) from error
+    raise SceneError(f"{where} names the file {shown(name)} outside {base}; move the file into that folder")
+
+
+def shown(name: str) -> str:
+    """A name from a file, for a sentence: as Python writes it, and its beginning where no file could be called so."""
+    return repr(name) if len(name) <= LONGEST_NAME else f"{name[:MOST_SHOWN]!r}... ({len(name)} characters)"
 
 
 def require_none_missing(missing: Sequence[tuple[str, str]], total: int, base: Path) -> None:
@@ -63,6 +80,6 @@ def require_none_missing(missing: Sequence[tuple[str, str]], total: int, base: P
         return
     where, name = missing[0]
     raise SceneError(
-        f"{where} names the image {name!r}, which does not exist below {base} ({len(missing)} of {total} images "
+        f"{where} names the image {shown(name)}, which does not exist below {base} ({len(missing)} of {total} images "
         "missing); copy the missing images there, or remove their entries"
     )

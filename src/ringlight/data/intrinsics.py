@@ -70,9 +70,13 @@ def checked_intrinsics(
     Raises:
         SceneError: a focal length or side that is not positive, a number that is not finite or absurdly large.
     """
-    for what, values, lowest in (("focal length", focal, 1e-3), ("image size", size, 1), ("centre", center, None)):
+    for what, values, lowest in (
+        ("a focal length", focal, 1e-3),
+        ("an image size", size, 1),
+        ("a centre", center, None),
+    ):
         for value in values:
             low = -MAX_PIXELS if lowest is None else lowest
             if not (math.isfinite(value) and low <= value <= MAX_PIXELS):
-                raise SceneError(f"{where} has a {what} of {value:g} pixels; correct it or export the cameras again")
+                raise SceneError(f"{where} has {what} of {value:g} pixels; correct it or export the cameras again")
     return Intrinsics(focal, center, round(size[0]), round(size[1]))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from ringlight.data.folder import IMAGE_SUFFIXES, file_inside
+from ringlight.data.folder import IMAGE_SUFFIXES, file_inside, shown
 from ringlight.data.frame import Frame
 from ringlight.data.mask_files import MaskFile
 from ringlight.data.options import FOUND, UNUSED, ReadingOptions
@@ -55,7 +55,7 @@ def with_masks(frames: Sequence[Frame], folder: Path, options: ReadingOptions) -
     if named:
         masks, label = [frame.mask.path if frame.mask else None for frame in frames], "mask_path"
     elif place is not None:
-        masks, label = _of_folder(frames, place), f"{_shown(place, folder)}/"
+        masks, label = _of_folder(frames, place), f"{_below(place, folder)}/"
     else:
         masks, label = [None] * len(frames), ""
     found = sum(mask is not None for mask in masks)
@@ -106,7 +106,7 @@ def _none_found(place: Path | None, folder: Path, frames: Sequence[Frame], optio
         return ()
     example = f"{frames[0].name}.png" if frames else "NAME.png"
     if options.masks == FOUND and not options.invert_masks:
-        return (f"warning: masks: none in {_shown(place, folder)}/ is called like a photograph, as {example} would be",)
+        return (f"warning: masks: none in {_below(place, folder)}/ is called like a photograph, as {example} would be",)
     raise SceneError(f"{place}: holds no mask that is called like a photograph; call that of the first {example}")
 
 
@@ -114,12 +114,14 @@ def _check_size(frame: Frame, folder: Path) -> None:
     if frame.mask is None or frame.mask.path is None:
         return
     if not frame.mask.path.is_file():
-        path = _shown(frame.mask.path, folder)
-        raise SceneError(f"{folder}: the mask {path!r} of {frame.name} is missing; copy it there, or give --masks none")
+        path = _below(frame.mask.path, folder)
+        raise SceneError(
+            f"{folder}: the mask {shown(path)} of {frame.name} is missing; copy it there, or give --masks none"
+        )
     frame.mask.refuse_other_size(frame.header.width, frame.header.height, frame.name)
 
 
-def _shown(path: Path, folder: Path) -> str:
+def _below(path: Path, folder: Path) -> str:
     """Below the scene's folder, or whole."""
     try:
         return path.resolve().relative_to(folder.resolve()).as_posix()

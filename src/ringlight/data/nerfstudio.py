@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.data.capture import Capture, scene_from
-from ringlight.data.folder import file_inside, image_inside
+from ringlight.data.folder import file_inside, image_inside, shown
 from ringlight.data.frame import Frame
 from ringlight.data.json_fields import Fields, read_object, text, texts
 from ringlight.data.options import SceneOptions
@@ -66,7 +66,7 @@ def _named(frames: list[Frame], names: list[str], key: str, file: Path) -> list[
     for name in names:
         path = image_inside(file.parent, name, f"{file}: {key}")
         if path not in by_path:
-            raise SceneError(f"{file}: {key} names {name!r}, which no frame does; correct the list or remove it")
+            raise SceneError(f"{file}: {key} names {shown(name)}, which no frame does; correct the list or remove it")
         chosen.append(by_path[path])
     return chosen
 
@@ -79,4 +79,4 @@ def _points(document: Fields, file: Path) -> PointCloud | None:
         return read_ply_points(path)
     if stated is None:
         return None
-    raise SceneError(f"{file}: the points {name!r} do not exist; copy the file there, or remove 'ply_file_path'")
+    raise SceneError(f"{file}: the points {shown(name)} do not exist; copy the file there, or remove 'ply_file_path'")

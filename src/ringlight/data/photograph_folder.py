@@ -37,7 +37,7 @@ class PhotographFolder:
         size = _size(path)
         original = image_inside(self.whole, name, str(self.whole)) if self.whole else None
         full = _size(original) if original else camera
-        if any(abs(self.divided * side - of) > self.divided for side, of in zip(size, full, strict=True)):
+        if any(abs(self.divided * side - of) >= self.divided for side, of in zip(size, full, strict=True)):
             raise SceneError(
                 f"{path}: has {size[0]}x{size[1]} pixels, which is not {full[0]}x{full[1]} divided by {self.divided}; "
                 f"make {self.path.name} again, or move it away to have --downscale shrink the photographs itself"

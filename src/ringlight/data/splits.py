@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ringlight.data.folder import read_bytes
+from ringlight.data.folder import read_bytes, shown
 from ringlight.data.frame import Frame
 from ringlight.data.options import ReadingOptions
 from ringlight.errors import SceneError
@@ -72,7 +72,9 @@ def wished_names(holdout: str) -> list[str]:
     names = [name.strip() for name in text.split("\n" if "\n" in text else ",")]
     names = [name for name in names if name]
     if not names:
-        raise SceneError(f"--holdout {holdout!r} names no image; give names, or --holdout-every 0 for no test views")
+        raise SceneError(
+            f"--holdout {shown(holdout)} names no image; give names, or --holdout-every 0 for no test views"
+        )
     return names
 
 
@@ -107,10 +109,10 @@ def _named(frames: Sequence[Frame], name: str, source: Path) -> Frame:
     found = [frame for frame in frames if frame.name == wanted]
     found = found or [frame for frame in frames if frame.name.endswith(f"/{wanted}")]
     if not found:
-        raise SceneError(f"{source}: --holdout names {name!r}, which is none of its images; correct the name")
+        raise SceneError(f"{source}: --holdout names {shown(name)}, which is none of its images; correct the name")
     if len(found) > 1:
         both = " and ".join(frame.name for frame in found[:2])
-        raise SceneError(f"{source}: --holdout names {name!r}, which may be {both}; give the folder too")
+        raise SceneError(f"{source}: --holdout names {shown(name)}, which may be {both}; give the folder too")
     return found[0]
 
 
@@ -136,8 +138,8 @@ def _twice(frames: Sequence[Frame], what: str, then: str = "") -> tuple[str, ...
 
 
 def _some(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
-    return f"{shown} is" if len(names) == 1 else f"{len(names)} photographs ({shown}) are"
+    some = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
+    return f"{some} is" if len(names) == 1 else f"{len(names)} photographs ({some}) are"
 
 
 def _copies(train: Sequence[Frame], test: Sequence[Frame]) -> list[tuple[str, str]]:

@@ -6,7 +6,7 @@ A value that a frame does not state holds for the whole file. Poses are camera-t
 import math
 from pathlib import Path
 
-from ringlight.data.folder import image_inside, require_none_missing
+from ringlight.data.folder import image_inside, require_none_missing, shown
 from ringlight.data.frame import Frame
 from ringlight.data.image_files import ImageHeader, read_header
 from ringlight.data.intrinsics import Intrinsics, checked_intrinsics
@@ -47,7 +47,7 @@ def read_frames(document: Fields, file: Path) -> list[Frame]:
         if path is None:
             missing.append((where, name))
         elif not missing:  # once an image is missing the scene is refused: only the others are still counted
-            frames.append(_frame({**document, **entry}, path, base, f"{where} ({name!r})"))
+            frames.append(_frame({**document, **entry}, path, base, f"{where} ({shown(name)})"))
     require_none_missing(missing, len(entries), base)
     return frames
 
@@ -102,7 +102,7 @@ def _require_pinhole(fields: Fields, where: str) -> None:
     remedy = "undistort the images first (colmap image_undistorter) and train on its output"
     model = text(fields, "camera_model", where)
     if model is not None and model.upper() not in PERSPECTIVE_MODELS:
-        raise SceneError(f"{where} has the camera model {model!r}, which is not a pinhole; {remedy}")
+        raise SceneError(f"{where} has the camera model {shown(model)}, which is not a pinhole; {remedy}")
     projection = next((key for key in OTHER_PROJECTIONS if fields.get(key)), None)
     if projection is not None:
         raise SceneError(f"{where} has a lens that is not a pinhole ({projection!r}); {remedy}")

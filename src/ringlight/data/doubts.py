@@ -1,0 +1,51 @@
+"""What is odd about a scene's points and cameras, said before a training comes out blank."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+
+SAMPLES = 2000
+"""Points that are looked for in the photographs, evenly chosen."""
+
+SEEN_SHARE = 0.5
+"""Of the points; COLMAP's are all seen by two photographs, which may be test views."""
+
+FAR = 100.0
+"""Times the median distance from the middle of the cameras at which one is believed to be misplaced."""
+
+CLOSE = 1e-6
+"""Spread of points over their distance from the cameras below which all lie in one place."""
+
+
+def doubts(points: Float[Tensor, "P 3"], names: Sequence[str], cameras: Sequence[Camera]) -> Iterator[str]:
+    """Warnings. ``names`` are those of the cameras' photographs."""
+    yield from _about_cameras(names, cameras)
+    chosen = points[torch.arange(min(len(points), SAMPLES)) * len(points) // min(len(points), SAMPLES)]
+    seen = torch.zeros(len(chosen), dtype=torch.bool)
+    for camera in cameras:
+        seen |= camera.pixels(chosen)[2]
+    share = float(seen.float().mean())
+    if share < SEEN_SHARE:
+        what = "all points to start from are" if share == 0 else f"{1 - share:.0%} of the points to start from are"
+        yield f"warning: {what} seen by no camera; poses and points may be of different worlds, or their axes exchanged"
+    spread = (chosen - chosen.mean(0)).norm(dim=1).max()
+    away = (cameras[0].position - chosen.mean(0)).norm()
+    if len(chosen) > 1 and spread <= CLOSE * away:
+        yield "warning: all points to start from lie in one place; export the points again"
+
+
+def _about_cameras(names: Sequence[str], cameras: Sequence[Camera]) -> Iterator[str]:
+    positions = np.stack([camera.position.numpy() for camera in cameras]).astype(np.float64)
+    distances = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
+    typical, farthest = float(np.median(distances)), int(distances.argmax())
+    if typical > 0 and distances[farthest] > FAR * typical:
+        times = distances[farthest] / typical
+        yield (
+            f"warning: the camera of {names[farthest]} stands {times:.3g} times as far from the others' middle as they "
+            "do; leave its photograph out if its pose is wrong"
+        )
