@@ -1,6 +1,5 @@
 """Formats of photographs: each gives the colours that were stored, at the precision that is promised."""
 
-import base64
 import struct
 import sys
 import zlib
@@ -8,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deep_png import deep_png
+from heic_sample import HEIC
 from PIL import Image, features
 from scene_folders import HEIGHT, WIDTH, write_blender
 
@@ -16,40 +17,14 @@ from ringlight.data.image_files import decoded, read_header
 from ringlight.data.load import load_scene
 from ringlight.errors import SceneError
 
-HEIC = base64.b64decode(
-    "AAAAHGZ0eXBoZWljAAAAAG1pZjFoZWljbWlhZgAAAXxtZXRhAAAAAAAAACFoZGxyAAAAAAAAAABwaWN0AAAAAAAAAAAAAAAAAAAAACJpbG9jAA"
-    "AAAERAAAEAAQAAAAABoAABAAAAAAAAAM0AAAAjaWluZgAAAAAAAQAAABVpbmZlAgAAAAABAABodmMxAAAAAA5waXRtAAAAAAABAAAA/GlwcnAA"
-    "AADcaXBjbwAAAHVodmNDAQNwAAAAkAAAAAAAHvAA/P34+AAADwNgAAEAGEABDAH//wNwAAADAJAAAAMAAAMAHroCQGEAAQApQgEBA3AAAAMAkA"
-    "AAAwAAAwAeoCCBBZbqrprm4CGgwIAAAAyAAAADAIRiAAEABkQBwXPBiQAAABNjb2xybmNseAABAA0ABoAAAAAUaXNwZQAAAAAAAABAAAAAQAAA"
-    "AChjbGFwAAAAEAAAAAEAAAAMAAAAAf///9AAAAAC////zAAAAAIAAAAQcGl4aQAAAAADCAgIAAAAGGlwbWEAAAAAAAAAAQABBYECAwWEAAAA1W"
-    "1kYXQAAADJKAGvBjIeSzIQ8QysW8NX2cI7UoR9x3Exc+30CmgjN4i+fD8PzfjFIXn4P3/jfg763sdX4AH6XVdf/2WIA8zx9wdgS/4XACSGX8RQ"
-    "3p05vFJ7h6CmFIid7B3/OXHOtA6dg1JMGlt2Nt8fHcgVtZ+2ff1OYhosv7qaRbIzOfiWhJKCU7ejFPqgVMsscsJb4gOf+esP3tJFkZCdqTVjp/"
-    "/CR5YYEa8GxkLu4ZEwNjM+UBS3RF36Enn83Cvu4U62tCBhmjwdS8g9x3PA"
-)
-"""16x12 pixels, lossy, encoded by libheif and x265: no encoder of this format is free enough to be installed here."""
-
 HEIC_COLORS = [[(220, 200, 90), (40, 200, 90)], [(220, 60, 90), (40, 60, 90)]]
-"""Of its quarters, rows first."""
+"""Of the quarters of that sample, rows first."""
 
 RNG = np.random.default_rng(3)
 
 
 def sixteen_bits(channels: int) -> np.ndarray:
     return RNG.integers(0, 65536, (HEIGHT, WIDTH, channels), dtype=np.uint16)
-
-
-def write_png(path: Path, values: np.ndarray) -> None:
-    """16 bits a channel, big endian, rows filtered by the difference from the one above."""
-    kind = {1: 0, 3: 2, 4: 6}[values.shape[2]]
-
-    def chunk(name: bytes, content: bytes) -> bytes:
-        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
-
-    rows = values.astype(">u2").view(np.uint8).reshape(len(values), -1)
-    filtered = np.diff(rows, axis=0, prepend=np.zeros_like(rows[:1]))
-    data = zlib.compress(b"".join(b"\2" + row.tobytes() for row in filtered))
-    head = struct.pack(">IIBBBBB", values.shape[1], values.shape[0], 16, kind, 0, 0, 0)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b""))
 
 
 def write_tiff(path: Path, values: np.ndarray, order: str, packed: bool) -> None:
@@ -90,7 +65,7 @@ def test_every_sixteen_bit_number_becomes_the_nearest():
 def test_sixteen_bits_are_rounded_not_cut(tmp_path: Path, channels: int, kind: str):
     values, path = sixteen_bits(channels), tmp_path / f"deep.{'png' if kind == 'png' else 'tif'}"
     if kind == "png":
-        write_png(path, values)
+        path.write_bytes(deep_png(values))
     else:
         write_tiff(path, values, kind[0], packed="packed" in kind)
     header = read_header(path)
@@ -100,7 +75,7 @@ def test_sixteen_bits_are_rounded_not_cut(tmp_path: Path, channels: int, kind: s
 
 
 def test_a_deep_image_that_is_cut_is_one_sentence(tmp_path: Path):
-    write_png(tmp_path / "deep.png", sixteen_bits(3))
+    (tmp_path / "deep.png").write_bytes(deep_png(sixteen_bits(3)))
     whole = (tmp_path / "deep.png").read_bytes()
     for length in range(0, len(whole) - 40, 7):
         (tmp_path / "deep.png").write_bytes(whole[:length])
@@ -111,7 +86,7 @@ def test_a_deep_image_that_is_cut_is_one_sentence(tmp_path: Path):
 def test_the_scene_says_that_it_rounds(tmp_path: Path):
     folder = write_blender(tmp_path)
     assert not any("16 bits" in note for note in load_scene(folder).notes)
-    write_png(folder / "train" / "r_1.png", sixteen_bits(4))
+    (folder / "train" / "r_1.png").write_bytes(deep_png(sixteen_bits(4)))
     scene = load_scene(folder)
     assert "images: 16x12 pixels, 16 bits a channel rounded to 8, as they are" in scene.notes
     assert scene.train[1].load().shape == (HEIGHT, WIDTH, 4)

@@ -15,7 +15,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from PIL import Image
+from deep_png import deep_png
+from heic_sample import HEIC
+from PIL import Image, features
 from samples import sample_report
 from scene_folders import write_blender, write_colmap, write_nerfstudio
 
@@ -241,6 +243,12 @@ def image() -> Target:
             buffer = io.BytesIO()
             Image.fromarray(image).convert(mode).save(buffer, kind)
             files.append((0, buffer.getvalue()))
+
+    if features.check("avif"):
+        buffer = io.BytesIO()
+        Image.fromarray(pixels).save(buffer, "AVIF")
+        seeds.append((0, buffer.getvalue()))
+    seeds += [(0, HEIC), (0, deep_png(pixels.astype(np.uint16) * 257)), (0, deep_png(pixels[..., :1] * np.uint16(200)))]
 
     def decode(path: Path) -> None:
         header = read_header(path)
