@@ -5,6 +5,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -135,9 +136,23 @@ def test_photographs_are_kept_while_their_memory_lasts_and_are_the_same_afterwar
     assert budget.left == 1
 
 
+def test_several_threads_decode_a_photograph_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_image(tmp_path / "a.png", (400, 300))
+    budget, decoded = PixelBudget(400 * 300 * 3), []
+    decode = Photograph.decoded
+    monkeypatch.setattr(Photograph, "decoded", lambda photograph: decoded.append(1) or decode(photograph))
+    photograph = Photograph(tmp_path / "a.png", 400, 300, budget)
+    with ThreadPoolExecutor(8) as threads:
+        found = [future.result() for future in [threads.submit(photograph) for _ in range(8)]]
+    assert len(decoded) == 1
+    assert all(pixels is found[0] for pixels in found)
+    assert budget.left == 0
+
+
 STREAMED = """
 import sys
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions

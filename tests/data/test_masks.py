@@ -73,6 +73,18 @@ def test_what_a_mask_drops_is_background_in_training_and_test_views(tmp_path: Pa
             assert (picture[:, ~kept] == color).all()
 
 
+@pytest.mark.parametrize("options", [SceneOptions(), SceneOptions(downscale=3)])
+def test_a_mask_is_as_good_as_transparency(tmp_path: Path, options: SceneOptions):
+    transparent, cut = write_blender(tmp_path / "rgba"), write_blender(tmp_path / "rgb")
+    for path in sorted(cut.glob("t*/*.png")):
+        pixels = np.array(Image.open(path))
+        Image.fromarray(pixels[..., :3]).save(path)
+        (cut / "masks" / path.parent.name).mkdir(parents=True, exist_ok=True)
+        Image.fromarray(pixels[..., 3]).save(cut / "masks" / path.parent.name / f"{path.name}.png")
+    for view, other in zip(views(load_scene(transparent, options)), views(load_scene(cut, options)), strict=True):
+        assert np.array_equal(view.load(), other.load())
+
+
 def test_masks_are_shrunk_with_their_photographs(tmp_path: Path):
     view = load_scene(masked_colmap(tmp_path), SceneOptions(downscale=2)).train[0]
     pixels = view.load()

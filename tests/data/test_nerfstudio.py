@@ -173,7 +173,7 @@ JSON_VALUES = st.recursive(
 )
 KEYS = [
     "camera_model", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "frames", "camera_angle_x", "ply_file_path",
-    "train_filenames", "test_filenames", "file_path", "transform_matrix", "is_fisheye",
+    "train_filenames", "test_filenames", "mask_path", "file_path", "transform_matrix", "is_fisheye",
 ]  # fmt: skip
 
 

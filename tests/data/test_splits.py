@@ -136,6 +136,15 @@ def test_lists_that_name_a_frame_twice_are_said(tmp_path: Path):
     assert warnings(write_nerfstudio(tmp_path, document)) == ["warning: images/0007.png is a test view more than once"]
 
 
+def test_a_rule_that_counts_for_nothing_is_said(tmp_path: Path):
+    options = SceneOptions(holdout_every=5)
+    assert any("--holdout-every 5 has no effect" in note for note in warnings(write_blender(tmp_path / "a"), options))
+    folder = write_colmap(tmp_path / "b")
+    assert warnings(folder, options) == []
+    named = SceneOptions(holdout_every=5, holdout="003.png")
+    assert warnings(folder, named) == ["warning: --holdout-every 5 has no effect: the split is another"]
+
+
 def test_copies_of_training_views_are_said(tmp_path: Path):
     folder = write_blender(tmp_path)
     assert warnings(folder) == [

@@ -42,8 +42,9 @@ def announce(session: Session, quiet: bool) -> None:
         f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
         f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
         *(f"  {note}" for note in (*scene.notes, *([session.decided] if session.decided else []))),
-        f"{training.steps} steps, seed {session.record.seed}, {training.model.counted()} {place}; "
-        f"{training.model.renderer}, {_kernels.isa()}, {_kernels.threads()} threads",
+        f"{training.steps} step{'s' * (training.steps != 1)}, seed {session.record.seed}, "
+        f"{training.model.counted()} {place}; {training.model.renderer}, {_kernels.isa()}, "
+        f"{_kernels.threads()} threads",
         f"writing to {session.folder.path}",
     ]
     sys.stderr.write("\n".join(lines) + "\n")

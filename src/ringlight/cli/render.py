@@ -109,7 +109,7 @@ def main(arguments: list[str]) -> int:
     if not asked.quiet:
         size = f"{film.cameras[0].width}x{film.cameras[0].height}"
         kinds = "  ".join(f"{layer}{'  ' + layer + '.mp4' if asked.video else ''}" for layer in layers)
-        sys.stderr.write(f"{len(film.cameras)} frames of {size}: {kinds}\n")
+        sys.stderr.write(f"{len(film.cameras)} frame{'s' * (len(film.cameras) != 1)} of {size}: {kinds}\n")
     sys.stdout.write(f"{folder}\n")
     return 0
 

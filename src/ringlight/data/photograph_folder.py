@@ -67,25 +67,25 @@ def photograph_folder(folder: Path, names: Sequence[str], options: ReadingOption
 
 def _found(folder: Path, names: Sequence[str]) -> Path:
     usual = [folder / name for name in USUAL_FOLDERS if (folder / name).is_dir()]
-    counts = [_held(path, names) for path in usual]
-    if len(names) in counts:
-        return usual[counts.index(len(names))]
+    whole = next((path for path in usual if _holds_all(path, names)), None)
+    if whole is not None:
+        return whole
     inside = [path for path in sorted(folder.iterdir()) if path.is_dir() and path.name not in NOT_PHOTOGRAPHS]
-    holding = [path for path in (folder, *inside) if path not in usual and _held(path, names) == len(names)]
+    holding = [path for path in (folder, *inside) if path not in usual and _holds_all(path, names)]
     if len(holding) > 1:
         both = " and ".join(path.name for path in holding[:2])
         raise SceneError(f"{folder}: {both} both hold the photographs that 'sparse' names; say which by --photos")
     if holding:
         return holding[0]
     if usual:  # whose missing photographs are then named
-        return usual[counts.index(max(counts))]
+        return max(usual, key=lambda path: sum(_holds_all(path, [name]) for name in names))
     raise SceneError(
         f"{folder}: no folder 'images' beside 'sparse'; put the photographs there, or name theirs by --photos"
     )
 
 
-def _held(path: Path, names: Sequence[str]) -> int:
-    return sum(image_inside(path, name, str(path)) is not None for name in names)
+def _holds_all(path: Path, names: Sequence[str]) -> bool:
+    return all(image_inside(path, name, str(path)) is not None for name in names)
 
 
 def _size(path: Path) -> tuple[int, int]:

@@ -39,10 +39,13 @@ def split_of(frames: Sequence[Frame], own: Split | None, options: ReadingOptions
     Raises:
         SceneError: no image is left to train on, or a name in the user's list is none of an image.
     """
+    stated = options.holdout_every not in (0, ReadingOptions.holdout_every)
+    useless = (f"warning: --holdout-every {options.holdout_every} has no effect: the split is another",) * stated
     if own is not None and options.holdout is None and options.holdout_every != 0:
-        return own
+        return replace(own, warnings=useless)
     ordered = sorted({frame.path: frame for frame in frames}.values(), key=lambda frame: frame.name)
-    return replace(_split(ordered, options, source), warnings=_twice(frames, "listed", " and used once"))
+    twice = _twice(frames, "listed", " and used once")
+    return replace(_split(ordered, options, source), warnings=(*twice, *(useless if options.holdout else ())))
 
 
 def _split(ordered: list[Frame], options: ReadingOptions, source: Path) -> Split:
