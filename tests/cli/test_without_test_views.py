@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from cli_session import QUICK
 from command import Command
+from PIL import Image
 from refusal import refused
 
 ALL = ("--holdout-every", "0")
@@ -66,9 +67,26 @@ def test_a_study_needs_test_views(tiny: Path, tmp_path: Path, ringlight: Command
     refused(ringlight("study", "rank", tiny, *ALL, "--out", tmp_path), 1, "--holdout-every 0")
 
 
-def test_test_views_can_be_named_and_masks_ignored(tiny: Path, tmp_path: Path, ringlight: Command):
-    run = tmp_path / "run"
-    done = ringlight("train", tiny, "3dgs", "--out", run, "--holdout", "train/r_0.png,train/r_3.png", *QUICK)
+def test_a_run_knows_its_lists_and_masks_wherever_it_goes_on(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+):
+    run, masks = tmp_path / "run", tmp_path / "cut"
+    for path in tiny.glob("t*/*.png"):
+        (masks / path.parent.name).mkdir(parents=True, exist_ok=True)
+        with Image.open(path) as photograph:
+            Image.new("L", photograph.size, 255).save(masks / path.parent.name / path.name)
+    (tmp_path / "list.txt").write_text("train/r_0.png\ntrain/r_3.png\n")
+    monkeypatch.chdir(tmp_path)
+    asked = ("--masks", "cut", "--holdout", "list.txt")
+    done = ringlight("train", tiny, "3dgs", *asked, "--out", run, *QUICK)
     assert done.code == 0, done.err
-    assert json.loads((run / "report.json").read_text())["split"] == "6 training, 2 test views"
+    first = json.loads((run / "report.json").read_text())
+    assert first["split"] == "6 training, 2 test views"
+    assert f"masks: {masks}/ (8 of 8 photographs)" in first["notes"]
+    (tmp_path / "list.txt").unlink()
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
     assert ringlight("eval", run, "--quiet", "--lpips").code == 0
+    again = json.loads((run / "report.json").read_text())
+    assert (again["split"], again["notes"], again["psnr"]) == (first["split"], first["notes"], first["psnr"])
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0

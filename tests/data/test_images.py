@@ -1,6 +1,8 @@
 """Photographs: lazy, 8 bit, one filter, and damage that raises one sentence."""
 
+import copy
 import io
+import pickle
 import struct
 import subprocess
 import sys
@@ -134,6 +136,13 @@ def test_photographs_are_kept_while_their_memory_lasts_and_are_the_same_afterwar
     assert [a is b for a, b in zip(first, again, strict=True)] == [True, True, False, False]
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
     assert budget.left == 1
+
+
+def test_photographs_go_to_other_processes(tmp_path: Path):
+    write_image(tmp_path / "a.png")
+    photograph = Photograph(tmp_path / "a.png", 16, 12, PixelBudget(10_000))
+    for copied in (copy.deepcopy(photograph), pickle.loads(pickle.dumps(photograph))):
+        assert np.array_equal(copied(), photograph())
 
 
 def test_several_threads_decode_a_photograph_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

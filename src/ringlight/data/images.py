@@ -34,12 +34,28 @@ def target_size(width: int, height: int, options: SceneOptions) -> tuple[int, in
     return width, height
 
 
+class OwnLock:
+    """A lock that copies of its owner do not share; they get one of their own."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+
+    def __reduce__(self) -> tuple[type["OwnLock"], tuple[()]]:
+        return OwnLock, ()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+
 @dataclass
 class PixelBudget:
     """Bytes that the photographs of one scene may keep between them; asked by several threads."""
 
     left: int
-    _lock: Lock = field(default_factory=Lock, init=False, repr=False)
+    _lock: OwnLock = field(default_factory=OwnLock, init=False, repr=False, compare=False)
 
     def take(self, size: int) -> bool:
         """Whether ``size`` more bytes may be kept; they then count."""
@@ -61,7 +77,7 @@ class Photograph:
     budget: PixelBudget | None = None
     mask: MaskFile | None = None
     pixels: UInt8[np.ndarray, "H W C"] | None = field(default=None, init=False, repr=False)
-    _lock: Lock = field(default_factory=Lock, init=False, repr=False)
+    _lock: OwnLock = field(default_factory=OwnLock, init=False, repr=False, compare=False)
 
     def __call__(self) -> UInt8[np.ndarray, "H W C"]:
         """The pixels, display-referred sRGB, three channels or four with straight alpha; not to be written to.
