@@ -185,6 +185,19 @@ def test_inverted_masks_are_noticed_and_can_be_turned(tmp_path: Path):
         SceneOptions(invert_masks=True, masks="none")
 
 
+def test_masks_of_what_disturbs_are_noticed(tmp_path: Path):
+    folder = write_colmap(tmp_path)
+    for name in colmap_names(9):
+        pixels = np.full((HEIGHT, WIDTH), 255, np.uint8)
+        pixels[HEIGHT - 4 :, :4] = 0  # somebody's feet in a corner
+        path = folder / "masks" / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(pixels).save(path)
+    [note] = [note for note in load_scene(folder).notes if "borders" in note]
+    assert note.startswith("masks keep the borders")
+    assert note.endswith("if it only disturbs, give --masks none")
+
+
 def test_masks_that_keep_nothing_are_one_sentence(tmp_path: Path):
     masked_colmap(tmp_path, value=0)
     with pytest.raises(SceneError, match=r"the masks keep nothing.*black all over; make them white.*--masks none"):

@@ -142,12 +142,17 @@ def _doubts(frames: Sequence[Frame], folder: Path) -> Iterator[str]:
         )
     if black:
         yield f"warning: the masks of {len(black)} of {len(chosen)} photographs looked at are black, as of {black[0]}"
-    turned = sum(_keeps_border_alone(mask) for mask in kept)
+    turned, around = (sum(keeps(mask) for mask in kept) for keeps in (_keeps_border_alone, _keeps_border))
     if 2 * turned > len(chosen):
         remedy = "leave --invert-masks out" if own[0].mask and own[0].mask.is_inverted else "give --invert-masks"
         yield (
             f"warning: masks keep the borders of their photographs and drop the middle ({turned} of {len(chosen)} "
             f"looked at); if they are meant the other way round, {remedy}"
+        )
+    elif 2 * around > len(chosen):
+        yield (
+            f"masks keep the borders of their photographs ({around} of {len(chosen)} looked at), and what they drop "
+            "counts as background; if it only disturbs, give --masks none"
         )
 
 
@@ -156,8 +161,13 @@ def _pixels(frame: Frame) -> UInt8[np.ndarray, "H W"]:
     return np.asarray(frame.mask.alpha((frame.header.width, frame.header.height)))
 
 
+def _keeps_border(kept: np.ndarray) -> bool:
+    """And drops something."""
+    border = np.concatenate([kept[0], kept[-1], kept[:, 0], kept[:, -1]])
+    return bool(border.mean() >= BORDER_KEPT and not kept.all())
+
+
 def _keeps_border_alone(kept: np.ndarray) -> bool:
     height, width = kept.shape
-    border = np.concatenate([kept[0], kept[-1], kept[:, 0], kept[:, -1]])
     middle = kept[height // 3 : -(-2 * height // 3), width // 3 : -(-2 * width // 3)]
-    return bool(border.mean() >= BORDER_KEPT and middle.mean() <= MIDDLE_KEPT)
+    return _keeps_border(kept) and bool(middle.mean() <= MIDDLE_KEPT)
