@@ -11,7 +11,7 @@ from ringlight.core.directions import normalize, view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.sh_basis import GREY, sh_basis
 from ringlight.files.bake import Baked, bake_to_sh
-from ringlight.files.camera_paths import orbit
+from ringlight.files.orbit import orbit_of
 
 
 def gaussians(rows: int) -> Gaussians:
@@ -84,7 +84,7 @@ def test_the_error_is_that_of_the_picture() -> None:
 def test_new_views_are_about_as_good_as_the_given_ones() -> None:
     table = gaussians(200)
     baked = bake_to_sh(table, cameras(80), glossy)
-    errors = [(shown(baked, table, camera) - glossy(table, camera)) ** 2 for camera in orbit(cameras(7), 20)]
+    errors = [(shown(baked, table, camera) - glossy(table, camera)) ** 2 for camera in orbit_of(cameras(7)).cameras(20)]
     assert torch.stack(errors).mean().sqrt().item() < 1.5 * baked.rmse
 
 

@@ -1,4 +1,4 @@
-"""Films move smoothly: level circles round the subject, flights that pass through every given camera."""
+"""Flights move smoothly through every given camera."""
 
 import math
 from itertools import pairwise
@@ -7,27 +7,10 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from posed_cameras import assert_rigid, camera_at, largest_step, ring
 
 from ringlight.core.camera import Camera
-from ringlight.files.camera_paths import interpolated, orbit
-
-UP = torch.tensor([0.0, 0.0, 1.0])
-
-
-def camera_at(position: torch.Tensor, target: torch.Tensor, focal: float = 100.0) -> Camera:
-    forward = torch.nn.functional.normalize(target - position, dim=0)
-    right = torch.nn.functional.normalize(torch.linalg.cross(forward, UP), dim=0)
-    matrix = torch.eye(4)
-    matrix[:3, :3] = torch.stack([right, torch.linalg.cross(forward, right), forward])
-    matrix[:3, 3] = -matrix[:3, :3] @ position
-    return Camera(matrix, (focal, focal), (32.0, 24.0), 64, 48)
-
-
-def ring(count: int, target: torch.Tensor, radius: float = 3.0, height: float = 1.0) -> list[Camera]:
-    angles = [2 * math.pi * i / count for i in range(count)]
-    return [
-        camera_at(target + torch.tensor([radius * math.cos(a), radius * math.sin(a), height]), target) for a in angles
-    ]
+from ringlight.files.camera_paths import interpolated
 
 
 def random_cameras(count: int, seed: int) -> list[Camera]:
@@ -35,51 +18,6 @@ def random_cameras(count: int, seed: int) -> list[Camera]:
     positions = torch.randn(count, 3, generator=generator) * 3
     targets = torch.randn(count, 3, generator=generator)
     return [camera_at(p, t, 80.0 + 10 * i) for i, (p, t) in enumerate(zip(positions, targets, strict=True))]
-
-
-def assert_rigid(path: list[Camera]) -> None:
-    for camera in path:
-        rotation = camera.world_to_camera[:3, :3]
-        torch.testing.assert_close(rotation @ rotation.T, torch.eye(3), atol=1e-5, rtol=0)
-        assert torch.linalg.det(rotation) > 0
-        assert camera.world_to_camera.isfinite().all()
-
-
-def largest_step(path: list[Camera]) -> float:
-    return max((a.position - b.position).norm().item() for a, b in pairwise(path))
-
-
-def test_an_orbit_finds_the_circle_it_was_shown() -> None:
-    target = torch.tensor([0.5, -0.25, 0.1])
-    path = orbit(ring(12, target), 24)
-    assert len(path) == 24
-    assert_rigid(path)
-    # The first camera of the ring begins the orbit, and every second frame is a camera of the ring.
-    torch.testing.assert_close(path[0].world_to_camera, ring(12, target)[0].world_to_camera, atol=1e-4, rtol=0)
-    for camera in path:
-        away = camera.position - target
-        assert away[:2].norm().item() == pytest.approx(3.0, abs=1e-3)
-        assert away[2].item() == pytest.approx(1.0, abs=1e-3)
-        torch.testing.assert_close(camera.forward, -away / away.norm(), atol=1e-3, rtol=0)
-    closing = (path[-1].position - path[0].position).norm().item()
-    assert closing == pytest.approx(largest_step(path), rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    "cameras",
-    [
-        [camera_at(torch.tensor([3.0, 0.0, 1.0]), torch.zeros(3))],
-        # Parallel axes have no nearest point, and a camera almost overhead has almost no radius.
-        [camera_at(torch.tensor([x, 0.0, 0.0]), torch.tensor([x, 5.0, 0.0])) for x in (-1.0, 0.0, 1.0)],
-        [camera_at(torch.tensor([1e-4, 0.0, 4.0]), torch.zeros(3))],
-        ring(6, torch.zeros(3)) + ring(3, torch.zeros(3), height=-2.0),
-    ],
-    ids=["one", "parallel", "overhead", "above and below"],
-)
-def test_an_orbit_of_awkward_cameras_is_still_a_path(cameras: list[Camera]) -> None:
-    path = orbit(cameras, 16)
-    assert_rigid(path)
-    assert len({tuple(camera.position.tolist()) for camera in path}) == 16
 
 
 @settings(max_examples=25)

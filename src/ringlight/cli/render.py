@@ -3,11 +3,13 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, ModelPath
 from ringlight.cli.gpu_build import tell_of_build
-from ringlight.cli.parse import parse
+from ringlight.cli.parse import parse, refuse
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
@@ -31,12 +33,21 @@ class RenderArguments:
 
     model: ModelPath
     """Run folder or model file."""
-    path: Literal["test", "train", "orbit", "interpolated"] = "test"
-    """Where the camera goes. Only test needs photographs besides the model file."""
+    path: Annotated[str, tyro.conf.arg(metavar="{test,train,orbit,interpolated}|FILE.json")] = "test"
+    """Where the camera goes; FILE.json is a camera_path.json of nerfstudio, in the scene's own world. Only test needs
+    photographs besides the model file."""
     scene: MaybeFolder = None
     """Folder of photographs with the test views; by default the model's own."""
     frames: int | None = None
     """Number of pictures. By default 120 for orbit and interpolated, and all test or training views."""
+    center: tuple[float, float, float] | None = None
+    """What an orbit looks at: x, y and z in the world's units. By default where most cameras looked."""
+    radius: float | None = None
+    """Of an orbit, in the world's units. By default the cameras' median."""
+    height: float | None = None
+    """Of an orbit above its centre, in the world's units. By default the cameras' median."""
+    arc: float | None = None
+    """Degrees of an orbit. By default what was photographed: 360, or an arc on which the camera swings."""
     layers: tuple[Layer, ...] = ("color",)
     """What to show."""
     out: MaybeFolder = None
@@ -45,14 +56,14 @@ class RenderArguments:
     """Write into --out even if it holds something. Only pictures of the same name are replaced."""
     video: bool = False
     """Also make an mp4 of each layer; needs the [video] extra."""
-    fps: float = 30.0
-    """Frames a second of the mp4."""
+    fps: float | None = None
+    """Frames a second of the mp4. By default 30, or what FILE.json says."""
     width: int | None = None
     """Width of the pictures, pixels; by default as trained."""
     scale: float | None = None
     """Factor on width and height, in place of --width."""
-    zoom: float = 1.0
-    """Factor on the focal length. 0.7 shows a subject whole that an orbit cuts at the picture's edge."""
+    zoom: float | None = None
+    """Factor on the focal length. By default 1; an orbit zooms out until a subject that masks cut out is whole."""
     background: Literal["auto", "white", "black"] = "auto"
     """What lies behind the Gaussians. auto is as trained."""
     device: Device = "auto"
@@ -74,6 +85,15 @@ class RenderArguments:
         if not self.layers:
             raise RecipeError("--layers names nothing; give at least one, such as color")
 
+        if self.path != "orbit" and (given := [f"--{name}" for name in OF_ORBITS if getattr(self, name) is not None]):
+            raise RecipeError(f"{given[0]} is of an orbit; give --path orbit with it")
+
+
+PATHS = ("test", "train", "orbit", "interpolated")
+
+OF_ORBITS = ("center", "radius", "height", "arc")
+
+FPS = 30.0
 
 FRAMES = 120
 """Four seconds at 30 frames a second."""
@@ -85,6 +105,7 @@ MOST_FRAMES = 108_000
 def main(arguments: list[str]) -> int:
     """Render; returns the exit code."""
     asked = parse(RenderArguments, "render", arguments)
+    _refuse_unknown_path(asked.path)
     from ringlight.cli.counting import counting
     from ringlight.cli.threads import use_threads
     from ringlight.files.layer_pictures import check_layers
@@ -97,7 +118,7 @@ def main(arguments: list[str]) -> int:
     use_threads(asked.threads)
     tell_of_build(asked.device)
     opened = open_model(asked.model, asked.device)
-    film = _film(asked, opened)
+    film, taken, fps = _film(asked, opened)
     layers = tuple(dict.fromkeys(asked.layers))
     check_layers(opened.stored.model, film.cameras[0], layers)
     folder = _folder(asked, opened)
@@ -105,24 +126,42 @@ def main(arguments: list[str]) -> int:
         written = render_film(opened.stored.model, film, _background(asked, opened), layers, folder, tell)
     for pictures in written if asked.video else ():
         with counting(f"{pictures.name}.mp4", asked.quiet) as tell:
-            film_to_video(pictures, film.names, asked.fps, tell)
+            film_to_video(pictures, film.names, fps, tell)
     if not asked.quiet:
         size = f"{film.cameras[0].width}x{film.cameras[0].height}"
         kinds = "  ".join(f"{layer}{'  ' + layer + '.mp4' if asked.video else ''}" for layer in layers)
-        sys.stderr.write(f"{len(film.cameras)} frame{'s' * (len(film.cameras) != 1)} of {size}: {kinds}\n")
+        sys.stderr.write(f"{len(film.cameras)} frame{'s' * (len(film.cameras) != 1)} of {size}: {kinds}
+{taken}")
     sys.stdout.write(f"{folder}\n")
     return 0
 
 
-def _film(asked: RenderArguments, opened: "Opened") -> "Film":
-    from ringlight.runs.film import film_from_training, film_of_views
+def _refuse_unknown_path(path: str) -> None:
+    if path not in PATHS and not path.lower().endswith(".json"):
+        refuse("render", f"--path is {path!r}: expected one of {', '.join(PATHS)}, or a file that ends in .json")
+
+
+def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]":
+    """The cameras, a line on what was chosen, and frames a second."""
+    from ringlight.files.nerfstudio_path import read_nerfstudio_path
+    from ringlight.files.orbit import OrbitWish
+    from ringlight.runs.film import film_from_training, film_of_file, film_of_orbit, film_of_views
     from ringlight.runs.opened import scene_of
 
+    fps, frames = asked.fps or FPS, asked.frames or FRAMES
+    if asked.path == "orbit":
+        wish = OrbitWish(asked.center, asked.radius, asked.height, asked.arc)
+        film, words = film_of_orbit(opened, wish, frames, asked.zoom)
+        return film.resized(asked.width, asked.scale), f"the orbit is: {words}\n", fps
     if asked.path == "test":
         film = film_of_views(scene_of(opened, asked.scene, SceneOptions()))
+    elif asked.path in PATHS:
+        film = film_from_training(opened, asked.path, frames)
     else:
-        film = film_from_training(opened, asked.path, asked.frames or FRAMES)
-    return film.thinned(asked.frames or len(film.cameras)).zoomed(asked.zoom).resized(asked.width, asked.scale)
+        read = read_nerfstudio_path(Path(asked.path), MOST_FRAMES)
+        film, fps = film_of_file(read), asked.fps or read.fps or FPS
+    film = film.thinned(asked.frames or len(film.cameras)).zoomed(asked.zoom or 1.0)
+    return film.resized(asked.width, asked.scale), "", fps
 
 
 def _background(asked: RenderArguments, opened: "Opened") -> "Tensor":
@@ -137,5 +176,6 @@ def _folder(asked: RenderArguments, opened: "Opened") -> Path:
     from ringlight.runs.folder import empty_folder, free_folder, make_folder
 
     if asked.out is None:
-        return make_folder(free_folder(opened.file.parent / "renders" / asked.path))
+        name = asked.path if asked.path in PATHS else Path(asked.path).stem
+        return make_folder(free_folder(opened.file.parent / "renders" / name))
     return make_folder(asked.out) if asked.overwrite else empty_folder(asked.out)

@@ -1,6 +1,5 @@
-"""Where a film's camera goes: round the subject, or through given cameras."""
+"""Where a film's camera goes: through given cameras. Round the subject: see :mod:`ringlight.files.orbit`."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,37 +15,8 @@ Array = NDArray[np.float64]
 SMALLEST_LENGTH = 1e-6
 """Share of the scene's size below which a length counts as zero."""
 
-FALLBACK_WEIGHT = 1e-6
-"""Pulls the look-at point to a place before the cameras; decides only where their axes are parallel."""
-
 CENTRIPETAL = 0.5
 """Exponent of the knots' distances: no cusps and no loops within a segment (Yuksel et al. 2011)."""
-
-
-def orbit(cameras: Sequence[Camera], frames: int) -> list[Camera]:
-    """A level circle round the subject of ``cameras`` (one or more), beginning nearest the first.
-
-    Up is the cameras' average up; the centre is the point nearest to all optical axes; radius and height are the
-    cameras' medians; the intrinsics are those of the camera with the median field of view.
-    """
-    positions = np.stack([_position(camera) for camera in cameras])
-    forwards = np.stack([_rotation(camera)[2] for camera in cameras])
-    up = _average_up(cameras, positions)
-    center = _nearest_to_axes(positions, forwards)
-    heights = (positions - center) @ up
-    spokes = positions - center - heights[:, None] * up
-    size = max(float(np.linalg.norm(positions - center, axis=1).max()), SMALLEST_LENGTH)
-    # A camera right above would look along the up axis, which leaves its roll undefined.
-    radius = max(float(np.median(np.linalg.norm(spokes, axis=1))), 0.01 * size)
-    height = float(np.median(heights))
-    start = _unit_or(spokes[0], _any_perpendicular(up), SMALLEST_LENGTH * size)
-    side = np.cross(up, start)
-    like = sorted(cameras, key=lambda camera: camera.width / camera.focal[0])[len(cameras) // 2]
-    angles = 2 * np.pi * np.arange(frames) / frames
-    return [
-        _looking_at(center + height * up + radius * (math.cos(a) * start + math.sin(a) * side), center, up, like)
-        for a in angles
-    ]
 
 
 def interpolated(cameras: Sequence[Camera], frames: int) -> list[Camera]:
@@ -58,12 +28,12 @@ def interpolated(cameras: Sequence[Camera], frames: int) -> list[Camera]:
     """
     first = cameras[0]
     knots = [camera.resized(first.width, first.height) for camera in cameras]
-    knots = [knots[i] for i in _tour(np.stack([_position(camera) for camera in knots]))]
+    knots = [knots[i] for i in _tour(np.stack([position_of(camera) for camera in knots]))]
     if frames <= len(knots):
         return [knots[i] for i in np.linspace(0, len(knots) - 1, frames).round().astype(int)]
     if len(knots) == 1:
         return knots * frames
-    positions = np.stack([_position(camera) for camera in knots])
+    positions = np.stack([position_of(camera) for camera in knots])
     counts = _shares(np.linalg.norm(np.diff(positions, axis=0), axis=1), frames - 1)
     path = [
         _between(knots, positions, segment, step / count)
@@ -73,49 +43,17 @@ def interpolated(cameras: Sequence[Camera], frames: int) -> list[Camera]:
     return [*path, knots[-1]]
 
 
-def _rotation(camera: Camera) -> Array:
+def rotation_of(camera: Camera) -> Array:
+    """World to camera [3 3] in float64; its rows are right, down and forward in the world."""
     return camera.world_to_camera[:3, :3].double().numpy()
 
 
-def _position(camera: Camera) -> Array:
+def position_of(camera: Camera) -> Array:
+    """The optical centre [3], world units, in float64."""
     return camera.position.double().numpy()
 
 
-def _average_up(cameras: Sequence[Camera], positions: Array) -> Array:
-    """Mean of the cameras' up axes; where they cancel, the direction in which the positions vary least."""
-    mean = np.mean([-_rotation(camera)[1] for camera in cameras], axis=0)
-    flattest = np.linalg.svd(positions - positions.mean(0), full_matrices=True)[2][-1]
-    return _unit_or(mean, flattest, 0.1)
-
-
-def _nearest_to_axes(positions: Array, forwards: Array) -> Array:
-    """The point with the least sum of squared distances to the optical axes."""
-    across = np.eye(3) - forwards[:, :, None] * forwards[:, None, :]
-    spread = max(float(np.linalg.norm(positions - positions.mean(0), axis=1).max()), 1.0)
-    fallback = positions.mean(0) + spread * forwards.mean(0)
-    weight = FALLBACK_WEIGHT * len(positions)
-    target = np.einsum("nij,nj->i", across, positions) + weight * fallback
-    return np.linalg.solve(across.sum(0) + weight * np.eye(3), target)
-
-
-def _unit_or(vector: Array, otherwise: Array, shortest: float) -> Array:
-    length = float(np.linalg.norm(vector))
-    return vector / length if length > shortest else otherwise
-
-
-def _any_perpendicular(axis: Array) -> Array:
-    other = np.eye(3)[np.abs(axis).argmin()]
-    return _unit_or(np.cross(axis, other), other, 0.0)
-
-
-def _looking_at(position: Array, target: Array, up: Array, like: Camera) -> Camera:
-    forward = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    return _posed(np.stack([right, np.cross(forward, right), forward]), position, like)
-
-
-def _posed(rotation: Array, position: Array, like: Camera) -> Camera:
+def posed(rotation: Array, position: Array, like: Camera) -> Camera:
     """``like`` moved to ``position``; the rows of ``rotation`` are its right, down and forward."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation
@@ -147,14 +85,14 @@ def _between(stops: Sequence[Camera], positions: Array, segment: int, t: float) 
     before, after = stops[segment], stops[segment + 1]
     if t == 0:
         return before
-    rotations = Rotation.from_matrix(np.stack([_rotation(before).T, _rotation(after).T]))
+    rotations = Rotation.from_matrix(np.stack([rotation_of(before).T, rotation_of(after).T]))
     rotation = Slerp([0.0, 1.0], rotations)(t).as_matrix().T
     like = replace(
         before,
         focal=_mixed(before.focal, after.focal, t),
         center=_mixed(before.center, after.center, t),
     )
-    return _posed(rotation, _catmull_rom(_four_points(positions, segment), t), like)
+    return posed(rotation, _catmull_rom(_four_points(positions, segment), t), like)
 
 
 def _mixed(a: tuple[float, float], b: tuple[float, float], t: float) -> tuple[float, float]:

@@ -13,8 +13,10 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
 from ringlight.errors import ModelFileError, RecipeError, SceneError
-from ringlight.files.camera_paths import interpolated, orbit
+from ringlight.files.camera_paths import interpolated
 from ringlight.files.layer_pictures import common_depth_range, layer_pictures
+from ringlight.files.nerfstudio_path import NerfstudioPath
+from ringlight.files.orbit import Orbit, OrbitWish, orbit_of, showing_whole
 from ringlight.files.video import save_image, write_video
 from ringlight.measure.picture_names import picture_name
 from ringlight.models.contract import Model
@@ -25,6 +27,16 @@ Tell = Callable[[int, int], None]
 
 FEWEST_DIGITS = 4
 """Of numbered frames, so that films of different length sort alike."""
+
+UNMASKED = "photograph"
+"""Background of scenes whose photographs have no masks."""
+
+SOLID = 0.2
+"""Opacity of a Gaussian that shows something of its own, relative to the largest: a model that was hardly trained has
+faint ones alone."""
+
+FITTED_FRAMES = 24
+"""Of an orbit, in which its subject must not be cut."""
 
 MOST_PIXELS = 64_000_000
 """8K is half of this; more would not fit the memory of the machines this runs on."""
@@ -67,14 +79,30 @@ def film_of_views(scene: Scene) -> Film:
 
 
 def film_from_training(opened: Opened, path: str, frames: int) -> Film:
-    """A path made from the training cameras that the model file holds. Raises ModelFileError if it holds none."""
-    cameras = opened.stored.cameras
-    if not cameras:
-        raise ModelFileError(f"{opened.file}: holds no training cameras; give --path test")
-    made = {"orbit": orbit, "interpolated": interpolated}
-    chosen = made[path](cameras, frames) if path in made else cameras
-    digits = max(len(str(len(chosen) - 1)), FEWEST_DIGITS)
-    return Film(tuple(chosen), tuple(f"{index:0{digits}d}.png" for index in range(len(chosen))))
+    """All training cameras that the model file holds ("train"), or a flight through them ("interpolated").
+
+    Raises ModelFileError if it holds none.
+    """
+    cameras = _training_cameras(opened)
+    return _numbered(interpolated(cameras, frames) if path == "interpolated" else cameras)
+
+
+def film_of_orbit(opened: Opened, wish: OrbitWish, frames: int, zoom: float | None) -> tuple[Film, str]:
+    """An orbit round what the training cameras show, and what it took, by the flags that change it.
+
+    Without a ``zoom`` it shows whole what masks cut out of the photographs. Raises ModelFileError for a model file
+    without training cameras, RecipeError for a wish that cannot be drawn.
+    """
+    orbit = orbit_of(_training_cameras(opened), wish)
+    film = _numbered(orbit.cameras(frames))
+    if zoom is None:
+        zoom = _fitting(opened, orbit)
+    return film.zoomed(zoom), f"{orbit.words()} --zoom {zoom:.3g}"
+
+
+def film_of_file(path: NerfstudioPath) -> Film:
+    """The cameras of nerfstudio's file."""
+    return _numbered(path.cameras)
 
 
 def render_film(
@@ -109,6 +137,28 @@ def film_to_video(pictures: Path, names: Sequence[str], fps: float, tell: Tell) 
             tell(done, len(names))
 
     write_video(pictures.with_name(f"{pictures.name}.mp4"), frames(), fps)
+
+
+def _training_cameras(opened: Opened) -> Sequence[Camera]:
+    cameras = opened.stored.cameras
+    if not cameras:
+        raise ModelFileError(f"{opened.file}: holds no training cameras; give --path test or a camera_path.json")
+    return cameras
+
+
+def _numbered(cameras: Sequence[Camera]) -> Film:
+    digits = max(len(str(len(cameras) - 1)), FEWEST_DIGITS)
+    return Film(tuple(cameras), tuple(f"{index:0{digits}d}.png" for index in range(len(cameras))))
+
+
+def _fitting(opened: Opened, orbit: Orbit) -> float:
+    """The zoom that cuts nothing of a subject that masks cut out; 1 where the photographs show more than a subject."""
+    splats = opened.stored.model.splats()
+    if splats is None or opened.stored.header.scene.background == UNMASKED:
+        return 1.0
+    opacities = splats.gaussians.opacities.detach()
+    solid = opacities > SOLID * opacities.max() if len(opacities) else opacities > 0
+    return showing_whole(orbit.cameras(FITTED_FRAMES), splats.gaussians.means.detach()[solid].cpu())
 
 
 def _file_names(views: Sequence[str]) -> tuple[str, ...]:

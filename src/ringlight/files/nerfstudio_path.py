@@ -1,0 +1,90 @@
+"""nerfstudio's ``camera_path.json``: the cameras of a film, as its viewer and its Blender add-on write them.
+
+``render_width`` and ``render_height`` in pixels; ``camera_path``, a list of cameras with ``camera_to_world`` (16
+numbers by rows; axes right, up, backward) and ``fov`` (degrees from the picture's bottom to its top); ``fps`` and
+``seconds``. Of ``camera_type`` only "perspective" is a pinhole. nerfstudio ignores ``aspect``, and so do we.
+Source: docs.nerf.studio, "Rendering" and "Blender VFX add-on".
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from ringlight.core.camera import Camera
+from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
+from ringlight.data.json_fields import Fields, finite, number, read_object, text
+from ringlight.data.poses import world_to_camera_from_opengl
+from ringlight.errors import SceneError
+
+NARROWEST, WIDEST = 1e-3, 179.0
+"""Degrees of a pinhole's view: beyond these its focal length is no number of pixels."""
+
+FASTEST = 1000.0
+"""Frames a second: what a film is ever played at."""
+
+
+@dataclass(frozen=True)
+class NerfstudioPath:
+    """Cameras in the file's order, in the file's world; ``fps`` frames a second, None where it does not say."""
+
+    cameras: tuple[Camera, ...]
+    fps: float | None
+
+
+def read_nerfstudio_path(path: Path, most: int) -> NerfstudioPath:
+    """The path in a file. Raises SceneError for a file that is damaged, of another kind of camera, or of more than
+    ``most`` cameras."""
+    if not path.is_file():
+        raise SceneError(f"{path}: there is no such file; give a camera_path.json of nerfstudio")
+    document = read_object(path)
+    frames = document.get("camera_path")
+    if not isinstance(frames, list) or not frames:
+        raise SceneError(f"{path}: holds no 'camera_path' with cameras; export the path from nerfstudio's viewer again")
+    if len(frames) > most:
+        raise SceneError(f"{path}: has {len(frames)} cameras; give at most {most}, an hour of film, and join several")
+    kind = text(document, "camera_type", str(path))
+    if kind not in (None, "perspective"):
+        raise SceneError(f"{path}: its camera_type is {kind[:40]!r}; only 'perspective' can be drawn, export it so")
+    size = _side(document, "render_width", path), _side(document, "render_height", path)
+    fps = number(document, "fps", str(path), None)
+    if fps is not None and not 0 < fps <= FASTEST:
+        raise SceneError(f"{path}: 'fps' is {fps:g}; give above 0 and at most {FASTEST:g}")
+    cameras = tuple(_camera(frame, size, f"{path}: camera {index}") for index, frame in enumerate(frames))
+    return NerfstudioPath(cameras, fps)
+
+
+def _side(document: Fields, name: str, path: Path) -> int:
+    side = finite(document.get(name), f"{path}: {name!r}")
+    if not (1 <= side <= MAX_IMAGE_SIDE and side == int(side)):
+        raise SceneError(f"{path}: {name!r} is {side:g}; give 1 to {MAX_IMAGE_SIDE} pixels")
+    return int(side)
+
+
+def _camera(frame: Any, size: tuple[int, int], where: str) -> Camera:
+    if not isinstance(frame, dict):
+        raise SceneError(f"{where} is not an object with 'camera_to_world'; export the path again")
+    fov = finite(frame.get("fov"), f"{where}: 'fov'")
+    if not NARROWEST <= fov <= WIDEST:
+        raise SceneError(f"{where}: 'fov' is {fov:g} degrees; give {NARROWEST:g} to {WIDEST:g}")
+    numbers = _flat(frame.get("camera_to_world"))
+    if len(numbers) != 16:
+        raise SceneError(f"{where}: 'camera_to_world' is not 16 numbers; export the path again")
+    entries = [finite(value, f"{where}: an entry of 'camera_to_world'") for value in numbers]
+    matrix = world_to_camera_from_opengl(np.array(entries).reshape(4, 4), where)
+    width, height = size
+    focal = height / 2 / math.tan(math.radians(fov) / 2)
+    return Camera(torch.from_numpy(matrix.astype(np.float32)), (focal, focal), (width / 2, height / 2), width, height)
+
+
+def _flat(matrix: Any) -> Sequence[Any]:
+    """Sixteen numbers in a row, or the four rows of four that some writers make of them."""
+    if not isinstance(matrix, list):
+        return ()
+    if len(matrix) == 4 and all(isinstance(row, list) and len(row) == 4 for row in matrix):
+        return [value for row in matrix for value in row]
+    return matrix
