@@ -144,3 +144,30 @@ def test_restored_state_goes_on_bitwise():
     for m, o in ((model, optimizer), (other, resumed)):
         stepped(m, o, 4)
     assert all(torch.equal(a, b) for a, b in zip(model.parameters(), other.parameters(), strict=True))
+
+
+def test_in_added_steps_rates_run_their_course_once_more():
+    model = Table()
+    optimizer = Optimizer(model, {"*": Adam(Rate(1e-1, 1e-3), begins=20)}, steps=100)
+    before = [optimizer._progress(step, 20) for step in range(1, 101)]
+    optimizer.extend(40)
+    optimizer.extend(10)
+    assert [optimizer._progress(step, 20) for step in range(1, 101)] == before
+    assert before[-1] == 1
+    for first, last in ((100, 140), (140, 150)):
+        shares = [optimizer._progress(step, 20) for step in range(first + 1, last + 1)]
+        assert shares == sorted(shares)
+        assert 0 < shares[0] <= 0.1
+        assert shares[-1] == 1
+
+
+def test_moments_are_forgotten_where_training_begins_anew():
+    model = Table()
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    stepped(model, optimizer, 1)
+    with torch.no_grad():
+        model.columns["means"] = nn.Parameter(torch.zeros(9, 3))
+    optimizer.begin_anew()
+    state = optimizer.state()
+    assert not any(tensor.any() for tensor in state.values())
+    assert state["mean.columns.means"].shape == (9, 3)

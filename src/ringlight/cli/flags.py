@@ -13,7 +13,7 @@ def flags_of(record: Any, in_pairs: bool = False) -> set[str]:
     flags = set()
     hints = get_type_hints(record)
     for field in fields(record):
-        name, kind = field.name.replace("_", "-"), hints[field.name]
+        name, kind = field.name.rstrip("_").replace("_", "-"), hints[field.name]
         if is_dataclass(kind):
             flags |= {f"--{name}.{inner.removeprefix('--')}" for inner in flags_of(kind, in_pairs)}
             continue

@@ -47,13 +47,12 @@ def main(arguments: list[str]) -> int:
 
 def _lines(facts: "ModelFacts") -> Iterator[str]:
     header, scene = facts.header, facts.header.scene
-    width, height = scene.resolution
+    size = "{}x{}, ".format(*scene.resolution) if all(scene.resolution) else ""  # an imported model knows none
     versions = ", ".join(f"{name} {number}" for name, number in header.versions.items())
     yield _line("model", facts.file)
     kind = "" if header.preset == header.method else f" ({header.method})"
-    planned = header.recipe.get("steps")
-    yield _line("method", f"{header.preset}{kind}, step {header.step} of {planned}")
-    yield _line("scene", f"{scene.name}, {width}x{height}, background {scene.background}, extent {scene.extent:.3g}")
+    yield _line("method", f"{header.preset}{kind}, {_steps(facts)}")
+    yield _line("scene", f"{scene.name}, {size}background {scene.background}, extent {scene.extent:.3g}")
     yield _line("from", scene.source)
     for note in scene.notes:
         yield _line("", note)
@@ -69,6 +68,19 @@ def _lines(facts: "ModelFacts") -> Iterator[str]:
     yield from _recipe_lines(header.recipe)
     yield ""
     yield from _tensor_lines(facts)
+
+
+def _steps(facts: "ModelFacts") -> str:
+    """How far the training came, and how far it was to go."""
+    step, recipe = facts.header.step, facts.header.recipe.get("steps")
+    planned = facts.run.planned if facts.run and facts.run.planned else recipe
+    if step == 0 and not facts.run:
+        return "not trained here"
+    if isinstance(planned, int) and step > planned:  # of a run that was extended, of which this file knows nothing
+        return f"step {step}, {step - planned} of them added"
+    if isinstance(planned, int) and isinstance(recipe, int) and planned > recipe:
+        return f"step {step} of {planned}, {planned - recipe} of them added"
+    return f"step {step} of {planned}"
 
 
 def _run_lines(run: "RunFacts") -> Iterator[str]:

@@ -46,6 +46,7 @@ VERBS = {
     "info": "what a model file or run folder holds",
     "compress": "write a model in about a third of the bytes, and say what that costs",
     "export": "write a file that other programs open",
+    "import": "make a model of a PLY that another program wrote",
     "bench": "speed of the rasterizer, the colour field, a training step",
     "doctor": "check this machine and this installation",
     "fetch-lpips": "download the weights of the LPIPS measure",

@@ -38,11 +38,14 @@ def announce(session: Session, quiet: bool) -> None:
     place = "to start with" if training.step == 0 else f"going on after step {training.step}"
     if training.step == training.steps:
         place = "and no step left to do"
+    added = f", {sum(session.record.added)} of them added" if session.record.added else ""
+    begun = [f"started from {session.record.start}; no steps are coarse"] if session.record.start else []
     lines = [
         f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
         f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
         *(f"  {note}" for note in (*scene.notes, *([session.decided] if session.decided else []))),
-        f"{training.steps} step{'s' * (training.steps != 1)}, seed {session.record.seed}, "
+        *(f"  {note}" for note in begun),
+        f"{training.steps} step{'s' * (training.steps != 1)}{added}, seed {session.record.seed}, "
         f"{training.model.counted()} {place}; {training.model.renderer}, {_kernels.isa()}, "
         f"{_kernels.threads()} threads",
         f"writing to {session.folder.path}",

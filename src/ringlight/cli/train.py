@@ -45,8 +45,12 @@ class TrainArguments:
     """Same seed, same machine kind: the same bits."""
     device: Device = "auto"
     """Rasterizer. auto is the fastest of this machine; reference is plain torch, and slow."""
+    from_: Annotated[Path | None, tyro.conf.arg(name="from", metavar="MODEL|PLY")] = None
+    """Start from this run, model file or PLY of 3D Gaussians, in the scene's own world. A model of the same method is
+    taken whole, of another its Gaussians with their base colours. No steps are coarse then."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
-    """Go on with this run, in place of SCENE and METHOD. It keeps its recipe, scene and seed."""
+    """Go on with this run, in place of SCENE and METHOD. It keeps its recipe, scene and seed. With --steps it has so
+    many steps more, also where it was finished."""
     verify: int | None = None
     """Do this many steps four times, in other circumstances each time, and compare all bits. Nothing is written."""
 
@@ -56,11 +60,13 @@ class ResumeArguments:
     """Go on with a run that was stopped, with the same bits as if it had never stopped."""
 
     resume: Annotated[Path, tyro.conf.arg(metavar="RUN")]
-    """Run folder with a checkpoint."""
+    """Run folder."""
+    steps: int = 0
+    """Steps to add behind the run's last: rates run their course once more, density control stays over."""
     running: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
 
 
-RESUMED = {"--resume"} | flags_of(RunOptions)
+RESUMED = {"--resume", "--steps"} | flags_of(RunOptions)
 OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(RunOptions) | flags_of(SceneOptions) | {"--help"}
 KNOWN = OF_ANY_METHOD.union(*(flags_of(type(recipe), in_pairs=True) for recipe in METHODS.values()))
 """Flags of all methods."""
@@ -91,9 +97,13 @@ def _start(arguments: list[str]) -> int:
     use_threads(asked.running.threads)
     tell_of_build(asked.device)
     if asked.verify is not None:
+        if asked.from_ is not None:
+            raise RecipeError("--verify begins at the scene's points; leave out --from")
         return verify_run(asked.scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
     out = asked.out or free_folder(Path("runs") / f"{asked.scene.resolve().name}-{preset}")
-    session = Session.start(out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device)
+    session = Session.start(
+        out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device, asked.from_
+    )
     return _train(session, asked.running)
 
 
@@ -110,7 +120,9 @@ def _resume(arguments: list[str]) -> int:
     from ringlight.runs.session import Session
 
     use_threads(wish.running.threads)
-    session = Session.resume(wish.resume)
+    if "--steps" in flags_in(arguments) and wish.steps < 1:
+        raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
+    session = Session.resume(wish.resume, wish.steps)
     check_steps(wish.running, session.training.steps)
     report = complete_report(session)
     if report is None:
@@ -118,7 +130,7 @@ def _resume(arguments: list[str]) -> int:
     if not wish.running.quiet:
         sys.stderr.write(
             f"{wish.resume}: is complete after step {session.training.step} and was measured; measure it again with: "
-            f"ringlight eval {wish.resume}\n"
+            f"ringlight eval {wish.resume}, or add steps: ringlight train --resume {wish.resume} --steps MORE\n"
         )
     _print(report, wish.running)
     return 0

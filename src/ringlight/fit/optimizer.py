@@ -6,6 +6,7 @@ parameter without its moments is the classic bug of this field.
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -36,6 +37,7 @@ class Optimizer:
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
         self._slowed = dict.fromkeys(self.groups, 1.0)
+        self._ends = [0, steps]
         # Names are cut once; what they name is looked up each time, for the verbs below and the model replace it.
         self._attributes: dict[tuple[str, ...], list[tuple[str, str]]] = {}
         for name in self.groups:
@@ -62,7 +64,7 @@ class Optimizer:
                 continue
             group = self.groups[name]
             self._updates[name] += 1
-            progress = (step - group.begins) / max(self.steps - group.begins, 1)
+            progress = self._progress(step, group.begins)
             adam_step = (self._slowed[name] * group.rate.at(progress), *group.betas, group.epsilon, self._updates[name])
             update = Update(parameter, gradient, self._mean[name], self._square[name], adam_step)
             (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
@@ -76,6 +78,28 @@ class Optimizer:
         Not part of :meth:`state`: who asks for it asks again in a resumed run.
         """
         self._slowed |= {name: factor for name in self._slowed if name.startswith(prefixes)}
+
+    def begin_anew(self) -> None:
+        """Forget what was stepped so far: moments of zero for the parameters as they are now, of whatever shape."""
+        for name, parameter in self._parameters():
+            self._mean[name], self._square[name] = torch.zeros_like(parameter), torch.zeros_like(parameter)
+        self._updates = dict.fromkeys(self.groups, 0)
+
+    def extend(self, added: int) -> None:
+        """The run has ``added`` more steps behind its last. In them rates run their course once more, so that something
+        is learned and settles again; moments go on."""
+        self._ends.append(self._ends[-1] + added)
+
+    def _progress(self, step: int, begins: int) -> float:
+        """Share of the run, or of the part that was added to it, behind ``step``; of rates that count from ``begins``.
+
+        What is added is lit from its first step.
+        """
+        added = [(a, b) for a, b in pairwise(self._ends) if a < step]
+        if len(added) <= 1:
+            return (step - begins) / max(self.steps - begins, 1)
+        first, last = added[-1]
+        return (step - first) / (last - first)
 
     @torch.no_grad()
     def edit_rows(self, rows: Int[Tensor, "K"], added: Gaussians | None = None) -> None:

@@ -57,6 +57,11 @@ class Training:
         lookers: tuple[Loss | Regularizer, ...] = (self.loss, *self.regularizers.values())
         return tuple({name: None for looker in lookers for name in looker.buffers})
 
+    def extend(self, added: int) -> None:
+        """Let the run have ``added`` more steps; what strategies do by its length is not done again."""
+        self.optimizer.extend(added)
+        self.steps += added
+
     def state(self) -> dict[str, Tensor]:
         """Every tensor that a run needs to go on as if it had never stopped."""
         of_guard = self.guard.state() if self.guard else {}

@@ -130,9 +130,10 @@ def model_of_tensors(
 def tensors_from_cameras(cameras: Sequence[Camera]) -> dict[str, torch.Tensor]:
     """World-to-camera matrices [M 4 4] and (focal x, y, centre x, y, width, height) [M 6], float32, in pixels."""
     pinholes = [[*camera.focal, *camera.center, camera.width, camera.height] for camera in cameras]
+    matrices = [camera.world_to_camera for camera in cameras]
     return {
-        f"{CAMERAS_PREFIX}world_to_camera": torch.stack([camera.world_to_camera for camera in cameras]),
-        f"{CAMERAS_PREFIX}pinholes": torch.tensor(pinholes, dtype=torch.float32),
+        f"{CAMERAS_PREFIX}world_to_camera": torch.stack(matrices) if matrices else torch.zeros(0, 4, 4),
+        f"{CAMERAS_PREFIX}pinholes": torch.tensor(pinholes, dtype=torch.float32).reshape(-1, 6),
     }
 
 

@@ -42,6 +42,8 @@ class RunFacts:
     scene: str | None
     seed: int | None
     device: str | None
+    planned: int | None
+    """Steps of the run, with those that were added."""
     psnr: float | None
     ssim_same: float | None
     lpips_alex: float | None
@@ -120,6 +122,7 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
         scene=str(record.scene) if record else None,
         seed=record.seed if record else None,
         device=record.device if record else None,
+        planned=record.steps if record else None,
         has_checkpoint=has_checkpoint,
         resume=f"ringlight train --resume {run.path}" if can_go_on else None,
         problems=tuple(problems),
@@ -128,4 +131,4 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
 
 
 def _has_ended(record: RunRecord | None, header: ModelHeader) -> bool:
-    return record is not None and header.step >= record.recipe.steps
+    return record is not None and header.step >= record.steps

@@ -182,11 +182,14 @@ def known_facts(opened: Opened) -> TrainingFacts:
     """What a model's file and its run folder still know of its training; a damaged report or checkpoint is skipped."""
     header, run = opened.stored.header, opened.run
     planned, size = header.recipe.get("steps"), opened.file.stat().st_size
-    planned = planned if isinstance(planned, int) else None
-    facts = TrainingFacts(header.preset, header.method, iterations=header.step, planned=planned, bytes_file=size)
+    facts = TrainingFacts(header.preset, header.method, bytes_file=size)
+    if header.step:  # a model that was imported was trained elsewhere
+        longest = max(planned, header.step) if isinstance(planned, int) else None
+        facts = replace(facts, iterations=header.step, planned=longest)
     if run is None:
         return facts
-    return replace(facts, seed=RunRecord.read(run.path).seed, **_costs(run))
+    record = RunRecord.read(run.path)
+    return replace(facts, seed=record.seed, planned=record.steps, **_costs(run))
 
 
 def _costs(run: RunFolder) -> dict[str, Any]:

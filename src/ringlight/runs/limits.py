@@ -15,6 +15,7 @@ from ringlight.fit.room import SHARE, most_rows
 from ringlight.fit.train import Training
 from ringlight.methods.recipe import Recipe
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.warm_start import Start, begin_with, settled_like, without_coarse_steps
 
 
 @dataclass(frozen=True)
@@ -32,15 +33,21 @@ class PreparedRun:
     """A sentence on each thing that memory did not allow, or that the back end does otherwise."""
 
 
-def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str) -> PreparedRun:
-    """A new run, within this machine's memory."""
+def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str, start: Start | None = None) -> PreparedRun:
+    """A new run, within this machine's memory; from ``start``, if there is one, instead of the scene's points."""
     begun = time.process_time()
+    if start is not None:
+        recipe = settled_like(recipe, start)
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
+    if start is not None:
+        recipe = without_coarse_steps(recipe)
     training = recipe.build(scene, rasterizer_for(device), seed)
     most = most_rows(training.model, guarded=training.guard is not None)
     recipe, scene, warnings = bounded(recipe, scene, training, most)
     if warnings:
         training = recipe.build(scene, rasterizer_for(device), seed)
+    if start is not None:
+        begin_with(training, recipe, scene, start)
     choosing, note = time.process_time() - begun, training.model.note
     return PreparedRun(recipe, scene, training, decided, choosing, (*warnings, note) if note else warnings)
 

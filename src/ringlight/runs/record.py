@@ -6,12 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.data.options import SceneOptions
-from ringlight.errors import RinglightError, RunError
+from ringlight.errors import RecipeError, RinglightError, RunError
 from ringlight.files.atomic import write_text
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import method_of, recipe_of_method
 
 RECORD_NAME = "recipe.json"
+
+MOST_STEPS = 2**31 - 1
+"""Of a run: checkpoints count no further."""
+
+MOST_EXTENSIONS = 10_000
+"""In a record: more are damage."""
 
 LARGEST_SEED = 2**63 - 1
 """torch's generators take no more."""
@@ -25,6 +31,15 @@ def _recipe(method: str, settings: object, path: Path) -> Recipe:
         raise RunError(sentence) from None
 
 
+def _added(value: object) -> tuple[int, ...]:
+    """Raises ValueError for anything but numbers of steps, of which none is so large that their sum is damaged."""
+    if not isinstance(value, list) or len(value) > MOST_EXTENSIONS:
+        raise ValueError("its added steps are no list of numbers")
+    if not all(type(steps) is int and 1 <= steps <= MOST_STEPS for steps in value):
+        raise ValueError(f"its added steps are not all from 1 to {MOST_STEPS}")
+    return tuple(value)
+
+
 def _seed(value: object) -> int:
     if type(value) is not int or not 0 <= value <= LARGEST_SEED:
         raise ValueError(f"its seed is no whole number from 0 to {LARGEST_SEED}")
@@ -35,7 +50,9 @@ def _seed(value: object) -> int:
 class RunRecord:
     """What was asked for: the method's settings, the scene and how it was read, the seed, the back end.
 
-    ``recipe`` may be of another method than ``preset``, where that one left the choice to the scene.
+    ``recipe`` may be of another method than ``preset``, where that one left the choice to the scene. ``added`` are the
+    steps by which the run was extended, one number each time; ``start`` is the file of the model that it started from,
+    None where it started from points.
     """
 
     preset: str
@@ -45,6 +62,19 @@ class RunRecord:
     seed: int
     device: str
     version: str
+    added: tuple[int, ...] = ()
+    start: str | None = None
+
+    @property
+    def steps(self) -> int:
+        """The length of the run with all that was added."""
+        return self.recipe.steps + sum(self.added)
+
+    def extended(self, steps: int) -> "RunRecord":
+        """The same with ``steps`` added to the run. Raises RecipeError for what is no number of steps."""
+        if not 1 <= steps <= MOST_STEPS - self.steps:
+            raise RecipeError(f"--steps is {steps}; give at least 1 and at most {MOST_STEPS - self.steps} more")
+        return dataclasses.replace(self, added=(*self.added, steps))
 
     def write(self, folder: Path) -> None:
         """Write recipe.json into the run folder, all or nothing."""
@@ -57,6 +87,8 @@ class RunRecord:
             "seed": self.seed,
             "device": self.device,
             "version": self.version,
+            **({"added": list(self.added)} if self.added else {}),
+            **({"start": self.start} if self.start is not None else {}),
         }
         write_text(folder / RECORD_NAME, json.dumps(values, indent=2) + "\n")
 
@@ -74,6 +106,8 @@ class RunRecord:
                 seed=_seed(values["seed"]),
                 device=str(values["device"]),
                 version=str(values["version"]),
+                added=_added(values.get("added", [])),
+                start=None if values.get("start") is None else str(values["start"]),
             )
         except FileNotFoundError:
             raise RunError(

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import ringlight
@@ -24,6 +24,7 @@ from ringlight.runs.limits import prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
 from ringlight.runs.starting_points import with_points_of
+from ringlight.runs.warm_start import read_start
 
 FIRST_SECONDS = 10.0
 """Until the first checkpoint: what came before is repeated sooner than missed."""
@@ -75,32 +76,49 @@ class Session:
 
     @staticmethod
     def start(
-        out: Path, scene_path: Path, preset: str, recipe: Recipe, options: SceneOptions, seed: int, device: str
+        out: Path,
+        scene_path: Path,
+        preset: str,
+        recipe: Recipe,
+        options: SceneOptions,
+        seed: int,
+        device: str,
+        model: Path | None = None,
     ) -> "Session":
-        """A new run. Everything that can be wrong with the request is found before the folder is made."""
+        """A new run, from a ``model`` or PLY if one is named; its checkpoint of step 0 then holds what it starts from.
+
+        Everything that can be wrong with the request is found before the folder is made.
+        """
         if recipe.steps < 1:
             raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
         if not 0 <= seed <= LARGEST_SEED:
             raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
         memory = PeakMemory()
         options = kept_options(scene_path, with_points_of(recipe, options))
+        start = None if model is None else read_start(model)
         scene = load_scene(scene_path, options)
         photographs, seconds = _checked(scene)
-        run = prepare_run(scene, recipe, seed, device)
+        run = prepare_run(scene, recipe, seed, device, start)
         photographs.refuse_damaged()
         record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
+        if model is not None:
+            record = replace(record, start=str(model.resolve()))
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
         clock = Clock(choosing=run.choosing + seconds)
-        return Session(
+        session = Session(
             folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings, run.decided
         )
+        if model is not None:
+            session.save()
+        return session
 
     @staticmethod
-    def resume(path: Path) -> "Session":
+    def resume(path: Path, more: int = 0) -> "Session":
         """Go on with a run where its last checkpoint was written, with the same bits as if it had never stopped.
 
+        With ``more`` the run has so many steps behind its last, and its record says so from now on.
         Where that one is damaged, ``warnings`` says so and the one before it is used; a run without any begins again.
         Raises RunError if the scene has other training views now, or another process trains this run; ModelFileError if
         all checkpoints are damaged.
@@ -108,16 +126,19 @@ class Session:
         folder = RunFolder.open(path)
         record = RunRecord.read(path)
         lock = RunLock(path)
+        extended = record.extended(more) if more else record
         memory = PeakMemory()
         if not record.scene.is_dir():
             remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
             raise RunError(f"{record.scene}: the scene of {path} is gone; {remedy}")
         if not folder.checkpoints and not folder.model.is_file():  # a model is not trained anew in its place
-            return Session._from_step_0(folder, record, lock, memory)
+            return Session._from_step_0(folder, record, lock, memory)._extended(extended)
         stored, warnings = read_checkpoint(folder)
         scene = load_scene(record.scene, record.options)
         photographs, _ = _checked(scene)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
+        for added in record.added:
+            training.extend(added)
         try:
             refuse_misfits(stored.tensors, training)
             training.restore(stored.tensors)
@@ -126,6 +147,9 @@ class Session:
             wall, cpu, saving = (float(stored.metadata[f"{name}_seconds"]) for name in ("wall", "cpu", "saving"))
             clock = Clock(wall, cpu, saving, float(stored.metadata.get("choosing_seconds", 0)))
             views = int(stored.metadata["training_views"])
+            session = Session(
+                folder, record, scene, training, clock, lock, memory, photographs, warnings, _good=training.step
+            )
             memory.earlier = int(stored.metadata["peak_bytes"]) or None
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
@@ -138,18 +162,34 @@ class Session:
                 "photographs back as they were, or start again with --out NEW"
             )
         sweep(folder.path)
-        return Session(folder, record, scene, training, clock, lock, memory, photographs, warnings, _good=training.step)
+        return session._extended(extended)
+
+    def _extended(self, record: RunRecord) -> "Session":
+        """This run by ``record``, which may have more steps."""
+        if record != self.record:
+            record.write(self.folder.path)
+            self.training.extend(record.added[-1])
+            self.record = record
+        return self
 
     @staticmethod
     def _from_step_0(folder: RunFolder, record: RunRecord, lock: RunLock, memory: PeakMemory) -> "Session":
-        """The run that ``record`` describes, which ended before its first checkpoint."""
+        """The run that ``record`` describes, which ended before its first checkpoint.
+
+        Raises RunError for one that started from a model: what it was to start from was not saved.
+        """
+        if record.start is not None:
+            raise RunError(
+                f"{folder.path}: ended before its start from {record.start} was saved; start it again with --out NEW"
+            )
         scene = load_scene(record.scene, record.options)
         photographs, seconds = _checked(scene)
         run = prepare_run(scene, record.recipe, record.seed, record.device)
+        for added in record.added:
+            run.training.extend(added)
         sweep(folder.path)
-        clock = Clock(
-            choosing=run.choosing + seconds
-        )  # what it took before is not known: neither this nor the trial is recorded
+        # What it took before is not known: neither this nor the trial is recorded.
+        clock = Clock(choosing=run.choosing + seconds)
         return Session(folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings)
 
     def steps(self) -> Iterator[Progress]:

@@ -11,7 +11,10 @@ from ringlight.models.splats import SplatModel
 
 
 class Unlock(Stateless):
-    """Writes ``schedule[step]`` into the buffer when training reaches ``step``; the buffer is saved with the model."""
+    """Writes ``schedule[step]`` into the buffer when training reaches ``step``; the buffer is saved with the model.
+
+    What is on already, in a model that training started from, is not switched off again.
+    """
 
     def __init__(self, buffer: str, schedule: Mapping[int, int]):
         self.buffer, self.schedule = buffer, dict(schedule)
@@ -19,4 +22,5 @@ class Unlock(Stateless):
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step in self.schedule:
             with torch.no_grad():
-                model.get_buffer(self.buffer).fill_(self.schedule[step])
+                buffer = model.get_buffer(self.buffer)
+                buffer.copy_(torch.maximum(buffer, torch.full_like(buffer, self.schedule[step])))

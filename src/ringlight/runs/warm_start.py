@@ -1,0 +1,131 @@
+"""A training that starts from a model instead of points: with all of it, or with its table of Gaussians."""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gradients import COLUMNS
+from ringlight.core.scene import PointCloud, Scene
+from ringlight.errors import RecipeError, RunError
+from ringlight.fit.room import SHARE, most_rows
+from ringlight.fit.train import Training
+from ringlight.methods.recipe import Recipe
+from ringlight.methods.ringlight import SHADINGS, RingLightRecipe
+from ringlight.methods.store import StoredModel
+from ringlight.methods.table import CHOOSERS, method_of
+from ringlight.models.splats import SplatModel
+from ringlight.runs.imported import PLY, model_of_ply
+from ringlight.runs.opened import open_model
+
+
+@dataclass(frozen=True)
+class Start:
+    """A model to start from, and the file or run folder that held it."""
+
+    path: Path
+    stored: StoredModel
+
+
+def read_start(path: Path) -> Start:
+    """From a PLY, a model file or a run folder. Raises ModelFileError or RunError."""
+    if path.suffix.lower() == PLY and not path.is_dir():
+        return Start(path, model_of_ply(path))
+    return Start(path, open_model(path).stored)
+
+
+def settled_like(recipe: Recipe, start: Start) -> Recipe:
+    """The recipe, or where it would choose a method by the scene, with the start's method if that is one of them; what
+    was trained as 3dgs by itself, as PLYs are, leaves the choice."""
+    header = start.stored.header
+    if isinstance(recipe, RingLightRecipe) and recipe.shading == "auto":
+        for shading, (method, _) in SHADINGS.items():
+            if method == header.method and (shading != "harmonics" or header.preset in CHOOSERS):
+                return replace(recipe, shading=shading)
+    return recipe
+
+
+def without_coarse_steps(recipe: Recipe) -> Recipe:
+    """What a model shows already is not learned again from small photographs."""
+    named: Any = recipe
+    return replace(named, coarse_steps=0) if "coarse_steps" in {field.name for field in fields(named)} else recipe
+
+
+def begin_with(training: Training, recipe: Recipe, scene: Scene, start: Start) -> None:
+    """Put the start into a training at its first step: every tensor where it is of the same method, else the table of
+    Gaussians with their base colours; whatever else a colour has begins as the method begins it.
+
+    Raises RecipeError where the start has another form than this method's models, RunError for one that this machine
+    has no memory for, or that no photograph shows.
+    """
+    model = training.model
+    rows, most = start.stored.model.counted(), most_rows(model)
+    if rows.number > most:
+        raise RunError(f"{start.path}: has {rows}, and {SHARE:.0%} of this machine's memory holds {most:,}; prune it")
+    if start.stored.header.method == method_of(recipe):
+        model.load_tensors(_all_of(start, training))
+    else:
+        model.load_tensors(model.state_dict() | _table_of(start, training))
+    _refuse_unseen(model.splats(), scene, start)
+    training.optimizer.begin_anew()
+
+
+def _all_of(start: Start, training: Training) -> dict[str, Tensor]:
+    """Every tensor of the start, and columns that only training needs as they begin."""
+    model, own, found = training.model, training.model.state_dict(), dict(start.stored.model.state_dict())
+    splats, source = model.splats(), start.stored.model.splats()
+    if splats is not None and source is not None and own.keys() - found.keys():
+        new = splats.color.new_columns(_colored_points(source))
+        found |= {COLUMNS + name: column for name, column in new.items() if COLUMNS + name not in found}
+    for name, tensor in own.items():
+        other = found.get(name)
+        skip = 1 if name.startswith(model.row_prefixes) else 0
+        if other is None or other.shape[skip:] != tensor.shape[skip:]:
+            shape = "none" if other is None else f"one of shape {list(other.shape[skip:])}"
+            raise RecipeError(
+                f"{start.path}: this run has a {name} of shape {list(tensor.shape[skip:])}, and the model {shape}; "
+                "give the settings that 'ringlight info' shows, or another method, which takes the Gaussians alone"
+            )
+    return {name: found[name] for name in own}
+
+
+def _table_of(start: Start, training: Training) -> dict[str, Tensor]:
+    """The columns that this training's model has: the start's geometry, and its base colours in the model's form."""
+    splats, source = training.model.splats(), start.stored.model.splats()
+    if splats is None or source is None:
+        raise RecipeError(
+            f"{start.path}: is a model of {start.stored.header.method}, and another method can only start from a table "
+            "of Gaussians, which one of the two has not; train the same method"
+        )
+    table = source.gaussians.rows(_shown_rows(source))
+    columns = replace(table, appearance=splats.color.new_columns(_colored_points(source))).columns()
+    return {COLUMNS + name: column.detach().cpu() for name, column in columns.items()}
+
+
+def _shown_rows(source: SplatModel) -> Tensor:
+    return source.color.wanted(source.gaussians).nonzero()[:, 0]
+
+
+@torch.no_grad()
+def _colored_points(source: SplatModel) -> PointCloud:
+    """Centres and base colours of the Gaussians that the model shows."""
+    table = source.gaussians.rows(_shown_rows(source))
+    camera = Camera(torch.eye(4), (1.0, 1.0), (0.5, 0.5), 1, 1)
+    layers = source.color.layers(table, camera)
+    colors = layers["base"] if "base" in layers else source.emitted(table, camera)
+    return PointCloud(table.means.detach().cpu(), colors.detach().cpu().clamp(0, 1))
+
+
+def _refuse_unseen(splats: SplatModel | None, scene: Scene, start: Start) -> None:
+    """Raise RunError where no training camera sees a Gaussian: the model is of another scene, or of another world."""
+    if splats is None:
+        return
+    means = splats.gaussians.means.detach()
+    if not any(bool(view.camera.pixels(means)[2].any()) for view in scene.train):
+        raise RunError(
+            f"{start.path}: no training photograph of {scene.source} shows a Gaussian of it; it is of another scene, "
+            "or in another world: give a model of this scene in its own coordinates"
+        )
