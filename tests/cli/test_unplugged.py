@@ -23,7 +23,8 @@ from ringlight.fit.faults import MOST_IN_A_ROW
 from ringlight.fit.train import Progress
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.session import FIRST_SECONDS, LARGEST_SAVE_SHARE, LONGEST_PAUSE, SAVE_SECONDS, Saver, Session
+from ringlight.runs.saver import FIRST_SECONDS, LARGEST_SAVE_SHARE, LONGEST_PAUSE, SAVE_SECONDS, Saver
+from ringlight.runs.session import Session
 
 SAVES_OFTEN = ("--save-every", "0.0001")
 

@@ -24,7 +24,7 @@ from ringlight.runs.session import Session
 
 METHODS = ("3dgs", "ringlight-ring")
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
-TIMED |= {"choosing_cpu_seconds", "peak_bytes", "training_bytes"}
+TIMED |= {"choosing_cpu_seconds", "peak_bytes", "training_bytes", "curve"}
 """Fields of a report that differ from one run to the next, or to one that was resumed."""
 
 

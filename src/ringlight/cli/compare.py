@@ -32,8 +32,10 @@ class CompareArguments:
     """Test views on the sheet."""
     sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
     """Write the contact sheet, one picture with the views, to this file."""
+    curves: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
+    """Write how the trainings went to this file: training PSNR over steps and seconds, size over steps."""
     overwrite: bool = False
-    """Replace --sheet if it exists."""
+    """Replace --sheet and --curves if they exist."""
     markdown: bool = False
     """Print the table as markdown, with all columns."""
     json: bool = False
@@ -50,8 +52,8 @@ def main(arguments: list[str]) -> int:
     # Refused before anything is read.
     if asked.views < 1:
         raise RecipeError(f"--views is {asked.views}; give at least 1")
-    if asked.sheet is not None:
-        refuse_existing(asked.sheet, asked.overwrite)
+    for file in filter(None, (asked.sheet, asked.curves)):
+        refuse_existing(file, asked.overwrite)
     from ringlight.measure.compare import compare
     from ringlight.runs.sheet import write_sheet
 
@@ -59,6 +61,10 @@ def main(arguments: list[str]) -> int:
     path = asked.sheet if comparison.sheet is not None else None
     if comparison.sheet is not None and path is not None:
         write_sheet(comparison.sheet, path)
+    if asked.curves is not None:
+        from ringlight.measure.training_curves import curves_picture
+
+        write_sheet(curves_picture(comparison.table.runs), asked.curves)
     _print(asked, comparison, path)
     return 0
 
@@ -89,5 +95,7 @@ def _print(asked: CompareArguments, comparison: "Comparison", sheet: Path | None
     sys.stderr.write("".join(f"{note}\n" for note in comparison.notes))
     if sheet is not None:
         sys.stderr.write(f"side by side: {sheet}\n")
-    elif asked.sheet is None:
+    if asked.curves is not None:
+        sys.stderr.write(f"how the trainings went: {asked.curves}\n")
+    if asked.sheet is None:
         sys.stderr.write("the pictures side by side: add --sheet FILE.png\n")

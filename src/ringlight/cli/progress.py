@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -12,7 +13,9 @@ from rich.progress import Progress as Bar
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
 from ringlight.runs.finish import psnr_of_views
-from ringlight.runs.session import Saver, Session
+from ringlight.runs.saver import Saver
+from ringlight.runs.session import Session
+from ringlight.runs.watch import Watch
 
 if TYPE_CHECKING:
     from ringlight.cli.run_training import RunOptions
@@ -58,19 +61,22 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
     console = Console(stderr=True)
     live = console.is_terminal and not options.quiet
     every = LIVE_SECONDS if live else LOG_SECONDS
-    meter = _Meter(session)
-    with _bar(console, live) as bar:
+    meter, watch = _Meter(session), Watch(session, options.preview, options.tensorboard)
+    if watch.about and not options.quiet:
+        console.print(watch.about, markup=False, highlight=False, soft_wrap=True)
+    with closing(watch), _bar(console, live) as bar:
         task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="", clock="ETA")
         shown = time.monotonic()
         saver = Saver(session.save, options.save_every)
         for progress in session.steps():
             now = time.monotonic()
             bar.update(task, completed=session.training.step)
+            watch.see(progress)
             if now - shown >= every or progress.step in options.eval_at:
-                _show(bar, task, meter.line(progress), live, options.quiet)
+                _show(bar, task, meter.line(progress) + watch.words, live, options.quiet)
                 shown = time.monotonic()
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
-                _show_test_views(console, session, progress.step)
+                _show_test_views(console, session, progress.step, watch)
             for warning in filter(None, (progress.fault, progress.collapse)):
                 console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
@@ -79,9 +85,10 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
         bar.update(task, clock="took")
 
 
-def _show_test_views(console: Console, session: Session, step: int) -> None:
+def _show_test_views(console: Console, session: Session, step: int, watch: Watch) -> None:
     if session.scene.test:
         decibels = psnr_of_views(session.training.model, session.scene)
+        watch.tell_test(step, decibels)
         console.print(f"step {step}: {decibels:.2f} dB on the test views")
     else:
         console.print(f"step {step}: there are no test views to measure on")

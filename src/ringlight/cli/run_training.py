@@ -26,6 +26,10 @@ class RunOptions:
     """Seconds between two checkpoints. By default 60, or up to 600 if saving would take over 1 % of the time."""
     eval_at: tuple[int, ...] = ()
     """Steps after which the test views are measured during the run."""
+    preview: int = 0
+    """Every so many steps a picture of the first test view, or training view, into RUN/previews; 0 for none."""
+    tensorboard: bool = False
+    """Write events for TensorBoard into RUN/tensorboard; needs the [tensorboard] extra."""
     lpips: tuple[Net, ...] = ("alex",)
     """Networks of LPIPS, measured at the end. 'ringlight fetch-lpips' gets their weights."""
     json: bool = False
@@ -39,6 +43,8 @@ def check_steps(options: RunOptions, steps: int) -> None:
     for step in options.eval_at:
         if not 1 <= step <= steps:
             raise RecipeError(f"--eval-at is {step}; this run has steps 1 to {steps}")
+    if options.preview < 0:
+        raise RecipeError(f"--preview is {options.preview}; give a number of steps, or 0 for none")
     if options.save_every is not None and not options.save_every > 0:
         raise RecipeError(f"--save-every is {options.save_every:g}; give a number of seconds above zero")
 

@@ -50,6 +50,8 @@ class Chart:
     lines: tuple[Line, ...]
     names: tuple[str, ...] = ()
     wide: float = WIDE
+    marked: bool = True
+    """Whether each dot is shown, not the line alone."""
 
 
 def draw_charts(charts: Sequence[Chart], title: str) -> Image.Image:
@@ -149,7 +151,7 @@ def _curves(chart: Chart) -> Image.Image:
         color = COLORS[index % len(COLORS)]
         dots = sorted(line.dots, key=lambda dot: dot.x)
         pen.line([(across(dot.x), down(dot.y)) for dot in dots], fill=color, width=2)
-        for dot in dots:
+        for dot in dots if chart.marked else ():
             x, y = across(dot.x), down(dot.y)
             if dot.deviation is not None:
                 above, below = down(dot.y + dot.deviation), down(dot.y - dot.deviation)

@@ -30,6 +30,17 @@ class ImageScore:
     lpips_vgg_01: float | None = None
 
 
+@dataclass(frozen=True)
+class CurvePoint:
+    """A training after ``step``: ``seconds`` in steps so far, ``psnr`` in dB over a few training photographs before
+    it, and ``counted`` of what the model is made of."""
+
+    step: int
+    seconds: float
+    psnr: float
+    counted: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class Report:
     """Everything one run states about itself. None: not measured, or not known for a model from elsewhere."""
@@ -120,6 +131,8 @@ class Report:
     """What ``fps`` times, and on what device."""
     machine: Machine
     images: tuple[ImageScore, ...]
+    curve: tuple[CurvePoint, ...] = ()
+    """How the training went, in the order of its steps; empty where that is not known."""
 
     @property
     def psnr_far(self) -> float | None:

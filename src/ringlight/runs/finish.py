@@ -26,7 +26,7 @@ from ringlight.measure.lpips import Net
 from ringlight.measure.machine import machine, source_commit
 from ringlight.measure.nearness import distances, means_of_thirds
 from ringlight.measure.picture_names import picture_name
-from ringlight.measure.report import Report, read_report
+from ringlight.measure.report import CurvePoint, Report, read_report
 from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.table import method_of
 from ringlight.models.contract import Model
@@ -69,6 +69,7 @@ class TrainingFacts:
     training_bytes: dict[str, int] = field(default_factory=dict)
     collapses: tuple[str, ...] = ()
     bytes_file: int | None = None
+    curve: tuple[CurvePoint, ...] = ()
 
 
 def measure(
@@ -154,6 +155,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         peak_bytes=session.memory.growth(),
         training_bytes=session.training.bytes_by_part(),
         collapses=sentences(session.training.guard.collapses) if session.training.guard else (),
+        curve=tuple(session.history.points),
     )
     report = measure(session.training.model, session.scene, facts, session.folder.pictures, nets, tell)
     session.save_model({"psnr": report.psnr, "ssim_same": report.ssim_same, "lpips_alex": report.lpips_alex})
@@ -196,7 +198,8 @@ def _costs(run: RunFolder) -> dict[str, Any]:
     """What training took, from the report, else its seconds from the checkpoint."""
     with suppress(RunError):
         report = read_report(run.path)
-        return {name: getattr(report, name) for name in (*SECONDS, "peak_bytes", "training_bytes", "collapses")}
+        kept = (*SECONDS, "peak_bytes", "training_bytes", "collapses", "curve")
+        return {name: getattr(report, name) for name in kept}
     with suppress(ModelFileError, KeyError, ValueError):
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
         return {name: float(stored[kept]) for name, kept in SECONDS.items() if kept in stored}

@@ -1,7 +1,7 @@
 """One training run on disk: starts or resumes, saves, and ends with a model and a report."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,23 +20,12 @@ from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
 from ringlight.runs.folder import RunFolder
+from ringlight.runs.history import History
 from ringlight.runs.limits import prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
 from ringlight.runs.starting_points import with_points_of
 from ringlight.runs.warm_start import read_start
-
-FIRST_SECONDS = 10.0
-"""Until the first checkpoint: what came before is repeated sooner than missed."""
-
-SAVE_SECONDS = 60.0
-"""Between two checkpoints: what a run may lose."""
-
-LARGEST_SAVE_SHARE = 0.01
-"""Of the time may go into saving: where a checkpoint takes longer, they become rarer."""
-
-LONGEST_PAUSE = 600.0
-"""But no rarer than this: on a disk so slow a run would lose too much."""
 
 
 @dataclass
@@ -73,6 +62,11 @@ class Session:
     """Step of the last checkpoint."""
     _saved_at: int = field(default=-1, init=False)
     """Step of the last files, the model's among them."""
+    history: History = field(init=False)
+    """How the training went so far."""
+
+    def __post_init__(self) -> None:
+        self.history = History(self.record.recipe.steps)
 
     @staticmethod
     def start(
@@ -150,6 +144,7 @@ class Session:
             session = Session(
                 folder, record, scene, training, clock, lock, memory, photographs, warnings, _good=training.step
             )
+            session.history.go_on_from(stored.metadata)
             memory.earlier = int(stored.metadata["peak_bytes"]) or None
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
@@ -211,6 +206,7 @@ class Session:
                 return
             if progress.collapse is not None:
                 self._saved_at = -1  # a step that was saved may come again, with other bits
+            self.history.note(progress, self.clock.wall, self.training.model.counted().number)
             yield progress
 
     def save(self) -> None:
@@ -233,6 +229,7 @@ class Session:
             "choosing_seconds": repr(self.clock.choosing),
             "peak_bytes": str(self.memory.growth() or 0),
             "training_views": str(len(self.scene.train)),
+            "history": self.history.to_text(),
         }
         try:
             write_checkpoint(self.folder, state, facts)
@@ -265,27 +262,3 @@ def _checked(scene: Scene) -> tuple[DecodeCheck, float]:
     begun = time.process_time()
     photographs = DecodeCheck(scene)
     return photographs, time.process_time() - begun
-
-
-class Saver:
-    """Calls ``save`` every so often: every ``seconds``, or without them after :data:`FIRST_SECONDS`, and then by
-    :data:`SAVE_SECONDS` and its share."""
-
-    def __init__(self, save: Callable[[], None], seconds: float | None):
-        self.save, self.seconds = save, seconds
-        self.pause = FIRST_SECONDS if seconds is None else seconds
-        self.begun = self.last = time.monotonic()
-        self.spent = 0.0
-
-    def save_if_due(self) -> None:
-        """Save if the pause is over. Raises OutputError."""
-        begun = time.monotonic()
-        if begun - self.last < self.pause:
-            return
-        self.save()
-        self.last = time.monotonic()
-        self.spent += self.last - begun
-        if self.seconds is None:
-            # So that with the next, and one when the run ends, its share is kept in the time since the run began.
-            due = (self.spent + 2 * (self.last - begun)) / LARGEST_SAVE_SHARE
-            self.pause = min(max(SAVE_SECONDS, self.begun + due - self.last), LONGEST_PAUSE)

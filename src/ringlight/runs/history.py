@@ -1,0 +1,57 @@
+"""How a training went: its PSNR on training photographs, its size and its seconds, at about a hundred of its steps."""
+
+import json
+import math
+from collections.abc import Mapping
+
+from ringlight.fit.train import Progress
+from ringlight.measure.metrics import psnr
+from ringlight.measure.report import CurvePoint
+
+MOST_POINTS = 100
+"""Of a run at first; one that is extended keeps the distance between them."""
+
+SAMPLED = 4
+"""Photographs a point: PSNR jumps from one to the next, and each costs up to a tenth of a step."""
+
+
+class History:
+    """Hears every step of a run that is to have ``steps``, and keeps ``points``; goes on where a checkpoint was."""
+
+    def __init__(self, steps: int):
+        self.points: list[CurvePoint] = []
+        self.every = math.ceil(steps / MOST_POINTS)
+        self._sum, self._count, self._last = 0.0, 0, 0
+
+    def note(self, progress: Progress, seconds: float, counted: int) -> None:
+        """One step, after which training had taken ``seconds`` and the model had grown to ``counted``."""
+        if progress.step <= self._last:  # the training went back
+            self.points = [point for point in self.points if point.step < progress.step]
+            self._sum, self._count = 0.0, 0
+        self._last = progress.step
+        left = -progress.step % self.every
+        if left < SAMPLED and progress.fault is None:
+            self._sum += psnr(progress.prediction.color, progress.truth)
+            self._count += 1
+        if left == 0 and self._count:
+            self.points.append(CurvePoint(progress.step, seconds, self._sum / self._count, counted))
+            self._sum, self._count = 0.0, 0
+
+    def to_text(self) -> str:
+        """For a checkpoint."""
+        points = [[point.step, point.seconds, point.psnr, point.counted] for point in self.points]
+        return json.dumps({"points": points, "sum": self._sum, "count": self._count})
+
+    def go_on_from(self, facts: Mapping[str, str]) -> None:
+        """From a checkpoint's facts; one of an earlier version has no history. Raises ValueError for damage."""
+        if "history" not in facts:
+            return
+        try:
+            kept = json.loads(facts["history"])
+            rows = [
+                (int(step), float(seconds), float(mean), int(number)) for step, seconds, mean, number in kept["points"]
+            ]
+            self.points = [CurvePoint(*row) for row in rows]
+            self._sum, self._count = float(kept["sum"]), int(kept["count"])
+        except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
+            raise ValueError(f"its history: {error}") from None

@@ -1,0 +1,133 @@
+"""What is seen while a run trains: pictures of one view, curves, events; none of it changes a bit."""
+
+import json
+import shutil
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cli_session import QUICK
+from command import Command
+from refusal import QUIET, refused
+from scenes_on_disk import picture
+
+from ringlight.fit.train import Progress
+from ringlight.runs.session import Session
+
+
+def curve(run: Path) -> list[dict]:
+    found: list[dict] = json.loads((run / "report.json").read_text())["curve"]
+    return found
+
+
+def untimed(points: list[dict]) -> list[dict]:
+    return [{name: value for name, value in point.items() if name != "seconds"} for point in points]
+
+
+def test_previews_show_one_view_and_change_no_bit(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    run = tmp_path / "run"
+    words = [word for word in QUICK if word != "--quiet"]
+    done = ringlight("train", tiny, "3dgs", "--out", run, "--preview", "15", *words)
+    assert done.code == 0, done.err
+    assert f"test view test/r_0.png, in {run / 'previews'}" in done.err
+    names = sorted(path.name for path in (run / "previews").iterdir())
+    assert names == ["step-000015.png", "step-000030.png", "step-000040.png"]
+    shown = [picture(run / "previews" / name) for name in names]
+    assert shown[0].shape == (20, 20, 3)
+    assert (shown[0] != shown[1]).any()
+    last = next((run / "images" / "test").glob("*r_0*"))
+    assert (shown[2] == picture(last)).all(), "the last is the picture that was measured"
+    for name in ("model.safetensors",):
+        assert (run / name).read_bytes() == (trained["3dgs"] / name).read_bytes()
+    assert untimed(curve(run)) == untimed(curve(trained["3dgs"]))
+
+
+def test_the_progress_line_names_the_last_preview(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ringlight.cli.progress.LOG_SECONDS", 0.0)
+    words = [word for word in QUICK if word != "--quiet"]
+    done = ringlight("train", tiny, "3dgs", "--out", tmp_path / "run", "--preview", "15", *words)
+    lines = {int(line.split()[1].split("/")[0]): line for line in done.err.splitlines() if line.startswith("step ")}
+    assert "previews" not in lines[14]
+    assert lines[16].endswith("previews/step-000015.png")
+    assert lines[40].endswith("previews/step-000040.png")
+
+
+def test_a_preview_that_is_no_number_of_steps_is_refused(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    words = ("train", tiny, "3dgs", "--out", tmp_path / "run", "--preview", "-1", *QUIET)
+    refused(ringlight(*words), 1, "--preview", "-1")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_curve_is_kept_and_goes_on_where_a_run_was_stopped(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = curve(trained["3dgs"])
+    assert [point["step"] for point in points] == list(range(1, 41))
+    assert points[-1]["psnr"] > points[0]["psnr"]
+    seconds = [point["seconds"] for point in points]
+    assert seconds == sorted(seconds)
+    assert len({point["counted"] for point in points}) > 1, "density control was at work"
+    steps = Session.steps
+
+    def pressed(session: Session) -> Iterator[Progress]:
+        for progress in steps(session):
+            if progress.step == 15:
+                signal.raise_signal(signal.SIGINT)
+            yield progress
+
+    run = tmp_path / "run"
+    with monkeypatch.context() as patched:
+        patched.setattr(Session, "steps", pressed)
+        assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 130
+    assert ringlight("train", "--resume", run, *QUIET).code == 0
+    assert untimed(curve(run)) == untimed(points)
+    measured = ringlight("eval", run, *QUIET)
+    assert measured.code == 0
+    assert curve(run), "eval keeps what train knew"
+    assert ringlight("train", "--resume", run, "--steps", "5", *QUIET).code == 0
+    assert [point["step"] for point in curve(run)] == list(range(1, 46))
+
+
+def test_curves_are_drawn(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    path = tmp_path / "curves.png"
+    done = ringlight("compare", trained["3dgs"], trained["ringlight-basis"], "--curves", path)
+    assert done.code == 0, done.err
+    assert str(path) in done.err
+    assert picture(path).shape[1] > 3 * 500
+    refused(ringlight("compare", trained["3dgs"], "--curves", path), 1, path, "--overwrite")
+    refused(ringlight("compare", trained["3dgs"], "--curves", tmp_path / "c.jpg"), 1, "PNG")
+    old = Path(shutil.copytree(trained["3dgs"], tmp_path / "old"))
+    report = json.loads((old / "report.json").read_text())
+    del report["curve"]
+    (old / "report.json").write_text(json.dumps(report))
+    refused(ringlight("compare", old, "--curves", tmp_path / "none.png"), 1, "how its training went")
+    assert not (tmp_path / "none.png").exists()
+
+
+def test_events_for_tensorboard(tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    pytest.importorskip("tensorboard", reason="the [tensorboard] extra is not installed")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    run = tmp_path / "run"
+    words = ("--tensorboard", "--preview", "20", "--eval-at", "10")
+    assert ringlight("train", tiny, "3dgs", "--out", run, *words, *QUICK).code == 0
+    events = EventAccumulator(str(run / "tensorboard")).Reload()
+    shown = events.Scalars("training/psnr")
+    points = curve(run)
+    assert [event.step for event in shown] == [point["step"] for point in points]
+    assert [event.value for event in shown] == pytest.approx([point["psnr"] for point in points], rel=1e-5)
+    assert events.Tags()["images"] == ["preview"]
+    assert (run / "model.safetensors").read_bytes() == (trained["3dgs"] / "model.safetensors").read_bytes()
+
+
+def test_without_tensorboard_the_remedy_is_named(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "torch.utils.tensorboard", None)
+    words = ("train", tiny, "3dgs", "--out", tmp_path / "run", "--tensorboard", *QUICK)
+    refused(ringlight(*words), 1, "ringlight[tensorboard]")

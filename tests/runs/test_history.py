@@ -1,0 +1,83 @@
+"""A training's curve: about a hundred points, the same however often it is stopped, and without what was undone."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ringlight.core.rendering import Rendering
+from ringlight.fit.train import Progress
+from ringlight.runs.history import MOST_POINTS, SAMPLED, History
+
+
+class Photograph:
+    label = "view r_0"
+
+
+def step(number: int, fault: str | None = None) -> Progress:
+    picture = torch.full((2, 2, 3), 1 / (number + 1))
+    return Progress(number, {}, Photograph(), Rendering(picture, torch.ones(2, 2, 1), {}), torch.zeros(2, 2, 3), fault)
+
+
+def noted(steps: int, last: int | None = None) -> History:
+    history = History(steps)
+    for number in range(1, (last or steps) + 1):
+        history.note(step(number), number / 10, number * 2)
+    return history
+
+
+@settings(max_examples=20)
+@given(steps=st.integers(1, 500))
+def test_a_run_has_about_a_hundred_points(steps: int) -> None:
+    found = noted(steps).points
+    assert min(steps, MOST_POINTS // 2) <= len(found) <= MOST_POINTS
+    assert [point.seconds for point in found] == [point.step / 10 for point in found]
+    assert [point.counted for point in found] == [point.step * 2 for point in found]
+
+
+def test_a_point_is_the_mean_over_the_last_photographs() -> None:
+    history = noted(1000)
+    point = history.points[4]
+    assert point.step == 50
+    decibels = [20 * torch.tensor(float(number + 1)).log10().item() for number in range(51 - SAMPLED, 51)]
+    assert point.psnr == pytest.approx(sum(decibels) / SAMPLED, rel=1e-5)
+
+
+@settings(max_examples=20)
+@given(steps=st.integers(1, 300), share=st.floats(0, 1))
+def test_a_history_goes_on_from_a_checkpoint(steps: int, share: float) -> None:
+    stopped = noted(steps, last=max(int(share * steps), 1))
+    again = History(steps)
+    again.go_on_from({"history": stopped.to_text()})
+    for number in range(max(int(share * steps), 1) + 1, steps + 1):
+        again.note(step(number), number / 10, number * 2)
+    assert again.points == noted(steps).points
+
+
+def test_what_was_undone_is_forgotten() -> None:
+    history = noted(300)
+    for number in range(151, 301):
+        history.note(step(number), 30 + number / 10, 7)
+    assert [point.step for point in history.points] == [point.step for point in noted(300).points]
+    assert all(point.counted == 7 for point in history.points if point.step > 150)
+
+
+def test_what_was_undone_within_a_point_is_forgotten() -> None:
+    history = noted(1000, last=58)
+    for number in (*range(54, 61), *range(55, 61)):
+        history.note(step(number), 1.0, 7)
+    assert history.points[:-1] == noted(1000, last=50).points
+    assert history.points[-1].psnr == noted(1000, last=60).points[-1].psnr
+
+
+def test_a_photograph_that_was_not_finite_counts_not() -> None:
+    history = History(100)
+    history.note(step(1, "inf"), 0.1, 1)
+    assert history.points == []
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"points": 3}', '{"points": [[1]], "sum": 0, "count": 0}'])
+def test_damage_is_a_value_error(text: str) -> None:
+    with pytest.raises(ValueError, match="history"):
+        History(10).go_on_from({"history": text})
+    History(10).go_on_from({})
