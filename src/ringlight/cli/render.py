@@ -130,8 +130,7 @@ def main(arguments: list[str]) -> int:
     if not asked.quiet:
         size = f"{film.cameras[0].width}x{film.cameras[0].height}"
         kinds = "  ".join(f"{layer}{'  ' + layer + '.mp4' if asked.video else ''}" for layer in layers)
-        sys.stderr.write(f"{len(film.cameras)} frame{'s' * (len(film.cameras) != 1)} of {size}: {kinds}
-{taken}")
+        sys.stderr.write(f"{len(film.cameras)} frame{'s' * (len(film.cameras) != 1)} of {size}: {kinds}\n{taken}")
     sys.stdout.write(f"{folder}\n")
     return 0
 
