@@ -57,7 +57,7 @@ def _unsupported_camera(scene: Path) -> None:
     document = json.loads((scene / "transforms_train.json").read_text())
     for split in ("train", "test"):
         (scene / f"transforms_{split}.json").unlink()
-    document |= {"camera_model": "OPENCV_FISHEYE", "fl_x": 20.0, "fl_y": 20.0, "w": 20, "h": 20}
+    document |= {"camera_model": "EQUIRECTANGULAR", "fl_x": 20.0, "fl_y": 20.0, "w": 20, "h": 20}
     (scene / "transforms.json").write_text(json.dumps(document))
 
 
@@ -70,7 +70,7 @@ DAMAGED_SCENES: dict[str, tuple[Damage, str]] = {
     "broken JSON": (_not_json, "transforms_train.json"),
     "an image outside the scene folder": (_outside, "secret.png"),
     "a non-finite pose": (_infinite_pose, "transforms_train.json"),
-    "an unsupported camera model": (_unsupported_camera, "FISHEYE"),
+    "an unsupported camera model": (_unsupported_camera, "EQUIRECTANGULAR"),
 }
 
 
@@ -145,6 +145,6 @@ def test_a_colmap_file_that_is_cut(file: str, share: float, tmp_path: Path, ring
     assert not (tmp_path / "out").exists()
 
 
-def test_a_distorted_colmap_camera_is_refused_with_the_remedy(tmp_path: Path, ringlight: Command) -> None:
-    scene = write_colmap(tmp_path / "scene", camera=("OPENCV", 4, (20.0, 20.0, 8.0, 6.0, 0.1, 0.0, 0.0, 0.0)))
-    refused(ringlight("train", scene, "3dgs", "--out", tmp_path / "out", *QUIET), 1, "OPENCV", "undistort")
+def test_a_lens_that_cannot_be_undistorted_is_refused_with_the_remedy(tmp_path: Path, ringlight: Command) -> None:
+    scene = write_colmap(tmp_path / "scene", camera=("FOV", 7, (20.0, 20.0, 8.0, 6.0, 0.5)))
+    refused(ringlight("train", scene, "3dgs", "--out", tmp_path / "out", *QUIET), 1, "FOV", "undistort")

@@ -9,6 +9,8 @@ import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from lenses import REAL, judge, undistorted
+from PIL import Image
 from scene_folders import (
     FOCAL,
     HEIGHT,
@@ -24,6 +26,7 @@ from scene_folders import (
 )
 
 from ringlight.core.scene import Scene
+from ringlight.data.colmap_model import CAMERA_MODELS
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import SceneError
@@ -93,13 +96,64 @@ def test_models_without_distortion_are_pinholes(tmp_path: Path, name: str, numbe
     assert scene.train[0].camera.center == (8.0, 6.0)
 
 
+NUMBERS = {model.name: number for number, model in CAMERA_MODELS.items()}
+
+
+def on_small_pictures(parameters: tuple[float, ...], focals: int) -> tuple[float, ...]:
+    """The lens on the 16 x 12 pixels of the scene."""
+    lengths = focals + 2
+    return (*(value / 20 for value in parameters[:lengths]), *parameters[lengths:])
+
+
+@pytest.mark.parametrize("text", [False, True])
+@pytest.mark.parametrize("name", REAL)
+def test_photographs_of_a_lens_are_undistorted(tmp_path: Path, name: str, text: bool):
+    parameters = on_small_pictures(REAL[name], CAMERA_MODELS[NUMBERS[name]].focals)
+    scene = load_scene(write_colmap(tmp_path, camera=(name, NUMBERS[name], parameters), text=text))
+    chosen = undistorted(judge(name, parameters, 16, 12))
+    for view in (*scene.train, *scene.test):
+        camera = view.camera
+        assert (camera.width, camera.height) == (chosen.width, chosen.height)
+        assert camera.focal == pytest.approx((chosen.focal_length_x, chosen.focal_length_y))
+        assert camera.center == pytest.approx((chosen.principal_point_x, chosen.principal_point_y))
+        assert view.load().shape == (camera.height, camera.width, 3)
+    note = next(note for note in scene.notes if note.startswith("lens: "))
+    assert f"undistorted ({name}), which moved pixels by up to" in note
+
+
+def test_a_lens_that_is_negligible_leaves_photographs_as_they_are(tmp_path: Path):
+    scene = load_scene(write_colmap(tmp_path, camera=("SIMPLE_RADIAL", 2, (FOCAL, 8.0, 6.0, 1e-4))))
+    assert not any(note.startswith("lens: ") for note in scene.notes)
+    view = scene.train[0]
+    assert (view.camera.width, view.camera.focal, view.camera.center) == (16, (FOCAL, FOCAL), (8.0, 6.0))
+    assert (view.load() == np.array(Image.open(tmp_path / "images" / view.name))).all()
+
+
+def test_a_lens_is_scaled_with_its_photographs(tmp_path: Path):
+    lens = ("OPENCV", 4, on_small_pictures(REAL["OPENCV"], 2))
+    write_colmap(tmp_path, camera=lens)
+    whole = load_scene(tmp_path).train[0].camera
+    half = load_scene(tmp_path, SceneOptions(downscale=2)).train[0]
+    assert (half.camera.width, half.camera.height) == (round(whole.width / 2), round(whole.height / 2))
+    assert half.camera.focal[0] / half.camera.width == pytest.approx(whole.focal[0] / whole.width)
+    assert half.load().shape == (half.camera.height, half.camera.width, 3)
+    write_photographs(tmp_path / "images", size=(64, 48))
+    large = load_scene(tmp_path).train[0].camera
+    assert large.focal == pytest.approx((4 * whole.focal[0], 4 * whole.focal[1]))
+
+
+def test_a_lens_that_folds_is_refused_with_camera_and_remedy(tmp_path: Path):
+    folder = write_colmap(tmp_path, camera=("SIMPLE_RADIAL", 2, (FOCAL, 8.0, 6.0, -3.0)))
+    with pytest.raises(SceneError, match=r"bin: image '.*' has a lens \(SIMPLE_RADIAL\) .*; find the cameras"):
+        load_scene(folder)
+
+
 @pytest.mark.parametrize(
     ("name", "number", "parameters"),
     [
-        ("SIMPLE_RADIAL", 2, (FOCAL, 8.0, 6.0, 0.01)),
-        ("OPENCV", 4, (FOCAL, FOCAL, 8.0, 6.0, 0.0, 0.0, 0.0, 1e-4)),
-        ("OPENCV_FISHEYE", 5, (FOCAL, FOCAL, 8.0, 6.0, 0.0, 0.0, 0.0, 0.0)),
-        ("SIMPLE_FISHEYE", 14, (FOCAL, 8.0, 6.0)),
+        ("FOV", 7, (FOCAL, FOCAL, 8.0, 6.0, 0.5)),
+        ("THIN_PRISM_FISHEYE", 10, (FOCAL, FOCAL, 8.0, 6.0, *[0.0] * 8)),
+        ("SIMPLE_DIVISION", 12, (FOCAL, 8.0, 6.0, -0.1)),
     ],
 )
 @pytest.mark.parametrize("text", [False, True])

@@ -1,4 +1,4 @@
-"""transforms.json: intrinsics in other pixels than the image's, splits, points, lenses that are refused."""
+"""transforms.json: intrinsics in other pixels than the image's, splits, points, lenses."""
 
 import json
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from lenses import judge, undistorted
 from scene_folders import FOCAL, HEIGHT, WIDTH, nerfstudio_document, result_or_sentence, write_nerfstudio
 
 from ringlight.core.scene import Scene
@@ -74,14 +75,70 @@ def test_an_image_turned_by_a_quarter_is_refused(tmp_path: Path, size: tuple[int
         load_scene(write_nerfstudio(tmp_path, document))
 
 
+K = {"k1": -0.2, "k2": 0.05, "p1": 0.002, "p2": -0.001}
+
+
+@pytest.mark.parametrize(
+    ("fields", "model", "coefficients"),
+    [
+        (K, "OPENCV", (-0.2, 0.05, 0.002, -0.001)),
+        (K | {"camera_model": "PINHOLE"}, "OPENCV", (-0.2, 0.05, 0.002, -0.001)),
+        ({"camera_model": "SIMPLE_RADIAL", "k1": 0.1}, "OPENCV", (0.1, 0.0, 0.0, 0.0)),
+        (
+            K | {"camera_model": "FULL_OPENCV", "k3": 0.01, "k4": 0.2, "k5": 0.02, "k6": 0.003}, "FULL_OPENCV",
+            (-0.2, 0.05, 0.002, -0.001, 0.01, 0.2, 0.02, 0.003),
+        ),
+        (
+            {"camera_model": "OPENCV_FISHEYE", "k1": 0.05, "k2": 0.02, "k3": -0.01, "k4": 0.004}, "OPENCV_FISHEYE",
+            (0.05, 0.02, -0.01, 0.004),
+        ),
+        ({"camera_model": None, "is_fisheye": True, "k1": 0.05}, "OPENCV_FISHEYE", (0.05, 0.0, 0.0, 0.0)),
+        ({"camera_model": "RADIAL_FISHEYE", "k1": 0.05, "k2": 0.01}, "RADIAL_FISHEYE", (0.05, 0.01)),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("per_frame", [False, True])
+def test_photographs_of_a_lens_are_undistorted(
+    tmp_path: Path, fields: dict, model: str, coefficients: tuple, per_frame: bool
+):
+    document = nerfstudio_document()
+    del document["camera_model"], document["k1"]
+    for entry in document["frames"] if per_frame else [document]:
+        entry.update({key: value for key, value in fields.items() if value is not None})
+    scene = load_scene(write_nerfstudio(tmp_path, document))
+    focals = (FOCAL,) if model == "RADIAL_FISHEYE" else (FOCAL, FOCAL)
+    chosen = undistorted(judge(model, (*focals, WIDTH / 2, HEIGHT / 2, *coefficients), WIDTH, HEIGHT))
+    for view in (*scene.train, *scene.test):
+        assert (view.camera.width, view.camera.height) == (chosen.width, chosen.height)
+        assert view.camera.center == pytest.approx((chosen.principal_point_x, chosen.principal_point_y))
+        assert view.load().shape == (chosen.height, chosen.width, 3)
+    assert any(note.startswith("lens: undistorted (") for note in scene.notes)
+
+
+def test_one_frame_may_have_a_lens_of_its_own(tmp_path: Path):
+    document = nerfstudio_document()
+    document["frames"][3] |= {"k1": -0.2}
+    views = {view.name: view.camera for split in ("train", "test") for view in getattr(load(tmp_path, document), split)}
+    assert {name for name, camera in views.items() if camera.width != WIDTH} == {"images/0003.png"}
+
+
+def load(tmp_path: Path, document: dict):
+    return load_scene(write_nerfstudio(tmp_path, document))
+
+
+def test_coefficients_that_programs_read_differently_are_refused(tmp_path: Path):
+    with pytest.raises(SceneError, match=r"frame 0 .* has k4 and k6 in a lens that is no fisheye.*FULL_OPENCV"):
+        load(tmp_path, nerfstudio_document() | {"k4": 0.1, "k6": 0.1})
+    with pytest.raises(SceneError, match=r"frame 0 .*'is_fisheye' and the camera model 'OPENCV'"):
+        load(tmp_path, nerfstudio_document() | {"is_fisheye": True})
+
+
 @pytest.mark.parametrize(
     "lens",
     [
-        {"k1": 0.01}, {"p2": -1e-3}, {"camera_model": "OPENCV_FISHEYE"}, {"camera_model": "EQUIRECTANGULAR"},
-        {"is_fisheye": True}, {"ftheta_p0": 1.0},
+        {"camera_model": "EQUIRECTANGULAR"}, {"camera_model": "FISHEYE624"}, {"ftheta_p0": 1.0}, {"omega": 0.9},
     ],
 )  # fmt: skip
-def test_a_lens_that_is_no_pinhole_is_refused_with_the_remedy(tmp_path: Path, lens: dict):
+def test_a_lens_that_cannot_be_undistorted_is_refused_with_the_remedy(tmp_path: Path, lens: dict):
     with pytest.raises(SceneError, match=r"frame 0 .*undistort the images first \(colmap image_undistorter\)"):
         load_scene(write_nerfstudio(tmp_path, nerfstudio_document() | lens))
     own = nerfstudio_document()

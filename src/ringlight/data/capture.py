@@ -15,6 +15,7 @@ from ringlight.data.masks import with_masks
 from ringlight.data.options import SceneOptions
 from ringlight.data.points import scene_extent, starting_points
 from ringlight.data.splits import Split, split_warnings
+from ringlight.data.undistort import undistortion_note
 from ringlight.errors import SceneError
 
 VALIDATION_EVERY = 10
@@ -52,7 +53,8 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
     background = _background(views, options)
     cameras = [view.camera for view in train]
     points, box, points_note = starting_points(capture.points, cameras, options)
-    about = (_size_note(split.train, train), f"background: {background}", points_note)
+    lens = undistortion_note([frame.undistortion for frame in masked.frames])
+    about = (*lens, _size_note(split.train, train), f"background: {background}", points_note)
     odd = doubts(points.positions, [view.name for view in train], cameras)
     notes = (*capture.notes, *split_notes, *capture.split.warnings, *repeated, *masked.notes, *about, *odd)
     name = folder.resolve().name or "scene"  # the root of a file system has no name
@@ -73,7 +75,8 @@ def _for_validation(split: Split, folder: Path) -> Split:
 def _view(frame: Frame, options: SceneOptions, budget: PixelBudget) -> View:
     width, height = target_size(frame.camera.width, frame.camera.height, options)
     camera = frame.camera.resized(width, height)
-    photograph = Photograph(frame.path, width, height, budget, frame.mask)
+    undistortion = frame.undistortion and frame.undistortion.at(width, height)
+    photograph = Photograph(frame.path, width, height, budget, frame.mask, undistortion)
     return View(frame.name, camera, photograph, frame.has_alpha, photograph.decoded)
 
 

@@ -4,13 +4,14 @@ Rigs and frames (rigs.bin, frames.bin of COLMAP 3.12 and later) add nothing to i
 not read. A model with points but without observations is fine.
 """
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ringlight.core.scene import Scene
 from ringlight.data import colmap_binary, colmap_text
 from ringlight.data.capture import Capture, scene_from
-from ringlight.data.colmap_model import ColmapImage, pinhole
+from ringlight.data.colmap_model import ColmapImage, intrinsics_of
 from ringlight.data.folder import image_inside, require_none_missing, shown
 from ringlight.data.frame import Frame
 from ringlight.data.image_files import read_header
@@ -19,6 +20,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.data.photograph_folder import PhotographFolder, photograph_folder
 from ringlight.data.poses import camera_of, world_to_camera_from_quaternion
 from ringlight.data.splits import split_of
+from ringlight.data.undistort import undistortion_of
 from ringlight.errors import SceneError
 
 LOOKS_FOR = "sparse/0/cameras.bin or .txt"
@@ -45,7 +47,7 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     """The scene of the largest sub-model; every n-th image by name is a test image.
 
     Raises:
-        SceneError: damaged files, images that are missing or outside the folder, a lens that is not a pinhole.
+        SceneError: damaged files, images that are missing or outside the folder, a lens that cannot be undistorted.
     """
     models = [
         SubModel(path, suffix, READERS[suffix].read_images(path / f"images{suffix}"))
@@ -108,23 +110,26 @@ def _frames(model: SubModel, photographs: PhotographFolder, folder: Path) -> lis
 
 
 def _lenses(model: SubModel, images: Path, folder: Path) -> dict[int, Intrinsics]:
-    """The pinholes that the images use; a camera of no image may be of any kind."""
+    """The cameras that the images use, without poses; a camera of no image may be of any kind."""
     source = model.folder / f"cameras{model.suffix}"
     cameras = READERS[model.suffix].read_cameras(source)
+    undistorted = shlex.quote(str(folder / "undistorted"))
     remedy = (
-        f"undistort with: colmap image_undistorter --image_path {images} --input_path {model.folder} "
-        f"--output_path {folder / 'undistorted'}, and train on {folder / 'undistorted'}"
+        f"undistort with: colmap image_undistorter --image_path {shlex.quote(str(images))} "
+        f"--input_path {shlex.quote(str(model.folder))} --output_path {undistorted}, and train on {undistorted}"
     )
     lenses = {}
     for camera_id in sorted({image.camera_id for image in model.images}):
         if camera_id not in cameras:
             raise SceneError(f"{source}: lacks camera {camera_id}, which an image uses; copy the model again")
-        lenses[camera_id] = pinhole(cameras[camera_id], f"{source}: camera {camera_id}", remedy)
+        lenses[camera_id] = intrinsics_of(cameras[camera_id], f"{source}: camera {camera_id}", remedy)
     return lenses
 
 
 def _frame(image: ColmapImage, lens: Intrinsics, path: Path, where: str) -> Frame:
     header = read_header(path)
     pose = world_to_camera_from_quaternion(image.quaternion, image.translation, where)
-    camera = camera_of(pose, lens.on_image(header.width, header.height, where))
-    return Frame(image.name, path, camera, header)
+    photographed = lens.on_image(header.width, header.height, where)
+    undistortion = undistortion_of(photographed, where)
+    camera = camera_of(pose, undistortion.pinhole if undistortion else photographed)
+    return Frame(image.name, path, camera, header, undistortion=undistortion)

@@ -1,4 +1,4 @@
-"""COLMAP's records: cameras, registered images, and which of its camera models are a pinhole."""
+"""COLMAP's records: cameras, registered images, and what its camera models mean."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from ringlight.core.scene import PointCloud
 from ringlight.data.folder import shown
-from ringlight.data.intrinsics import Intrinsics, checked_intrinsics
+from ringlight.data.intrinsics import Intrinsics, checked_intrinsics, checked_lens
 from ringlight.data.poses import MAX_COORDINATE
 from ringlight.errors import SceneError
 
@@ -17,39 +17,40 @@ from ringlight.errors import SceneError
 class CameraModel:
     """One of COLMAP's camera models: its name, how many parameters it has, and how many of them are focal lengths.
 
-    Parameters are stored as focal lengths, centre x, centre y, distortion. ``is_perspective`` says that the model is
-    a pinhole when its distortion is zero; a fisheye model projects by angle even then.
+    Parameters are stored as focal lengths, centre x, centre y, distortion. ``coefficients`` are OpenCV's names of the
+    last; None where the model has others, which are not supported unless they are zero. A model ``by_angle`` (fisheye)
+    is no pinhole even then.
     """
 
     name: str
     parameters: int
     focals: int
-    is_perspective: bool
+    coefficients: str | None
+    by_angle: bool = False
 
 
-CAMERA_MODELS: dict[int, CameraModel] = {
-    number: CameraModel(*model)
-    for number, model in enumerate(
+CAMERA_MODELS = dict(
+    enumerate(
         [
-            ("SIMPLE_PINHOLE", 3, 1, True),
-            ("PINHOLE", 4, 2, True),
-            ("SIMPLE_RADIAL", 4, 1, True),
-            ("RADIAL", 5, 1, True),
-            ("OPENCV", 8, 2, True),
-            ("OPENCV_FISHEYE", 8, 2, False),
-            ("FULL_OPENCV", 12, 2, True),
-            ("FOV", 5, 2, True),
-            ("SIMPLE_RADIAL_FISHEYE", 4, 1, False),
-            ("RADIAL_FISHEYE", 5, 1, False),
-            ("THIN_PRISM_FISHEYE", 12, 2, False),
-            ("RAD_TAN_THIN_PRISM_FISHEYE", 16, 2, False),
-            ("SIMPLE_DIVISION", 4, 1, True),
-            ("DIVISION", 5, 2, True),
-            ("SIMPLE_FISHEYE", 3, 1, False),
-            ("FISHEYE", 4, 2, False),
+            CameraModel("SIMPLE_PINHOLE", 3, 1, ""),
+            CameraModel("PINHOLE", 4, 2, ""),
+            CameraModel("SIMPLE_RADIAL", 4, 1, "k1"),
+            CameraModel("RADIAL", 5, 1, "k1 k2"),
+            CameraModel("OPENCV", 8, 2, "k1 k2 p1 p2"),
+            CameraModel("OPENCV_FISHEYE", 8, 2, "k1 k2 k3 k4", True),
+            CameraModel("FULL_OPENCV", 12, 2, "k1 k2 p1 p2 k3 k4 k5 k6"),
+            CameraModel("FOV", 5, 2, None),
+            CameraModel("SIMPLE_RADIAL_FISHEYE", 4, 1, "k1", True),
+            CameraModel("RADIAL_FISHEYE", 5, 1, "k1 k2", True),
+            CameraModel("THIN_PRISM_FISHEYE", 12, 2, None, True),
+            CameraModel("RAD_TAN_THIN_PRISM_FISHEYE", 16, 2, None, True),
+            CameraModel("SIMPLE_DIVISION", 4, 1, None),
+            CameraModel("DIVISION", 5, 2, None),
+            CameraModel("SIMPLE_FISHEYE", 3, 1, "", True),
+            CameraModel("FISHEYE", 4, 2, "", True),
         ]
     )
-}
+)
 """By the number that cameras.bin uses (https://colmap.github.io/cameras.html)."""
 
 MODELS_BY_NAME = {model.name: model for model in CAMERA_MODELS.values()}
@@ -76,25 +77,26 @@ class ColmapImage:
     translation: Float[np.ndarray, "3"]
 
 
-def pinhole(camera: ColmapCamera, where: str, remedy: str) -> Intrinsics:
-    """The camera as a pinhole; COLMAP's pixel centres lie at .5, as ours do.
+def intrinsics_of(camera: ColmapCamera, where: str, remedy: str) -> Intrinsics:
+    """The camera without a pose; COLMAP's pixel centres lie at .5, as ours do.
 
     Raises:
-        SceneError: a lens with distortion, a model that is none of a perspective lens, unusable numbers.
+        SceneError: a model that is not supported, unusable numbers.
     """
     model = MODELS_BY_NAME.get(camera.model)
-    if model is None or not model.is_perspective:
-        raise SceneError(f"{where} has the camera model {shown(camera.model)}, which is not a pinhole; {remedy}")
+    if model is None:
+        raise SceneError(f"{where} has the camera model {shown(camera.model)}, which is not known; {remedy}")
     if len(camera.parameters) != model.parameters:
         counts = f"{len(camera.parameters)} parameters where {model.name} has {model.parameters}"
         raise SceneError(f"{where} has {counts}; copy the model again")
     focal, center = camera.parameters[: model.focals], camera.parameters[model.focals : model.focals + 2]
-    if any(camera.parameters[model.focals + 2 :]):
-        raise SceneError(
-            f"{where} has the camera model {shown(camera.model)} with distortion that is not zero; {remedy}"
-        )
+    distortion = camera.parameters[model.focals + 2 :]
+    if model.coefficients is None and (model.by_angle or any(distortion)):
+        raise SceneError(f"{where} has the camera model {model.name!r}, which cannot be undistorted here; {remedy}")
+    named = dict(zip((model.coefficients or "").split(), distortion, strict=False))
+    lens = checked_lens(model.name, model.by_angle, named, where)
     size = (float(camera.width), float(camera.height))
-    return checked_intrinsics((focal[0], focal[-1]), (center[0], center[1]), size, where)
+    return checked_intrinsics((focal[0], focal[-1]), (center[0], center[1]), size, where, lens)
 
 
 def cloud_of(rows: Float[np.ndarray, "P 6"]) -> PointCloud:

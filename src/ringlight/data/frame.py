@@ -6,18 +6,21 @@ from pathlib import Path
 from ringlight.core.camera import Camera
 from ringlight.data.image_files import ImageHeader
 from ringlight.data.mask_files import MaskFile
+from ringlight.data.undistort import Undistortion
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One image file and its camera. ``name`` is the path below the images' folder, with slashes; the camera has
-    the size of the file; ``mask`` becomes its alpha, where there is one."""
+    """One image file and its camera. ``name`` is the path below the images' folder, with slashes; the camera has the
+    size of the file, or of the picture that ``undistortion`` makes of it; ``mask`` becomes its alpha, where there is
+    one."""
 
     name: str
     path: Path
     camera: Camera
     header: ImageHeader
     mask: MaskFile | None = None
+    undistortion: Undistortion | None = None
 
     @property
     def has_alpha(self) -> bool:

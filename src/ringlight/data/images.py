@@ -20,6 +20,7 @@ from PIL import Image
 from ringlight.data.image_files import decoded
 from ringlight.data.mask_files import MaskFile
 from ringlight.data.options import SceneOptions
+from ringlight.data.undistort import Undistortion
 
 FILTER_NOTE = "Lanczos (3 lobes, antialiased, on colours premultiplied by alpha)"
 """What every scene with shrunk images states."""
@@ -68,14 +69,15 @@ class PixelBudget:
 
 @dataclass
 class Photograph:
-    """An image file at a chosen size, with its mask as alpha; call it for the pixels, which are decoded once, and kept
-    while ``budget`` lasts. Several threads may call it."""
+    """An image file at a chosen size, with its mask as alpha, undistorted where its lens needs it; call it for the
+    pixels, which are decoded once, and kept while ``budget`` lasts. Several threads may call it."""
 
     path: Path
     width: int
     height: int
     budget: PixelBudget | None = None
     mask: MaskFile | None = None
+    undistortion: Undistortion | None = None
     pixels: UInt8[np.ndarray, "H W C"] | None = field(default=None, init=False, repr=False)
     _lock: OwnLock = field(default_factory=OwnLock, init=False, repr=False, compare=False)
 
@@ -100,7 +102,9 @@ class Photograph:
         colors = decoded(self.path)
         if self.mask is not None:
             colors = self.mask.laid_over(colors)
-        if colors.size != (self.width, self.height):
+        taken = self.undistortion.photograph if self.undistortion else self
+        if colors.size != (taken.width, taken.height):
             # Pillow premultiplies RGBA by itself around every filter but NEAREST.
-            colors = colors.resize((self.width, self.height), Image.Resampling.LANCZOS)
-        return np.array(colors)
+            colors = colors.resize((taken.width, taken.height), Image.Resampling.LANCZOS)
+        pixels = np.array(colors)
+        return self.undistortion(pixels) if self.undistortion else pixels

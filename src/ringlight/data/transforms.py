@@ -9,22 +9,28 @@ from pathlib import Path
 from ringlight.data.folder import image_inside, require_none_missing, shown
 from ringlight.data.frame import Frame
 from ringlight.data.image_files import ImageHeader, read_header
-from ringlight.data.intrinsics import Intrinsics, checked_intrinsics
+from ringlight.data.intrinsics import COEFFICIENTS, Intrinsics, checked_intrinsics, checked_lens
 from ringlight.data.json_fields import Fields, number, pose_matrix, text
+from ringlight.data.lens import Lens
 from ringlight.data.mask_files import MaskFile
 from ringlight.data.poses import camera_of, world_to_camera_from_opengl
+from ringlight.data.undistort import undistortion_of
 from ringlight.errors import SceneError
-
-DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "omega")
-"""Lens coefficients that nerfstudio and instant-ngp write; a pinhole has none."""
 
 PERSPECTIVE_MODELS = frozenset(
     {"PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV", "PERSPECTIVE"}
 )
-"""Values of ``camera_model`` that are a pinhole once their coefficients are zero; a fisheye lens never is."""
+"""Values of ``camera_model`` that are a pinhole once their coefficients are zero; as in nerfstudio each of them may
+have all that OPENCV has, whatever its name."""
 
-OTHER_PROJECTIONS = ("is_fisheye", "ftheta_p0", "latlong", "equirectangular", "orthographic")
-"""Keys by which instant-ngp announces a lens that is not a pinhole."""
+FISHEYE_MODELS = frozenset({"OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE"})
+"""Values of ``camera_model`` that project by angle."""
+
+DIVISOR = ("k4", "k5", "k6")
+"""Coefficients of a perspective lens that only FULL_OPENCV defines."""
+
+OTHER_PROJECTIONS = ("ftheta_p0", "latlong", "equirectangular", "orthographic", "omega")
+"""Keys by which instant-ngp announces a lens that is not one of OpenCV's."""
 
 
 def read_frames(document: Fields, file: Path) -> list[Frame]:
@@ -55,9 +61,11 @@ def read_frames(document: Fields, file: Path) -> list[Frame]:
 def _frame(fields: Fields, path: Path, base: Path, where: str) -> Frame:
     header = read_header(path)
     pose = world_to_camera_from_opengl(pose_matrix(fields, where), where)
-    camera = camera_of(pose, read_intrinsics(fields, header, where))
+    photographed = read_intrinsics(fields, header, where)
+    undistortion = undistortion_of(photographed, where)
+    camera = camera_of(pose, undistortion.pinhole if undistortion else photographed)
     name = path.relative_to(base.resolve()).as_posix()
-    return Frame(name, path, camera, header, _mask(fields, base, where))
+    return Frame(name, path, camera, header, _mask(fields, base, where), undistortion)
 
 
 def _mask(fields: Fields, base: Path, where: str) -> MaskFile | None:
@@ -73,9 +81,9 @@ def read_intrinsics(fields: Fields, header: ImageHeader, where: str) -> Intrinsi
     given for one axis holds for the other (square pixels); the centre defaults to the middle.
 
     Raises:
-        SceneError: no focal length, a lens with distortion or another projection, unusable numbers.
+        SceneError: no focal length, a lens that cannot be undistorted, unusable numbers.
     """
-    _require_pinhole(fields, where)
+    lens = read_lens(fields, where)
     width = number(fields, "w", where, float(header.width))
     height = number(fields, "h", where, float(header.height))
     focal_x, focal_y = _focal(fields, "x", width, where), _focal(fields, "y", height, where)
@@ -84,7 +92,8 @@ def read_intrinsics(fields: Fields, header: ImageHeader, where: str) -> Intrinsi
         raise SceneError(f"{where} has neither 'fl_x' nor 'camera_angle_x'; export the cameras with a focal length")
     focal = (either if focal_x is None else focal_x, either if focal_y is None else focal_y)
     center = (number(fields, "cx", where, width / 2), number(fields, "cy", where, height / 2))
-    return checked_intrinsics(focal, center, (width, height), where).on_image(header.width, header.height, where)
+    camera = checked_intrinsics(focal, center, (width, height), where, lens)
+    return camera.on_image(header.width, header.height, where)
 
 
 def _focal(fields: Fields, axis: str, side: float, where: str) -> float | None:
@@ -97,15 +106,31 @@ def _focal(fields: Fields, axis: str, side: float, where: str) -> float | None:
     return 0.5 * side / math.tan(0.5 * angle)
 
 
-def _require_pinhole(fields: Fields, where: str) -> None:
-    """Refuse lenses that bend rays: the rasterizers project through a pinhole."""
+def read_lens(fields: Fields, where: str) -> Lens:
+    """The lens by ``camera_model`` (nerfstudio) or ``is_fisheye`` (instant-ngp) and the coefficients k1 to k6, p1, p2.
+
+    Raises:
+        SceneError: another projection, or coefficients that programs read differently.
+    """
     remedy = "undistort the images first (colmap image_undistorter) and train on its output"
-    model = text(fields, "camera_model", where)
-    if model is not None and model.upper() not in PERSPECTIVE_MODELS:
-        raise SceneError(f"{where} has the camera model {shown(model)}, which is not a pinhole; {remedy}")
+    stated = text(fields, "camera_model", where)
+    fisheye = bool(fields.get("is_fisheye"))
+    model = stated.upper() if stated else "OPENCV_FISHEYE" if fisheye else "OPENCV"
+    if model not in PERSPECTIVE_MODELS | FISHEYE_MODELS:
+        raise SceneError(
+            f"{where} has the camera model {shown(stated or model)}, which cannot be undistorted here; {remedy}"
+        )
     projection = next((key for key in OTHER_PROJECTIONS if fields.get(key)), None)
     if projection is not None:
-        raise SceneError(f"{where} has a lens that is not a pinhole ({projection!r}); {remedy}")
-    bent = [name for name in DISTORTION if number(fields, name, where, None)]
-    if bent:
-        raise SceneError(f"{where} has a lens with distortion ({', '.join(bent)} not zero); {remedy}")
+        raise SceneError(f"{where} has a lens that cannot be undistorted here ({projection!r}); {remedy}")
+    if fisheye and model in PERSPECTIVE_MODELS:
+        raise SceneError(f"{where} has 'is_fisheye' and the camera model {stated!r}, of which one is wrong; remove it")
+    given = {name: value for name in COEFFICIENTS if (value := number(fields, name, where, 0.0))}
+    unclear = [name for name in DIVISOR if name in given]
+    if unclear and model in PERSPECTIVE_MODELS - {"FULL_OPENCV"}:
+        raise SceneError(
+            f"{where} has {' and '.join(unclear)} in a lens that is no fisheye, which programs read differently; state "
+            "'camera_model' FULL_OPENCV if they are OpenCV's"
+        )
+    name = "OPENCV" if "PINHOLE" in model or model == "PERSPECTIVE" else model
+    return checked_lens(name, model in FISHEYE_MODELS, given, where)
