@@ -49,6 +49,6 @@ fi
 say "ringlight: installing dependencies (with triton, whose kernels the tests interpret: 300 MB, once)"
 pip install -c constraints.txt "scikit-build-core" "nanobind" "cmake" "ninja"
 say "ringlight: building the kernels"
-pip install --no-build-isolation -c constraints.txt --editable ".[dev,video]"
+pip install --no-build-isolation -c constraints.txt --editable ".[dev,sfm,video]"
 touch "$STAMP"
 say "ringlight: ready"

@@ -38,6 +38,7 @@ class Stopped(Exception):
 
 VERBS = {
     "demo": "train on a bundled scene and compare with 3DGS: start here",
+    "poses": "find the cameras of photographs, or of a film",
     "train": "learn a scene from a folder of posed photographs",
     "eval": "measure a model on held-out photographs",
     "render": "pictures or video: test views, an orbit, a path; base colour, residual, depth, ...",

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -12,6 +12,7 @@ from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.poses import scene_with_cameras
 from ringlight.cli.run_training import RunOptions, check_steps, train_and_measure
 from ringlight.cli.verifying import verify_run
 from ringlight.data.options import SceneOptions
@@ -38,6 +39,8 @@ class TrainArguments:
     """Folder of photographs with cameras: COLMAP, Blender/NeRF-Synthetic or nerfstudio layout."""
     method: Method
     options: Annotated[SceneOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=SceneOptions)
+    poses: Literal["given", "auto"] = "given"
+    """auto: where SCENE has no cameras they are found first, as by 'ringlight poses SCENE'."""
     running: Annotated[RunOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=RunOptions)
     out: MaybeFolder = None
     """Run folder to make; by default runs/SCENE-METHOD."""
@@ -96,14 +99,13 @@ def _start(arguments: list[str]) -> int:
 
     use_threads(asked.running.threads)
     tell_of_build(asked.device)
+    scene = asked.scene if asked.poses == "given" else scene_with_cameras(asked.scene, asked.running)
     if asked.verify is not None:
         if asked.from_ is not None:
             raise RecipeError("--verify begins at the scene's points; leave out --from")
-        return verify_run(asked.scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
-    out = asked.out or free_folder(Path("runs") / f"{asked.scene.resolve().name}-{preset}")
-    session = Session.start(
-        out, asked.scene, preset, asked.method, asked.options, asked.seed, asked.device, asked.from_
-    )
+        return verify_run(scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
+    out = asked.out or free_folder(Path("runs") / f"{scene.resolve().name}-{preset}")
+    session = Session.start(out, scene, preset, asked.method, asked.options, asked.seed, asked.device, asked.from_)
     return _train(session, asked.running)
 
 

@@ -61,6 +61,11 @@ def _kept_folder(path: Path, named: str) -> str:
     return named if named in (FOUND, UNUSED) or (path / named).is_dir() else str(Path(named).resolve())
 
 
+def has_cameras(folder: Path) -> bool:
+    """Whether any format recognises the folder."""
+    return folder.is_dir() and any(module.recognises(folder) for module in FORMATS.values())
+
+
 def _format_of(folder: Path, options: SceneOptions) -> ModuleType:
     asked = FORMATS if options.format == "auto" else {options.format: FORMATS[options.format]}
     for module in asked.values():

@@ -21,7 +21,7 @@ class RunLock:
     Raises RunError that names the process which holds it. Disks that know no locks (some of networks) lock nobody out.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, doing: str = "is training this run"):
         self._handle: int | None = None
         if fcntl is None:
             return
@@ -31,7 +31,7 @@ class RunLock:
         except BlockingIOError:
             self.release()
             remedy = "wait until that has ended, or stop it"
-            raise RunError(f"{folder}: {_holder(folder)} is training this run; {remedy}") from None
+            raise RunError(f"{folder}: {_holder(folder)} {doing}; {remedy}") from None
         except OSError:
             self.release()
 

@@ -1,0 +1,91 @@
+"""``ringlight poses PHOTOS [OUT]``: find the cameras of photographs, or of a film."""
+
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ringlight.cli.deferred_end import ended_in_order
+from ringlight.cli.parse import parse
+from ringlight.cli.stages import StageLine
+from ringlight.errors import RecipeError
+from ringlight.poses.options import PosesOptions
+
+if TYPE_CHECKING:
+    from ringlight.cli.run_training import RunOptions
+    from ringlight.poses.report import PosesReport
+
+
+@dataclass(frozen=True)
+class PosesArguments:
+    """Find the cameras of photographs, or of a film, by COLMAP's structure from motion (needs the [sfm] extra).
+
+    Writes a scene that 'ringlight train' takes: images/ (hard links, or copies on another disk), sparse/0, the picture
+    cameras.png and the report poses.json. The photographs stay where they are. The same command goes on where a
+    stopped one was.
+    """
+
+    photos: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PHOTOS")]
+    """Folder of photographs, or a film (which needs the [video] extra)."""
+    out: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[OUT]")] = None
+    """Scene folder to make; by default PHOTOS-scene, beside the photographs."""
+    options: Annotated[PosesOptions, tyro.conf.arg(name="")] = field(default_factory=PosesOptions)
+    threads: int = 0
+    """Threads; 0 takes every core."""
+    json: bool = False
+    """Print the report as JSON on standard output."""
+    quiet: bool = False
+    """No progress line."""
+
+    def __post_init__(self) -> None:
+        if self.threads < 0:
+            raise RecipeError(f"--threads is {self.threads}; give a number of threads, or 0 for every core")
+
+
+def main(arguments: list[str]) -> int:
+    """Find cameras; returns the exit code."""
+    asked = parse(PosesArguments, "poses", arguments)
+    from ringlight.data.unposed import scene_beside
+
+    out = asked.out or scene_beside(asked.photos)
+    report = poses_with_progress(asked.photos, out, asked.options, asked.threads, asked.quiet)
+    _print(report, asked.json)
+    return 0
+
+
+def poses_with_progress(photos: Path, out: Path, options: PosesOptions, threads: int, quiet: bool) -> "PosesReport":
+    """The report; a signal ends the work in order, and the same command goes on."""
+    from ringlight.data.unposed import poses_command
+    from ringlight.poses.run import find_poses
+
+    with ended_in_order(f"go on with: {poses_command(photos, out)}"), StageLine(quiet) as line:
+        return find_poses(photos, out, options, threads, line)
+
+
+def scene_with_cameras(photos: Path, running: "RunOptions") -> Path:
+    """``photos`` where it has cameras, else the scene beside it, once its cameras are found."""
+    from ringlight.data.load import has_cameras
+    from ringlight.data.unposed import scene_beside
+
+    if has_cameras(photos):
+        return photos
+    out = scene_beside(photos)
+    report = poses_with_progress(photos, out, PosesOptions(), running.threads, running.quiet)
+    sys.stderr.write("".join(f"{line}\n" for line in report.lines()))
+    return out
+
+
+def _print(report: "PosesReport", as_json: bool) -> None:
+    import shlex
+
+    from ringlight.measure.json_record import to_json
+
+    if as_json:
+        sys.stdout.write(to_json(asdict(report)))
+        return
+    sys.stdout.write("".join(f"{line}\n" for line in report.lines()))
+    sys.stderr.write(
+        f"cameras and points: {report.picture}\ntrain with: ringlight train {shlex.quote(report.scene)} ringlight\n"
+    )
