@@ -43,7 +43,8 @@ def findings() -> Iterator[Finding]:
     yield _openmp()
     yield _self_test()
     yield from _lpips()
-    yield _films()
+    yield _optional("av", "av", "films as mp4, and cameras of films", "video")
+    yield _optional("COLMAP", "pycolmap", "cameras of photographs, by 'ringlight poses'", "sfm")
     yield from _gpu()
     yield _disk()
 
@@ -170,14 +171,14 @@ def _lpips() -> Iterator[Finding]:
             yield Finding(f"LPIPS {net}", "ok", "weights are here")
 
 
-def _films() -> Finding:
-    if importlib.util.find_spec("av") is None:
-        return Finding("av", "missing", "optional: films as mp4", 'pip install "ringlight[video]"')
+def _optional(name: str, package: str, does: str, extra: str) -> Finding:
+    if importlib.util.find_spec(package) is None:
+        return Finding(name, "missing", f"optional: {does}", f'pip install "ringlight[{extra}]"')
     try:
-        number = version("av")
+        number = version(package)
     except PackageNotFoundError:
         number = "of unknown version"
-    return Finding("av", "ok", f"{number}: films as mp4")
+    return Finding(name, "ok", f"{number}: {does}")
 
 
 def _disk() -> Finding:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from ringlight.errors import SceneError
 from ringlight.files.atomic import written_atomically
 from ringlight.files.video import video_library
+from ringlight.poses.photographs import safe_names
 
 WIDTH = 320
 """At which motion and sharpness are measured, pixels."""
@@ -57,8 +58,7 @@ def take_frames(film: Path, images: Path, most: int, tell: Callable[[int, int], 
     chosen = choose(looks, most)
     if len(chosen) < FEWEST_FRAMES:
         raise SceneError(f"{film}: {_why_too_few(looks)}; film again, walking slowly around the subject in good light")
-    names = {index: f"{film.stem}-{index:06d}.jpg" for index in chosen}
-    names = {index: name.replace(" ", "_") for index, name in names.items()}
+    names = dict(zip(chosen, safe_names([Path(f"{film.stem}-{index:06d}.jpg") for index in chosen]), strict=True))
     for index, frame in enumerate(_frames(film)):
         if index in names and not (images / names[index]).exists():
             with written_atomically(images / names[index]) as file:
