@@ -105,3 +105,15 @@ def test_a_damaged_photograph_is_refused_and_not_linked(tmp_path: Path, folders:
     with pytest.raises(SceneError, match=r"a\.jpg: not a readable image"):
         take(path, "a.jpg", folders)
     assert not list(folders.images.iterdir())
+
+
+def test_what_colmap_cannot_read_becomes_a_png(tmp_path: Path, folders: SceneFolders):
+    path = tmp_path / "a.avif"
+    exif = Image.Exif()
+    exif[0x010F] = "Maker"
+    Image.new("RGB", (30, 20), (200, 100, 50)).save(path, exif=exif)
+    assert safe_names([path]) == ["a.png"]
+    taken = take(path, "a.png", folders)
+    assert (taken.orientation, taken.has_exif_camera) == (1, True)
+    with Image.open(folders.images / "a.png") as image:
+        assert (image.format, image.size) == ("PNG", (30, 20))

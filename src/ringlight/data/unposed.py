@@ -3,9 +3,9 @@
 import shlex
 from pathlib import Path
 
-PHOTOGRAPHS = frozenset([".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp"])
+PHOTOGRAPHS = frozenset([".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".heic", ".heif", ".avif"])
 FILMS = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts"])
-"""Suffixes, in lower case, of what COLMAP and PyAV read in any build."""
+"""Suffixes, in lower case, of what Pillow and PyAV read, with their plugins."""
 
 USUAL_FOLDERS = ("", "images", "input", "photos", "rgb")
 """Where photographs lie below a scene's folder."""

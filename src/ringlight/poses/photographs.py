@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from ringlight.data.images import Photograph, read_header
+from ringlight.data.image_files import decoded, opened, read_header
 from ringlight.data.unposed import PHOTOGRAPHS, USUAL_FOLDERS
 from ringlight.errors import SceneError
 from ringlight.files.atomic import written_atomically
@@ -32,6 +32,9 @@ GREY = 128
 
 OPAQUE = 128
 """Least alpha, of 255, of a pixel that shows the subject."""
+
+CONVERTED = frozenset([".heic", ".heif", ".avif"])
+"""Suffixes of what COLMAP cannot read: the new scene gets a PNG of it."""
 
 ENCODED_AS = {".png": "PNG", ".webp": "WEBP", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffixes of what can be transparent."""
@@ -113,6 +116,7 @@ def safe_names(paths: Sequence[Path]) -> list[str]:
     names = []
     for path in paths:
         stem, suffix = UNSAFE.sub("_", path.stem), path.suffix.lower()
+        suffix = ".png" if suffix in CONVERTED else suffix
         name, number = stem + suffix, 2
         while name in taken:
             name, number = f"{stem}-{number}{suffix}", number + 1
@@ -131,19 +135,26 @@ def take(path: Path, name: str, folders: SceneFolders) -> Taken:
     header = read_header(path)
     is_cut_out = False
     if header.has_alpha or not (folders.images / name).exists():
-        pixels = Photograph(path, header.width, header.height)()
+        pixels = np.array(decoded(path))
         is_cut_out = pixels.shape[2] == 4 and bool((pixels[..., 3] < OPAQUE).any())
         if is_cut_out:
             _cut_out(pixels, name, folders)
     _place(path, folders.images / name)
-    orientation, camera = _exif(path)
+    orientation, camera = _exif(folders.images / name)
     lens = (str(header.width), str(header.height), "cut-out" if is_cut_out else "", *camera)
     return Taken(name, path, orientation, lens, any(camera), is_cut_out)
 
 
 def _place(path: Path, target: Path) -> None:
-    """A hard link, or else a copy."""
+    """A hard link, or else a copy; a PNG of what COLMAP cannot read."""
     if target.exists():
+        return
+    if path.suffix.lower() in CONVERTED:
+        with opened(path) as image:
+            exif = image.getexif()
+        exif[ORIENTATION] = 1  # its decoder has turned it
+        with written_atomically(target) as file:
+            decoded(path).save(file, "PNG", exif=exif)
         return
     try:
         os.link(path.resolve(), target)
@@ -168,7 +179,7 @@ def _cut_out(pixels: np.ndarray, name: str, folders: SceneFolders) -> None:
 def _exif(path: Path) -> tuple[int, tuple[str, str, str, str]]:
     """Orientation (1 where nothing is said), and maker, model, lens and focal length as they stand, or empty."""
     try:
-        with Image.open(path) as image:
+        with opened(path) as image:
             exif = image.getexif()
             inner = exif.get_ifd(EXIF_FOLDER)
     except Exception:  # a photograph is good without, and damaged EXIF raises anything
