@@ -31,8 +31,8 @@ def ignore(stage: str, done: int, total: int) -> None:
     """Nobody watches."""
 
 
-def found(source: Path, out: Path, options: PosesOptions = PINHOLE) -> PosesReport:
-    return find_poses(source, out, options, 1, ignore)
+def found(source: Path, out: Path, options: PosesOptions = PINHOLE, threads: int = 1) -> PosesReport:
+    return find_poses(source, out, options, threads, ignore)
 
 
 def model_bytes(scene: Path) -> dict[str, bytes]:
@@ -99,11 +99,11 @@ def test_the_scene_can_be_trained_on_and_the_photographs_are_untouched(
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_bits_and_a_complete_run_is_not_done_again(
+def test_any_number_of_threads_gives_the_same_bits_and_a_complete_run_is_not_done_again(
     room: tuple[Path, list[Shot]], posed: tuple[Path, PosesReport], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     out, report = posed
-    found(room[0], tmp_path / "again")
+    found(room[0], tmp_path / "again", threads=3)
     assert model_bytes(tmp_path / "again") == model_bytes(out)
 
     def never(*words: object) -> None:

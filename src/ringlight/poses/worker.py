@@ -25,6 +25,9 @@ Tell = Callable[[int, int], None]
 PAIRS_AT_ONCE = 100
 """Pairs between two lines of progress, all kept by COLMAP once compared."""
 
+MAPPING_THREADS = 1
+"""Ceres adds up in the order in which threads get done: with more, no two runs give the same bits."""
+
 FEWEST_REGISTERED = 3
 """Photographs of a model; two say nothing that a third confirms."""
 
@@ -123,11 +126,11 @@ def _map(mapper: str, order: dict[str, Any], scratch: Path, tell: Tell) -> list[
         shutil.copyfile(order["database"], own)
         pycolmap.calibrate_view_graph(str(own))
         many = pycolmap.GlobalPipelineOptions()
-        many.random_seed, many.num_threads, many.min_model_size = order["seed"], order["threads"], FEWEST_REGISTERED
+        many.random_seed, many.num_threads, many.min_model_size = order["seed"], MAPPING_THREADS, FEWEST_REGISTERED
         found = pycolmap.global_mapping(str(own), order["images"], str(scratch), many)
         return [model for model in found.values() if model.num_reg_images() >= FEWEST_REGISTERED]
     options = pycolmap.IncrementalPipelineOptions()
-    options.random_seed, options.num_threads = order["seed"], order["threads"]
+    options.random_seed, options.num_threads = order["seed"], MAPPING_THREADS
     options.min_model_size = FEWEST_REGISTERED
     placed = [2]
 
