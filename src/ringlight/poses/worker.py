@@ -45,13 +45,9 @@ def seek_features(order: dict[str, Any], tell: Tell) -> None:
     done, total = 0, sum(len(group["names"]) for group in order["groups"])
     at_once = max(4, 2 * (order["threads"] if order["threads"] > 0 else os.cpu_count() or 1))
     for group in order["groups"]:
+        reader = _enrol(order["database"], group)
         for start in range(0, len(group["names"]), at_once):
             names = group["names"][start : start + at_once]
-            reader = pycolmap.ImageReaderOptions()
-            reader.camera_model = group["model"]
-            reader.existing_camera_id = _camera_of(order["database"], group["lens_of"])
-            if group["masks"]:
-                reader.mask_path = group["masks"]
             pycolmap.extract_features(
                 order["database"],
                 group["images"],
@@ -64,12 +60,31 @@ def seek_features(order: dict[str, Any], tell: Tell) -> None:
             tell(done, total)
 
 
-def _camera_of(database_path: str, names: list[str]) -> int:
-    """The lens of the first of these photographs that the database knows; -1 if it knows none."""
+def _enrol(database_path: str, group: dict[str, Any]) -> Any:
+    """Give the photographs of a group their numbers, in order and through one lens; returns how they are read.
+
+    Left to the threads that seek features, the numbers would be given in the order in which they get done.
+    """
     import pycolmap
 
     with pycolmap.Database.open(database_path) as database:
         known = {image.name: image.camera_id for image in database.read_all_images()}
+    reader = pycolmap.ImageReaderOptions()
+    reader.camera_model = group["model"]
+    reader.existing_camera_id = _camera_of(known, group["lens_of"])
+    new = [name for name in group["names"] if name not in known]
+    if new:
+        pycolmap.import_images(database_path, group["images"], pycolmap.CameraMode.SINGLE, new, reader)
+        with pycolmap.Database.open(database_path) as database:
+            known = {image.name: image.camera_id for image in database.read_all_images()}
+        reader.existing_camera_id = _camera_of(known, group["lens_of"])
+    if group["masks"]:
+        reader.mask_path = group["masks"]
+    return reader
+
+
+def _camera_of(known: dict[str, int], names: list[str]) -> int:
+    """The lens of the first of these photographs that is known; -1 if none is."""
     return next((known[name] for name in names if name in known), -1)
 
 
