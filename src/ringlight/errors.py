@@ -44,4 +44,4 @@ class BackendError(RinglightError):
 
 
 class FallbackWarning(UserWarning):
-    """Something slower takes the place of what this machine has but cannot use; the message says why."""
+    """Something slower, or nothing, takes the place of what this machine has but cannot use; the message says why."""

@@ -11,12 +11,14 @@ import pytest
 import torch
 from cli_session import QUICK, SMALL_LIGHT
 from command import Command
+from safetensors.torch import save_file
 from scenes_on_disk import picture
 
 from ringlight.cli import checks
 from ringlight.cli.progress import announce
 from ringlight.files.ply import read_gaussian_ply
 from ringlight.fit.train import Progress
+from ringlight.measure.lpips import tensor_shapes
 from ringlight.measure.picture_names import picture_name
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
@@ -367,8 +369,8 @@ def test_lpips_weights_are_fetched_once(tmp_path: Path, ringlight: Command, monk
     def fetch(destination: Path, archive: Path | None, progress: object) -> list[Path]:
         asked.append(archive)
         made = [destination / f"lpips-{net}.safetensors" for net in ("alex", "vgg")]
-        for path in made:
-            path.write_bytes(b"weights")
+        for net, path in zip(("alex", "vgg"), made, strict=True):
+            save_file({name: torch.zeros(shape) for name, shape in tensor_shapes(net).items()}, path)
         return made
 
     monkeypatch.setenv("RINGLIGHT_CACHE", str(tmp_path))

@@ -159,13 +159,15 @@ def _gpu() -> Iterator[Finding]:
 
 def _lpips() -> Iterator[Finding]:
     try:
-        from ringlight.measure.lpips import weights_status
+        from ringlight.measure.lpips import weights_damaged, weights_status
     except ImportError as error:
         yield Finding("LPIPS", "problem", f"not possible: {error}", "see above")
         return
     for net in ("alex", "vgg"):
         complaint = weights_status(net)
-        if complaint:
+        if complaint == weights_damaged(net):
+            yield Finding(f"LPIPS {net}", "problem", "weights are damaged", "ringlight fetch-lpips")
+        elif complaint:
             yield Finding(f"LPIPS {net}", "missing", "weights are not here", "ringlight fetch-lpips")
         else:
             yield Finding(f"LPIPS {net}", "ok", "weights are here")

@@ -1,5 +1,6 @@
 """The measures of a model on held-out views: every image, their means, and the pooled PSNR."""
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from statistics import fmean
@@ -12,9 +13,9 @@ from torch import Tensor
 from ringlight.core.camera import Camera, picture_sizes
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import View
-from ringlight.errors import SceneError
+from ringlight.errors import FallbackWarning, SceneError
 from ringlight.measure import metrics
-from ringlight.measure.lpips import SMALLEST, Lpips, Net, weights_status
+from ringlight.measure.lpips import SMALLEST, Lpips, Net, weights_damaged, weights_fault, weights_path, weights_status
 from ringlight.measure.report import ImageScore
 
 Distance = Callable[..., float]
@@ -53,7 +54,7 @@ def evaluate(
 
     Renders are clamped to [0, 1]. ``keep_images`` gets each view with its render and truth, [H W 3] on the CPU.
     ``progress`` gets (views done, views in all). A LPIPS net without weights leaves its field None and its remedy in
-    ``lpips_note``.
+    ``lpips_note``; damaged ones are warned of besides.
 
     Raises:
         SceneError: there are no views.
@@ -119,6 +120,10 @@ def _score(
 
 def _available_nets(wanted: Sequence[Net], views: Sequence[View]) -> tuple[dict[Net, Distance], str]:
     """The nets that can be used on this machine and these views, and the reason and remedy for the others."""
+    for net in wanted:
+        if weights_status(net) == weights_damaged(net):
+            told = f"{weights_path(net)}: {weights_fault(net)}; LPIPS with {net} is left out, "
+            warnings.warn(f"{told}get its weights again with 'ringlight fetch-lpips'", FallbackWarning, stacklevel=3)
     smallest = min(min(view.camera.width, view.camera.height) for view in views)
     reasons = {net: weights_status(net) or _too_small(net, smallest) for net in wanted}
     return {net: Lpips(net) for net in wanted if not reasons[net]}, " ".join(filter(None, reasons.values()))

@@ -11,7 +11,7 @@ from typing import Literal
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file
 from torch import Tensor
 
@@ -83,8 +83,10 @@ def weights_path(net: Net) -> Path:
 
 
 def weights_status(net: Net) -> str:
-    """Empty if the weights are there, otherwise a sentence that says how to get them."""
-    return "" if weights_path(net).is_file() else weights_missing(net)
+    """Empty if the weights are there and whole, otherwise a sentence that says how to get them."""
+    if not weights_path(net).is_file():
+        return weights_missing(net)
+    return weights_damaged(net) if weights_fault(net) else ""
 
 
 def weights_missing(net: Net) -> str:
@@ -92,6 +94,21 @@ def weights_missing(net: Net) -> str:
     return (
         f"LPIPS with {net} is unavailable: its weights are not on this machine; get them with 'ringlight fetch-lpips'."
     )
+
+
+def weights_damaged(net: Net) -> str:
+    """The sentence that says so, whether they are or not; reports keep it."""
+    return f"LPIPS with {net} is unavailable: its weights are damaged; get them again with 'ringlight fetch-lpips'."
+
+
+def weights_fault(net: Net) -> str:
+    """What is wrong with the weights file, which is there, or nothing; only its header is read."""
+    try:
+        with safe_open(weights_path(net), framework="pt") as file:
+            shapes = {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        return f"cannot be read ({error})"
+    return "" if shapes == tensor_shapes(net) else f"holds other tensors than LPIPS with {net}"
 
 
 class Lpips:
@@ -153,12 +170,13 @@ def tensor_shapes(net: Net) -> dict[str, tuple[int, ...]]:
 
 def _load(net: Net) -> dict[str, Tensor]:
     path = weights_path(net)
-    if missing := weights_status(net):
-        raise ModelFileError(missing)
+    if not path.is_file():
+        raise ModelFileError(weights_missing(net))
+    fault = weights_fault(net)
+    if fault:
+        raise ModelFileError(f"{path}: {fault}; run 'ringlight fetch-lpips' again")
     try:
         weights = load_file(path)
     except (OSError, SafetensorError) as error:
         raise ModelFileError(f"{path}: cannot be read ({error}); run 'ringlight fetch-lpips' again") from error
-    if {name: tuple(tensor.shape) for name, tensor in weights.items()} != tensor_shapes(net):
-        raise ModelFileError(f"{path}: holds other tensors than LPIPS with {net}; run 'ringlight fetch-lpips' again")
     return {name: tensor.float() for name, tensor in weights.items()}

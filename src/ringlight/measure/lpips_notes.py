@@ -3,18 +3,21 @@
 from collections.abc import Sequence
 from typing import get_args
 
-from ringlight.measure.lpips import Net, weights_missing, weights_status
+from ringlight.measure.lpips import Net, weights_damaged, weights_missing, weights_status
 from ringlight.measure.report import Report
 
 
 def stored_lpips_notes(reports: Sequence[Report]) -> tuple[str, ...]:
-    """One sentence for each net whose weights were missing when runs were measured, then the reports' other reasons."""
+    """One sentence for each net whose weights were missing or damaged when runs were measured, then all other
+    reasons."""
     notes, rests = [], [report.lpips_note for report in reports]
     for net in get_args(Net):
-        lacking = sum(weights_missing(net) in rest for rest in rests)
+        sentences = (weights_missing(net), weights_damaged(net))
+        lacking = sum(any(sentence in rest for sentence in sentences) for rest in rests)
         if lacking:
             notes.append(_remedy(net, "these runs" if lacking == len(reports) else "some of these runs"))
-            rests = [rest.replace(weights_missing(net), "").strip() for rest in rests]
+            for sentence in sentences:
+                rests = [rest.replace(sentence, "").strip() for rest in rests]
     return (*notes, *sorted(set(filter(None, rests))))
 
 
