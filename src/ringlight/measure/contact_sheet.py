@@ -17,6 +17,7 @@ from ringlight.measure import metrics
 from ringlight.measure.colormap import ember
 from ringlight.measure.disagreement import Box, Pictures, choose_box, choose_views, difference_map, pixels
 from ringlight.measure.sheet_layout import GAP, INNER_GAP, MARGIN, PAPER, Panel, box_size, panel
+from ringlight.measure.sheet_text import drawable, wrapped
 
 INK, FAINT, FRAME = "#1c1f26", "#7a808c", "#d5d8de"
 BEST = "#0b7a4b"
@@ -27,6 +28,9 @@ TITLE_SIZE, LABEL_SIZE, TEXT_SIZE, SMALL_SIZE = 26, 20, 16, 13
 LINE = 1.6
 """Height of a line of text over the size of its letters."""
 BLOCK_GAP = 30
+
+ABOUT = "Marked: where the pictures differ most. Error: mean over RGB of |render - truth|"
+"""The foot of a sheet, but for the scale's end."""
 
 SCALE_TOPS = (0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.16, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
 """Errors at which a scale may end: numbers that one can read."""
@@ -67,9 +71,11 @@ def contact_sheet(columns: Sequence[SheetColumn], truth: Pictures, views: int = 
     top = _scale_top(blocks)
     pitch = max(block.shown.width for block in blocks) + GAP
     header = round(LINE * LABEL_SIZE) + (round(LINE * TITLE_SIZE) if title else 0)
-    caption, footer = round(LINE * TEXT_SIZE), round(LINE * SMALL_SIZE)
+    width = 2 * MARGIN - GAP + pitch * (len(columns) + 1)
+    about = wrapped(f"{ABOUT}, scale up to {top:g}.", SMALL_SIZE, width - 2 * MARGIN)
+    caption, footer = round(LINE * TEXT_SIZE), round(LINE * SMALL_SIZE) * len(about)
     height = 2 * MARGIN + header + sum(caption + block.shown.total_height + BLOCK_GAP for block in blocks) + footer
-    sheet = Image.new("RGB", (2 * MARGIN - GAP + pitch * (len(columns) + 1), height), PAPER)
+    sheet = Image.new("RGB", (width, height), PAPER)
     pen = _Pen(sheet)
     if title:
         pen.text((MARGIN, MARGIN), title, TITLE_SIZE, INK, sheet.width - 2 * MARGIN)
@@ -82,8 +88,8 @@ def contact_sheet(columns: Sequence[SheetColumn], truth: Pictures, views: int = 
         _draw_block(pen, block, (MARGIN, y), pitch, top)
         _draw_scale(pen, block.shown, (MARGIN, y + caption), top)
         y += caption + block.shown.total_height + BLOCK_GAP
-    about = f"Marked: where the pictures differ most. Error: mean over RGB of |render - truth|, scale up to {top:g}."
-    pen.text((MARGIN, y), about, SMALL_SIZE, FAINT, sheet.width - 2 * MARGIN)
+    for number, line in enumerate(about):
+        pen.text((MARGIN, y + number * round(LINE * SMALL_SIZE)), line, SMALL_SIZE, FAINT, sheet.width - 2 * MARGIN)
     return sheet
 
 
@@ -169,7 +175,7 @@ class _Pen:
     def text(self, corner: tuple[int, int], text: str, size: int, color: str, width: int) -> None:
         """One line from its top left corner, cut to ``width``."""
         font = ImageFont.load_default(size)
-        cut = text
+        cut = drawable(text)
         while len(cut) > 1 and font.getlength(cut) > width:
             cut = f"{cut.removesuffix('..')[:-1]}.."
         self.draw.text(corner, cut, fill=color, font=font)
