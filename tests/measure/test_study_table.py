@@ -55,6 +55,15 @@ def test_lpips_is_left_out_unless_all_have_it() -> None:
     assert study_rows(LABELS, some)[0].lpips_alex is None
 
 
+@pytest.mark.parametrize("width", [60, 80, 200, 300])
+def test_what_stands_below_a_table_is_of_columns_that_are_shown(width: int) -> None:
+    console = Console(file=io.StringIO(), width=width)
+    console.print(StudyTable(study_rows(LABELS, RESULTS)))
+    shown = " ".join(console.file.getvalue().split())
+    assert ("* PSNR that the paper reports" in shown) == (" paper* " in shown)
+    assert ("far: PSNR on the third" in shown) == (" far " in shown.partition("far: PSNR")[0])
+
+
 @pytest.mark.parametrize("width", [60, 80, 100, 120, 150, 200])
 def test_numbers_are_never_cut(width: int) -> None:
     table = StudyTable(study_rows(LABELS, RESULTS))

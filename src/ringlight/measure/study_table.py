@@ -133,10 +133,13 @@ LEAST_FIRST = ("", "LPIPS", "shared", "paper*", "far", "train", "train s", "core
 """Columns that a narrow terminal goes without, in this order: numbers are never cut."""
 GAP = 3
 """Characters between columns: a blank on either side, and the box."""
-NOTE = (
-    "train: PSNR on training views. far: on the third of the test views farthest from these. ± is over seeds. "
-    "* PSNR that the paper reports, mean over Shiny-Blender: other scenes, another machine."
-)
+NOTES = {
+    "train": "train: PSNR on training views.",
+    "far": "far: PSNR on the third of the test views farthest from training views.",
+    "PSNR": "± is over seeds.",
+    "paper*": "* PSNR that the paper reports, mean over Shiny-Blender: other scenes, another machine.",
+}
+"""What stands below a table, by the column that it is about."""
 
 
 @dataclass(frozen=True)
@@ -147,17 +150,19 @@ class StudyTable:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
         """Rich's protocol: a table for each scene."""
+        headings: set[str] = set()
         for scene in dict.fromkeys(row.scene for row in self.rows):
             yield Text(scene if scene == ALL_SCENES else f"scene {scene}", style="bold")
             rows = [_cells(row) for row in self.rows if row.scene == scene]
             table = Table(box=SIMPLE_HEAD, pad_edge=False)
             shown = _fitting(rows, options.max_width)
+            headings |= {HEADINGS[index] for index in shown}
             for index in shown:
                 table.add_column(HEADINGS[index], justify="left" if index < 2 else "right", no_wrap=True)
             for cells in rows:
                 table.add_row(*(cells[index] for index in shown))
             yield table
-        yield Text(NOTE, style="dim")
+        yield Text(" ".join(note for heading, note in NOTES.items() if heading in headings), style="dim")
 
     def markdown(self) -> str:
         """A GitHub table for each scene."""
@@ -166,7 +171,7 @@ class StudyTable:
             rulers = [":--", ":--", *["--:"] * (len(HEADINGS) - 2)]
             lines += [f"**{scene}**", "", markdown_row(HEADINGS), markdown_row(rulers)]
             lines += [*(markdown_row(_cells(row)) for row in self.rows if row.scene == scene), ""]
-        return "\n".join([*lines, NOTE.replace("*", "\\*"), ""])
+        return "\n".join([*lines, " ".join(NOTES.values()).replace("*", "\\*"), ""])
 
     def csv(self) -> str:
         """One line a row, mean and deviation in columns of their own; empty where there is none."""
