@@ -10,6 +10,9 @@ from command import Outcome
 QUIET = ("--quiet", "--lpips")
 SHORT = ("--steps", "2", "--initial-points", "100", *QUIET)
 
+PROGRESS = re.compile(r"reading |[a-z ']+: \d+/\d+$|[\w-]+ on .+ training and |  \S")
+"""What a log may say before: what was under way, and the scene's lines."""
+
 Damage = Callable[[Path], object]
 
 
@@ -25,6 +28,8 @@ def refused(outcome: Outcome, code: int, *names: object) -> str:
     assert not outcome.out
     assert "Traceback" not in outcome.err
     lines = outcome.err.splitlines()
+    while lines and PROGRESS.match(lines[0]):
+        del lines[0]
     assert len(lines) == 1, outcome.err
     assert lines[0].startswith("ringlight"), lines[0]
     for name in names:

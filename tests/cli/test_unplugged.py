@@ -290,5 +290,5 @@ def test_two_commands_do_not_train_one_run(tiny: Path, tmp_path: Path, ringlight
     told: list[Outcome] = []
     at_step(15, lambda session: told.append(ringlight("train", "--resume", run)))
     assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK, *SAVES_OFTEN).code == 0
-    refused(told[0], 1, f"{run}: ", "is training this run", "wait until that has ended")
+    refused(told[0], 1, f"{run}: ", "is training or measuring this run", "wait until that has ended")
     assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0

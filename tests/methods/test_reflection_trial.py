@@ -31,7 +31,7 @@ def test_a_scene_without_masks_has_no_trial_and_is_lit_per_pixel_from_its_points
     settled, why = METHODS["ringlight"].settled(opaque_scene(), rasterizer_for("auto"), 0)
     assert method_of(settled) == "ringlight-mirror"
     assert why is not None
-    assert why.startswith("method: ringlight-mirror (no masks")
+    assert why.startswith("method: ringlight-mirror, for surfaces that mirror what is around (no masks")
 
 
 def test_points_that_lie_on_nothing_are_no_surface():
@@ -69,7 +69,7 @@ def test_photographs_of_one_colour_are_for_3dgs():
     black = dataclasses.replace(scene, train=tuple(dark(view) for view in scene.train))
     settled, why = METHODS["ringlight"].settled(black, rasterizer_for("auto"), 0)
     assert method_of(settled) == "3dgs"
-    assert why == "method: 3dgs (each photograph is of one colour)"
+    assert why == "method: 3dgs, the plain one (each photograph is of one colour)"
     one_seen = dataclasses.replace(black, train=(*black.train[1:], scene.train[0]))
     assert chosen_shading(one_seen, rasterizer_for("auto"), 0, 5)[0] != "harmonics"
 
@@ -89,7 +89,7 @@ def test_where_masks_are_guessed_the_scenes_own_points_are_tried_as_well(
     scene = tiny_scene(views=FEWEST_VIEWS)
     flat = dataclasses.replace(scene, train=tuple(over_white(view) for view in scene.train), background="photograph")
     reached = iter([on_hull, on_points, 15.0])
-    monkeypatch.setattr(module, "_psnr_after", lambda training, held, behind: next(reached))
+    monkeypatch.setattr(module, "_psnr_after", lambda training, held, behind, rounds: next(reached))
     assert reflection_trial(flat, rasterizer_for("auto"), 0, 5) == ReflectionTrial(5, best, 15.0)
 
 

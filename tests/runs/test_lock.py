@@ -29,7 +29,7 @@ def other(tmp_path: Path):
 
 
 def test_a_second_process_is_refused_by_the_name_of_the_first(other: subprocess.Popen, tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is training this run; wait") as caught:
+    with pytest.raises(RunError, match="is training or measuring this run; wait") as caught:
         RunLock(tmp_path)
     if sys.platform == "linux":
         assert f"process {other.pid} " in str(caught.value)
@@ -54,7 +54,7 @@ def test_it_can_be_released(tmp_path: Path) -> None:
 def test_where_the_system_does_not_say_who_that_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lock, "LOCKS", tmp_path / "none")
     held = RunLock(tmp_path)
-    with pytest.raises(RunError, match="another process is training"):
+    with pytest.raises(RunError, match="another process is training or measuring"):
         RunLock(tmp_path)
     held.release()
 

@@ -12,6 +12,7 @@ from ringlight.bench.timing import Budget
 from ringlight.cli.arguments import Device
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
+from ringlight.cli.stages import stages
 from ringlight.methods.table import method_named
 
 if TYPE_CHECKING:
@@ -187,10 +188,9 @@ class BenchArguments:
 def main(arguments: list[str]) -> int:
     """Measure and show; returns the exit code."""
     asked = parse(BenchArguments, "bench", arguments).what
-    from rich.console import Console
-
     from ringlight.bench.record import circumstances, result_path, save_result
     from ringlight.bench.tables import tables
+    from ringlight.cli.console import Screen
     from ringlight.cli.threads import use_threads
     from ringlight.measure.json_record import to_json
 
@@ -206,11 +206,13 @@ def main(arguments: list[str]) -> int:
         # As many threads for torch as for the kernels beside it; training gives it one.
         torch.set_num_threads(_kernels.threads())
     now = circumstances(datetime.datetime.now(datetime.timezone.utc).date().isoformat())
-    record = asked.measured(now)
+    with stages(quiet=not sys.stderr.isatty()) as line:
+        line("measuring, which takes seconds to minutes")
+        record = asked.measured(now)
     if common.json:
         sys.stdout.write(to_json(record))
     else:
-        Console().print(*tables(record), sep="\n")
+        Screen().print(*tables(record), sep="\n")
     if common.save is not None:
         sys.stderr.write(f"written to {save_result(record, common.save)}\n")
     return 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.stages import stages
 from ringlight.errors import RecipeError
 from ringlight.files.atomic import refuse_existing
 
@@ -54,17 +55,19 @@ def main(arguments: list[str]) -> int:
         raise RecipeError(f"--views is {asked.views}; give at least 1")
     for file in filter(None, (asked.sheet, asked.curves)):
         refuse_existing(file, asked.overwrite)
-    from ringlight.measure.compare import compare
-    from ringlight.runs.sheet import write_sheet
+    with stages(quiet=not sys.stderr.isatty()) as line:
+        line("reading reports and pictures")
+        from ringlight.measure.compare import compare
+        from ringlight.runs.sheet import write_sheet
 
-    comparison = compare(_ordered(asked), asked.views if asked.sheet else 0)
-    path = asked.sheet if comparison.sheet is not None else None
-    if comparison.sheet is not None and path is not None:
-        write_sheet(comparison.sheet, path)
-    if asked.curves is not None:
-        from ringlight.measure.training_curves import curves_picture
+        comparison = compare(_ordered(asked), asked.views if asked.sheet else 0)
+        path = asked.sheet if comparison.sheet is not None else None
+        if comparison.sheet is not None and path is not None:
+            write_sheet(comparison.sheet, path)
+        if asked.curves is not None:
+            from ringlight.measure.training_curves import curves_picture
 
-        write_sheet(curves_picture(comparison.table.runs), asked.curves)
+            write_sheet(curves_picture(comparison.table.runs), asked.curves)
     _print(asked, comparison, path)
     return 0
 
@@ -77,8 +80,7 @@ def _ordered(asked: CompareArguments) -> list[Path]:
 
 
 def _print(asked: CompareArguments, comparison: "Comparison", sheet: Path | None) -> None:
-    from rich.console import Console
-
+    from ringlight.cli.console import Screen
     from ringlight.measure.json_record import to_json
 
     table = comparison.table
@@ -91,7 +93,7 @@ def _print(asked: CompareArguments, comparison: "Comparison", sheet: Path | None
     if asked.markdown:
         sys.stdout.write(table.markdown())
     else:
-        Console().print(table)
+        Screen().print(table)
     sys.stderr.write("".join(f"{note}\n" for note in comparison.notes))
     if sheet is not None:
         sys.stderr.write(f"side by side: {sheet}\n")

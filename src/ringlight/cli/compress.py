@@ -2,13 +2,17 @@
 
 import sys
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from ringlight.cli.arguments import ModelPath, SceneFolder
+from ringlight.cli.loading import tell_warnings
 from ringlight.cli.parse import parse
+from ringlight.cli.stages import stages
+from ringlight.cli.threads import check_threads, use_threads
 from ringlight.data.options import ReadingOptions, SceneOptions
 from ringlight.errors import RecipeError, RunError, SceneError
 
@@ -47,18 +51,18 @@ class CompressArguments:
 def main(arguments: list[str]) -> int:
     """Compress; returns the exit code."""
     asked = parse(CompressArguments, "compress", arguments)
-    from ringlight.cli.counting import counting
-    from ringlight.cli.threads import use_threads
-    from ringlight.measure.json_record import to_json
-    from ringlight.runs.compress import check_target, compress
-    from ringlight.runs.opened import open_model
+    check_threads(asked.threads)
+    with stages(asked.quiet) as line:
+        line(f"reading {asked.model}")
+        from ringlight.measure.json_record import to_json
+        from ringlight.runs.compress import check_target, compress
+        from ringlight.runs.opened import open_model
 
-    check_target(asked.out, asked.overwrite)
-    use_threads(asked.threads)
-    opened = open_model(asked.model)
-    scene = _scene(asked, opened)
-    with counting(f"{opened.file}: test views", asked.quiet) as tell:
-        compressed = compress(opened, asked.out, scene, tell)
+        check_target(asked.out, asked.overwrite)
+        use_threads(asked.threads)
+        opened = open_model(asked.model)
+        scene = _scene(asked, opened)
+        compressed = compress(opened, asked.out, scene, partial(line, "measuring test views"))
     sys.stdout.write(to_json(compressed) if asked.json else _sentences(compressed))
     return 0
 
@@ -70,7 +74,9 @@ def _scene(asked: CompressArguments, opened: "Opened") -> "Scene | None":
     options = SceneOptions(**vars(asked.options))
     asks = asked.scene is not None or options != SceneOptions()
     try:
-        return scene_of(opened, asked.scene, options)
+        scene = scene_of(opened, asked.scene, options)
+        tell_warnings(scene)
+        return scene
     except (RunError, RecipeError, SceneError) as error:
         if asks and not isinstance(error, RunError):
             raise

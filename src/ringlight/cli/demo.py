@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import MaybeFolder
+from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.parse import parse
 from ringlight.cli.run_training import RunOptions, train_and_measure
+from ringlight.cli.stages import stages
+from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.command_line import command
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -45,17 +49,22 @@ class DemoArguments:
 def main(arguments: list[str]) -> int:
     """Train what is left to train, then show; returns the exit code."""
     asked = parse(DemoArguments, "demo", arguments)
-    from ringlight.cli.threads import use_threads
-    from ringlight.runs.demo import METHODS_SHOWN
+    check_threads(asked.threads)
+    if asked.steps < 1:
+        raise RecipeError(f"--steps is {asked.steps}; give at least 1")
+    with stages(asked.quiet) as line:
+        line(f"reading {asked.resume or asked.scene}")
+        from ringlight.runs.demo import METHODS_SHOWN
 
-    use_threads(asked.threads)
-    demo = _demo(asked)
+        use_threads(asked.threads)
+        demo = _demo(asked)
     options = RunOptions(quiet=asked.quiet)
     for method in METHODS_SHOWN:
-        session = demo.session(method)
+        with stages(asked.quiet):
+            session = demo.session(method, telling_of_scenes(asked.quiet))
         if session is None:
             continue
-        train_and_measure(session, options, f"ringlight demo --resume {demo.folder}")
+        train_and_measure(session, options, command("demo", "--resume", demo.folder))
         if not asked.quiet:
             sys.stderr.write("\n")
     _show(demo, asked.quiet)
@@ -68,20 +77,17 @@ def _demo(asked: DemoArguments) -> "Demo":
 
     if asked.resume is not None:
         return Demo.open(asked.resume)
-    if asked.steps < 1:
-        raise RecipeError(f"--steps is {asked.steps}; give at least 1")
     out = asked.out or free_folder(Path("runs") / f"demo-{asked.scene}")
     return Demo.create(out, asked.scene, asked.steps, asked.seed)
 
 
 def _show(demo: "Demo", quiet: bool) -> None:
-    from rich.console import Console
-
+    from ringlight.cli.console import Screen
     from ringlight.measure.compare import compare
     from ringlight.runs.sheet import write_sheet
 
     comparison = compare(demo.runs)
-    Console().print(comparison.table)
+    Screen().print(comparison.table)
     if comparison.sheet is not None:
         write_sheet(comparison.sheet, demo.sheet)
         sys.stdout.write(f"side by side: {demo.sheet}\n")
@@ -94,8 +100,8 @@ def _next_steps(run: Path) -> str:
         [
             "",
             "what next:",
-            f"  fly around it             ringlight render {run} --path orbit",
-            f"  open it in other viewers  ringlight export {run} scene.ply",
+            f"  fly around it             {command('render', run, '--path', 'orbit')}",
+            f"  open it in other viewers  {command('export', run, 'scene.ply')}",
             "  your own photographs      ringlight train my-photos ringlight",
             "      my-photos holds images/ and sparse/0/ (COLMAP), or transforms.json (nerfstudio)",
             "",

@@ -1,19 +1,27 @@
 """``ringlight eval MODEL [SCENE]``: measure a model on held-out photographs."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, ModelPath, Net, SceneFolder
+from ringlight.cli.flags import behind_values
 from ringlight.cli.gpu_build import tell_of_build
+from ringlight.cli.loading import tell_warnings
 from ringlight.cli.parse import parse
+from ringlight.cli.stages import StageLine, stages
+from ringlight.cli.threads import check_threads, use_threads
 from ringlight.data.options import ReadingOptions, SceneOptions
+from ringlight.errors import RunError
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
-    from ringlight.runs.opened import Opened
+    from ringlight.runs.folder import RunFolder
 
 
 @dataclass(frozen=True)
@@ -47,44 +55,77 @@ class EvalArguments:
 
 def main(arguments: list[str]) -> int:
     """Measure; returns the exit code."""
-    asked = parse(EvalArguments, "eval", arguments)
-    from rich.console import Console
+    asked = parse(EvalArguments, "eval", behind_values(arguments, "--lpips", get_args(Net)))
+    check_threads(asked.threads)
+    with stages(asked.quiet) as line:
+        line(f"reading {asked.model}")
+        from ringlight.runs.opened import find_model
 
-    from ringlight.cli.threads import use_threads
-    from ringlight.measure.json_record import to_json
-    from ringlight.measure.table import ResultsTable
-    from ringlight.runs.opened import open_model
-
-    use_threads(asked.threads)
-    tell_of_build(asked.device)
-    opened = open_model(asked.model, asked.device)
-    report = _measured(asked, opened)
-    if asked.json:
-        sys.stdout.write(to_json(report))
-    else:
-        Console().print(ResultsTable([(report.preset, report)]))
+        use_threads(asked.threads)
+        tell_of_build(asked.device)
+        run = find_model(asked.model)[1] if asked.scene is None and asked.out is None else None
+        with _locked_or_told(run) as held:  # before the model is read: its report is of the same step
+            _measure_and_keep(asked, held, line)
     return 0
 
 
-def _measured(asked: EvalArguments, opened: "Opened") -> "Report":
-    from ringlight.cli.counting import counting
-    from ringlight.runs.finish import known_facts, measure, write_report
-    from ringlight.runs.folder import RunFolder, empty_folder
-    from ringlight.runs.opened import scene_of
+@contextmanager
+def _locked_or_told(run: "RunFolder | None") -> "Iterator[RunFolder | None]":
+    """The run, locked inside the block; None where another process works on it, which is said: it writes the report."""
+    from ringlight.runs.lock import RunLock, holder
 
+    try:
+        lock = None if run is None else RunLock(run.path)
+    except RunError:
+        assert run is not None
+        busy = f"{holder(run.path)} is training or measuring this run"
+        sys.stderr.write(f"warning: {run.path}: {busy}; nothing is written, give --out NEW to keep these numbers\n")
+        lock = run = None
+    try:
+        yield run
+    finally:
+        if lock is not None:
+            lock.release()
+
+
+def _measure_and_keep(asked: EvalArguments, run: "RunFolder | None", line: StageLine) -> None:
+    """Measure and show; write the report and pictures of ``run``, or of the folders that were asked for."""
+    from ringlight.runs.finish import known_facts, measure, refuse_older, write_report
+    from ringlight.runs.folder import RunFolder, empty_folder
+    from ringlight.runs.kept_pictures import KeptPictures
+    from ringlight.runs.opened import open_model, scene_of
+
+    opened = open_model(asked.model, asked.device)
     scene = scene_of(opened, asked.scene, SceneOptions(**vars(asked.options)))
-    kept = opened.run if asked.scene is None else None
-    if asked.out is not None:
-        kept = RunFolder(empty_folder(asked.out))
-    pictures = kept.pictures if kept else None
+    tell_warnings(scene)
+    facts, cameras = known_facts(opened), opened.stored.cameras
+    kept = run if asked.out is None else RunFolder(empty_folder(asked.out))
+    if run is not None:
+        refuse_older(run, facts.iterations)
+    pictures = KeptPictures(*kept.pictures) if kept else None
     if asked.images is not None:
         chosen = empty_folder(asked.images)
-        pictures = chosen / "test", chosen / "truth"
-    with counting(f"{opened.file}: test views", asked.quiet) as tell:
-        facts, cameras = known_facts(opened), opened.stored.cameras
-        report = measure(opened.stored.model, scene, facts, pictures, asked.lpips, tell, cameras)
+        pictures = KeptPictures(chosen / "test", chosen / "truth")
+    tell = partial(line, "measuring test views")
+    report = measure(opened.stored.model, scene, facts, pictures, asked.lpips, tell, cameras)
+    line.wiped()
+    _show(report, asked.json)  # before anything is written that may not be
+    if pictures is not None:
+        pictures.refuse_failure()
     if kept is not None:
+        refuse_older(kept, report.iterations)
         write_report(kept.report, report)
         if not asked.quiet:
             sys.stderr.write(f"written to {kept.path}\n")
-    return report
+
+
+def _show(report: "Report", as_json: bool) -> None:
+    from ringlight.cli.console import Screen
+    from ringlight.measure.json_record import to_json
+    from ringlight.measure.table import ResultsTable
+
+    if as_json:
+        sys.stdout.write(to_json(report))
+    else:
+        Screen().print(ResultsTable([(report.preset, report)]))
+    sys.stdout.flush()

@@ -9,6 +9,8 @@ import tyro
 
 from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
+from ringlight.cli.stages import stages
+from ringlight.cli.threads import check_threads, use_threads
 from ringlight.errors import RecipeError
 from ringlight.files.formats.table import WRITERS
 
@@ -39,21 +41,25 @@ class ExportArguments:
     """Threads of the kernels; 0 takes every core."""
     json: bool = False
     """Print the result as JSON."""
+    quiet: bool = False
+    """No progress line."""
 
 
 def main(arguments: list[str]) -> int:
     """Export; returns the exit code."""
     asked = parse(ExportArguments, "export", arguments)
-    from ringlight.cli.threads import use_threads
-    from ringlight.measure.json_record import to_json
-    from ringlight.runs.export import check_target, export
-    from ringlight.runs.opened import open_model
-
+    check_threads(asked.threads)
     if asked.fit_steps < 0:
         raise RecipeError(f"--fit-steps is {asked.fit_steps}; give 0 (none) or more")
-    check_target(asked.out, asked.overwrite)
-    use_threads(asked.threads)
-    exported = export(open_model(asked.model).stored, asked.out, asked.fit_steps)
+    with stages(asked.quiet) as line:
+        line(f"reading {asked.model}")
+        from ringlight.measure.json_record import to_json
+        from ringlight.runs.export import check_target, export
+        from ringlight.runs.opened import open_model
+
+        check_target(asked.out, asked.overwrite)
+        use_threads(asked.threads)
+        exported = export(open_model(asked.model).stored, asked.out, asked.fit_steps)
     sys.stdout.write(to_json(exported) if asked.json else _sentences(exported))
     return 0
 

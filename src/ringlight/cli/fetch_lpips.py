@@ -27,12 +27,11 @@ class FetchArguments:
 def main(arguments: list[str]) -> int:
     """Fetch; returns the exit code."""
     asked = parse(FetchArguments, "fetch-lpips", arguments)
-    from rich.console import Console
-
+    from ringlight.cli.console import Screen
     from ringlight.files.lpips_weights import fetch_lpips
     from ringlight.measure.lpips import weights_folder, weights_path, weights_status
 
-    console = Console(stderr=True)
+    console = Screen(stderr=True)
     files = [weights_path("alex"), weights_path("vgg")]
     if asked.again or asked.archive or weights_status("alex") or weights_status("vgg"):
         with console.status("LPIPS weights") as status:

@@ -1,5 +1,6 @@
 """The flags that a record becomes on the command line, to tell a person what a word should have been."""
 
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any, get_args, get_type_hints
@@ -26,6 +27,20 @@ def flags_of(record: Any, in_pairs: bool = False) -> set[str]:
 def flags_in(arguments: list[str]) -> list[str]:
     """The flags that were given, as they are declared: without values, with hyphens."""
     return [word.split("=")[0].replace("_", "-") for word in arguments if word.startswith("--") and len(word) > 2]
+
+
+def behind_values(arguments: list[str], flag: str, values: Sequence[str]) -> list[str]:
+    """The same line with words that follow the ``values`` of ``flag``, and are none, put before all flags.
+
+    A flag of several values takes every word up to the next flag, folders too: ``--lpips vgg SCENE``.
+    """
+    if flag not in arguments:
+        return arguments
+    first = arguments.index(flag) + 1
+    end = next((at for at in range(first, len(arguments)) if arguments[at].startswith("-")), len(arguments))
+    last = next((at for at in range(first, end) if arguments[at] not in values), end)
+    at = next((place for place, word in enumerate(arguments) if word.startswith("-")), len(arguments))
+    return [*arguments[:at], *arguments[last:end], *arguments[at:last], *arguments[end:]]
 
 
 def near(flag: str, flags: set[str]) -> str | None:

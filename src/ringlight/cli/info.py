@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
+from ringlight.cli.stages import stages
 
 if TYPE_CHECKING:
     from ringlight.runs.facts import ModelFacts, RunFacts
@@ -34,10 +35,12 @@ class InfoArguments:
 def main(arguments: list[str]) -> int:
     """Tell; returns the exit code."""
     asked = parse(InfoArguments, "info", arguments)
-    from ringlight.measure.json_record import to_json
-    from ringlight.runs.facts import facts_of
+    with stages(quiet=not sys.stderr.isatty()) as line:
+        line(f"reading {asked.model}")
+        from ringlight.measure.json_record import to_json
+        from ringlight.runs.facts import facts_of
 
-    facts = facts_of(asked.model)
+        facts = facts_of(asked.model)
     if asked.json:
         sys.stdout.write(to_json(facts))
     else:
@@ -80,7 +83,7 @@ def _steps(facts: "ModelFacts") -> str:
         return f"step {step}, {step - planned} of them added"
     if isinstance(planned, int) and isinstance(recipe, int) and planned > recipe:
         return f"step {step} of {planned}, {planned - recipe} of them added"
-    return f"step {step} of {planned}"
+    return f"step {step} of {planned}" if isinstance(planned, int) else f"step {step}"
 
 
 def _run_lines(run: "RunFacts") -> Iterator[str]:

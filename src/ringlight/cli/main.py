@@ -14,11 +14,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NoReturn
 
 from ringlight import __version__
-from ringlight.cli.streams import lasting_streams, what_flushing_met
-from ringlight.errors import FallbackWarning, RinglightError
+from ringlight.cli.streams import Lasting, lasting_streams, what_flushing_met
+from ringlight.errors import FallbackWarning, RinglightError, RunError
 
 WRONG_INPUT, WRONG_USAGE = 1, 2
 
@@ -26,6 +27,8 @@ SIGNALLED = 128
 """Plus the signal's number: what shells make of it."""
 
 NO_MEMORY = "not enough memory; close other programs, or try --downscale 2 or a smaller --densify.max-gaussians"
+NO_MEMORY_HERE = "not enough memory; close other programs, or ask for less"
+"""Of commands that do not train, and have no such flags."""
 
 
 class Stopped(Exception):
@@ -35,6 +38,12 @@ class Stopped(Exception):
         super().__init__(number)
         self.code = SIGNALLED + number
 
+
+SLOW_TO_BEGIN = ("demo", "train", "eval", "render", "compare", "info", "compress", "export")
+"""Commands that load torch and say what is under way."""
+
+TRAINING = ("train", "demo", "study")
+"""Commands that have the flags of a training."""
 
 VERBS = {
     "demo": "train on a bundled scene and compare with 3DGS: start here",
@@ -82,7 +91,9 @@ def run(arguments: list[str]) -> int:
 
 
 def _run_verb(verb: str, arguments: list[str]) -> int:
+    _show_beginning(verb, arguments)
     try:
+        _refuse_lost_folder()
         with _warnings_as_sentences():
             return int(import_module(f"ringlight.cli.{verb.replace('-', '_')}").main(arguments))
     except SystemExit as stop:
@@ -97,7 +108,9 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
     except (MemoryError, RuntimeError) as error:
         if not is_out_of_memory(error):
             raise
-        return _complain(NO_MEMORY, WRONG_INPUT)
+        return _complain(NO_MEMORY if verb in TRAINING else NO_MEMORY_HERE, WRONG_INPUT)
+    except ImportError as error:
+        return _complain(_what_cannot_be_loaded(error), WRONG_INPUT)
     except OSError as error:
         return _system_refused(error)
 
@@ -119,6 +132,29 @@ def _warnings_as_sentences() -> Iterator[None]:
         yield
 
 
+def _show_beginning(verb: str, arguments: list[str]) -> None:
+    """On a terminal a line at once, in place of which comes whatever is said next: loading libraries takes seconds."""
+    helped = {"-h", "--help", "--quiet"} & set(arguments)
+    if verb in SLOW_TO_BEGIN and not helped and isinstance(sys.stderr, Lasting) and sys.stderr.isatty():
+        sys.stderr.draw(f"ringlight {verb}: starting")
+
+
+def _refuse_lost_folder() -> None:
+    """A process may stand in a folder that was deleted; libraries end it there without a word of sense."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        raise RunError("the folder that this shell stands in was deleted; change to another with cd") from None
+
+
+def _what_cannot_be_loaded(error: ImportError) -> str:
+    """A sentence on a library that is there and cannot be loaded; an own module that cannot is a bug."""
+    if (error.name or "").startswith("ringlight"):
+        raise error
+    reason = " ".join(str(error).split())
+    return f"a library cannot be loaded ({reason}); free some memory if that is short, and see 'ringlight doctor'"
+
+
 def is_out_of_memory(error: BaseException) -> bool:
     """Whether it says so; torch has a class for this on GPUs alone, known by its name: torch is not imported here."""
     on_gpu = type(error).__name__ == "OutOfMemoryError"
@@ -129,7 +165,9 @@ def _system_refused(error: OSError) -> int:
     """A full disk or a missing permission is the user's to mend; anything else is a bug and raised again."""
     if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS):
         raise error
-    return _complain(f"{error.filename or 'output'}: {error.strerror}; choose another place with --out", WRONG_INPUT)
+    if error.filename is None:  # a stream's
+        return _complain(f"standard output: {error.strerror}; free some space, or send it to another file", WRONG_INPUT)
+    return _complain(f"{error.filename}: {error.strerror}; choose another place with --out", WRONG_INPUT)
 
 
 def _complain(sentence: str, code: int) -> int:

@@ -10,23 +10,27 @@ import tyro
 
 from ringlight.cli.help_text import REGISTRY, joined_lines
 from ringlight.cli.main import WRONG_USAGE
+from ringlight.cli.streams import Lasting
 
 Arguments = TypeVar("Arguments")
 
 
-def parse(kind: "type[Arguments]", verb: str, arguments: list[str], in_pairs: bool = False) -> Arguments:
+def parse(
+    kind: "type[Arguments]", verb: str, arguments: list[str], in_pairs: bool = False, before: str = ""
+) -> Arguments:
     """The record ``kind`` filled from the command line. Exits 0 after ``--help``, 2 after one sentence.
 
     With ``in_pairs`` what is on or off gets two flags, ``--x`` and ``--no-x``, unless marked otherwise: settings whose
-    default is not the same in all methods, or left to the scene.
+    default is not the same in all methods, or left to the scene. ``before`` is what the help of a subcommand shows
+    before its name.
     """
     markers = (tyro.conf.CascadeSubcommandArgs, tyro.conf.DisallowNone)
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint), joined_lines():
+        with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(_drawn_help()), joined_lines():
             parsed: Any = tyro.cli(
                 kind,
-                prog=f"ringlight {verb}",
+                prog=f"ringlight {verb} {before}".rstrip(),
                 args=arguments,
                 config=markers if in_pairs else (*markers, tyro.conf.FlagCreatePairsOff),
                 registry=REGISTRY,
@@ -36,6 +40,11 @@ def parse(kind: "type[Arguments]", verb: str, arguments: list[str], in_pairs: bo
         if stop.code in (0, None):
             raise
         refuse(verb, one_sentence(complaint.getvalue()))
+
+
+def _drawn_help() -> Any:
+    """Standard output on which the help may be coloured."""
+    return sys.stdout.drawing() if isinstance(sys.stdout, Lasting) else sys.stdout
 
 
 def refuse(verb: str, sentence: str) -> NoReturn:
@@ -64,6 +73,7 @@ PLAIN_WORDS = (
     (r" \(applied to [^)]*\)", ""),
     (r" Arguments are applied to the directly preceding.*", ""),
     (r"^Expected one of \{(.*)\}\.?$", r"a word is missing: expected one of \1"),
+    (r" for argument 'what'", " for STUDY"),
     (r"^Unrecognized(?: or misplaced)? options:", "not understood:"),
 )
 """Python's and tyro's words, and those for a person."""

@@ -9,7 +9,7 @@ import tyro
 
 from ringlight.cli.deferred_end import ended_in_order
 from ringlight.cli.parse import parse
-from ringlight.cli.stages import StageLine
+from ringlight.cli.stages import stages
 from ringlight.errors import RecipeError
 from ringlight.poses.options import PosesOptions
 
@@ -60,7 +60,7 @@ def poses_with_progress(photos: Path, out: Path, options: PosesOptions, threads:
     from ringlight.data.unposed import poses_command
     from ringlight.poses.run import find_poses
 
-    with ended_in_order(f"go on with: {poses_command(photos, out)}"), StageLine(quiet) as line:
+    with ended_in_order(f"go on with: {poses_command(photos, out)}"), stages(quiet) as line:
         return find_poses(photos, out, options, threads, line)
 
 

@@ -6,10 +6,11 @@ import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
 
+from ringlight.cli.console import Screen
+from ringlight.core.words import counted
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
 from ringlight.runs.finish import psnr_of_views
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from ringlight.cli.run_training import RunOptions
 
 LIVE_SECONDS, LOG_SECONDS = 0.25, 10.0
+FIRST_LOG_SECONDS = 3.0
+"""Until a log's first line, which says how long the run will take; the first steps alone would tell wrongly."""
+
 SMOOTHING = 0.8
 """Share of the old value kept in the shown training PSNR, which jumps from photograph to photograph."""
 
@@ -29,28 +33,24 @@ RATE_SECONDS = 3.0
 
 
 def announce(session: Session, quiet: bool) -> None:
-    """Say what is about to be trained on what, and where it goes; what is wrong with the run is said in any case."""
+    """Say how it is about to be trained, and where it goes; what is wrong with the run is said in any case."""
     for warning in session.warnings:
         sys.stderr.write(f"warning: {warning}\n")
     if quiet:
         return
     from ringlight import _kernels
 
-    scene, training = session.scene, session.training
-    camera = scene.train[0].camera
+    training = session.training
     place = "to start with" if training.step == 0 else f"going on after step {training.step}"
     if training.step == training.steps:
         place = "and no step left to do"
     added = f", {sum(session.record.added)} of them added" if session.record.added else ""
     begun = [f"started from {session.record.start}; no steps are coarse"] if session.record.start else []
     lines = [
-        f"{session.record.preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
-        f"{len(scene.test)} test views, {camera.width}x{camera.height}, background {scene.background}",
-        *(f"  {note}" for note in (*scene.notes, *([session.decided] if session.decided else []))),
-        *(f"  {note}" for note in begun),
-        f"{training.steps} step{'s' * (training.steps != 1)}{added}, seed {session.record.seed}, "
-        f"{training.model.counted()} {place}; {training.model.renderer}, {_kernels.isa()}, "
-        f"{_kernels.threads()} threads",
+        *([session.decided] if session.decided else []),
+        *begun,
+        f"{counted(training.steps, 'step')}{added}, seed {session.record.seed}, {training.model.counted()} {place}; "
+        f"{training.model.renderer}, {_kernels.isa()}, {_kernels.threads()} threads",
         f"writing to {session.folder.path}",
     ]
     sys.stderr.write("\n".join(lines) + "\n")
@@ -58,14 +58,14 @@ def announce(session: Session, quiet: bool) -> None:
 
 def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> None:
     """Run the remaining steps, showing, measuring and saving on the way; returns early once ``stopping`` fills."""
-    console = Console(stderr=True)
+    console = Screen(stderr=True)
     live = console.is_terminal and not options.quiet
-    every = LIVE_SECONDS if live else LOG_SECONDS
+    every = LIVE_SECONDS if live else FIRST_LOG_SECONDS
     meter, watch = _Meter(session), Watch(session, options.preview, options.tensorboard)
     if watch.about and not options.quiet:
         console.print(watch.about, markup=False, highlight=False, soft_wrap=True)
     with closing(watch), _bar(console, live) as bar:
-        task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="", clock="ETA")
+        task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="")
         shown = time.monotonic()
         saver = Saver(session.save, options.save_every)
         for progress in session.steps():
@@ -74,7 +74,7 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
             watch.see(progress)
             if now - shown >= every or progress.step in options.eval_at:
                 _show(bar, task, meter.line(progress) + watch.words, live, options.quiet)
-                shown = time.monotonic()
+                shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
                 _show_test_views(console, session, progress.step, watch)
             for warning in filter(None, (progress.fault, progress.collapse)):
@@ -82,10 +82,10 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
             saver.save_if_due()
             if stopping:
                 return
-        bar.update(task, clock="took")
+        bar.update(task, facts=f"{meter.facts()}  took {spoken(session.clock.wall)}")
 
 
-def _show_test_views(console: Console, session: Session, step: int, watch: Watch) -> None:
+def _show_test_views(console: Screen, session: Session, step: int, watch: Watch) -> None:
     if session.scene.test:
         decibels = psnr_of_views(session.training.model, session.scene)
         watch.tell_test(step, decibels)
@@ -108,6 +108,11 @@ class _Meter:
         smoothed = SMOOTHING * self.decibels + (1 - SMOOTHING) * now
         self.decibels = smoothed if math.isfinite(self.decibels) else now
         self._time(progress.step, self.session.clock.wall)
+        left = (self.session.training.steps - progress.step) / max(self.rate, 1e-9)
+        return f"{self.facts()}  about {spoken(left)} left"
+
+    def facts(self) -> str:
+        """Of the last step that was looked at."""
         count, size = self.session.training.model.rendering_size()
         return f"{self.rate:6.1f} it/s  training {self.decibels:5.2f} dB  {count}  {size / 1e6:.2f} MB"
 
@@ -122,13 +127,25 @@ class _Meter:
             self.mark, self.is_first_window = (step, second), False
 
 
-def _bar(console: Console, live: bool) -> Bar:
+MINUTE, HOUR = 60, 3600
+"""Seconds."""
+
+STILL = 1.5
+"""So many of a larger unit are told in the smaller one."""
+
+
+def spoken(seconds: float) -> str:
+    """A time as one says it: "50 s", "12 min", "3.5 h"."""
+    if seconds < STILL * MINUTE:
+        return f"{seconds:.0f} s"
+    return f"{seconds / MINUTE:.0f} min" if seconds < STILL * HOUR else f"{seconds / HOUR:.1f} h"
+
+
+def _bar(console: Screen, live: bool) -> Bar:
     return Bar(
         TextColumn("{task.completed:>6.0f}/{task.total:.0f}"),
         BarColumn(bar_width=20),
         TextColumn("{task.fields[facts]}"),
-        TextColumn("{task.fields[clock]}"),
-        TimeRemainingColumn(elapsed_when_finished=True),
         console=console,
         disable=not live,
         transient=False,

@@ -1,15 +1,23 @@
 """``ringlight render MODEL``: pictures and films of a trained model."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, ModelPath
+from ringlight.cli.flags import behind_values
 from ringlight.cli.gpu_build import tell_of_build
+from ringlight.cli.main import is_out_of_memory
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.stages import StageLine, stages
+from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
@@ -77,7 +85,7 @@ class RenderArguments:
         for name in ("frames", "width", "scale", "zoom", "fps"):
             value = getattr(self, name)
             if value is not None and not 0 < value < float("inf"):
-                raise RecipeError(f"--{name} is {value}: give a number above zero")
+                raise RecipeError(f"--{name} is {value}: give a {'finite ' if value > 0 else ''}number above zero")
         if self.frames is not None and self.frames > MOST_FRAMES:
             raise RecipeError(
                 f"--frames is {self.frames}: give at most {MOST_FRAMES}, an hour of film, and join several"
@@ -104,11 +112,16 @@ MOST_FRAMES = 108_000
 
 def main(arguments: list[str]) -> int:
     """Render; returns the exit code."""
-    asked = parse(RenderArguments, "render", arguments)
+    asked = parse(RenderArguments, "render", behind_values(arguments, "--layers", get_args(Layer)))
     _refuse_unknown_path(asked.path)
-    from ringlight.cli.counting import counting
-    from ringlight.cli.threads import use_threads
-    from ringlight.files.layer_pictures import check_layers
+    check_threads(asked.threads)
+    with stages(asked.quiet) as line:
+        line(f"reading {asked.model}")
+        return _render(asked, line)
+
+
+def _render(asked: RenderArguments, line: StageLine) -> int:
+    from ringlight.files.layer_pictures import known_layers
     from ringlight.files.video import video_library
     from ringlight.runs.film import film_to_video, render_film
     from ringlight.runs.opened import open_model
@@ -119,20 +132,35 @@ def main(arguments: list[str]) -> int:
     tell_of_build(asked.device)
     opened = open_model(asked.model, asked.device)
     film, taken, fps = _film(asked, opened)
-    layers = tuple(dict.fromkeys(asked.layers))
-    check_layers(opened.stored.model, film.cameras[0], layers)
+    layers, lacking = known_layers(opened.stored.model, film.cameras[0], tuple(dict.fromkeys(asked.layers)))
+    if lacking:
+        sys.stderr.write(f"warning: this model has no layer {' or '.join(lacking)}; left out\n")
     folder = _folder(asked, opened)
-    with counting(f"{opened.file}: {asked.path}", asked.quiet) as tell:
+    tell = partial(line, "drawing pictures")
+    with _fitting_memory(film):
         written = render_film(opened.stored.model, film, _background(asked, opened), layers, folder, tell)
     for pictures in written if asked.video else ():
-        with counting(f"{pictures.name}.mp4", asked.quiet) as tell:
-            film_to_video(pictures, film.names, fps, tell)
+        film_to_video(pictures, film.names, fps, partial(line, f"writing {pictures.name}.mp4"))
+    line.wiped()
     if not asked.quiet:
         size = f"{film.cameras[0].width}x{film.cameras[0].height}"
         kinds = "  ".join(f"{layer}{'  ' + layer + '.mp4' if asked.video else ''}" for layer in layers)
-        sys.stderr.write(f"{len(film.cameras)} frame{'s' * (len(film.cameras) != 1)} of {size}: {kinds}\n{taken}")
+        sys.stderr.write(f"{counted(len(film.cameras), 'frame')} of {size}: {kinds}\n{taken}")
     sys.stdout.write(f"{folder}\n")
     return 0
+
+
+@contextmanager
+def _fitting_memory(film: "Film") -> Iterator[None]:
+    """Memory that is short inside the block has the remedy of pictures."""
+    try:
+        yield
+    except (MemoryError, RuntimeError) as error:
+        if not is_out_of_memory(error):
+            raise
+        size = f"{film.cameras[0].width}x{film.cameras[0].height}"
+        remedy = "close other programs, or give a smaller --width or --scale"
+        raise RecipeError(f"not enough memory for pictures of {size}; {remedy}") from error
 
 
 def _refuse_unknown_path(path: str) -> None:
@@ -153,7 +181,7 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
         film, words = film_of_orbit(opened, wish, frames, asked.zoom)
         return film.resized(asked.width, asked.scale), f"the orbit is: {words}\n", fps
     if asked.path == "test":
-        film = film_of_views(scene_of(opened, asked.scene, SceneOptions()))
+        film = film_of_views(scene_of(opened, asked.scene, SceneOptions(), " by --scene"))
     elif asked.path in PATHS:
         film = film_from_training(opened, asked.path, frames)
     else:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from ringlight.cli.arguments import Net
 from ringlight.cli.main import NO_MEMORY, Stopped, is_out_of_memory
-from ringlight.errors import BackendError, DivergedError, RecipeError, RunError
+from ringlight.core.command_line import command
+from ringlight.errors import BackendError, DivergedError, RecipeError, RinglightError, RunError
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
@@ -81,8 +82,8 @@ def train_and_measure(session: "Session", options: RunOptions, resume_with: str)
 
 
 def _train_save_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report":
-    from ringlight.cli.counting import counting
     from ringlight.cli.progress import announce, show_steps
+    from ringlight.cli.stages import counting
     from ringlight.runs.finish import measure_session
 
     announce(session, options.quiet)
@@ -97,8 +98,24 @@ def _train_save_measure(session: "Session", options: RunOptions, resume_with: st
     if session.training.step < session.training.steps:
         sys.stderr.write(f"stopped after step {session.training.step} and saved; go on with: {resume_with}\n")
         raise Stopped(next(iter(stopping), signal.SIGINT))
-    with counting("measuring test views", options.quiet) as tell:
+    with _saved_all_the_same(session), counting("measuring test views", options.quiet) as tell:
         return measure_session(session, options.lpips, tell)
+
+
+@contextmanager
+def _saved_all_the_same(session: "Session") -> Iterator[None]:
+    """What fails inside the block, in which a finished run is measured, says that its model is saved."""
+    way = f"the model is saved, measure it with: {command('eval', session.folder.path)}"
+    try:
+        yield
+    except RinglightError as error:
+        raise RunError(f"{error}; {way}") from error
+    except OSError as error:
+        raise RunError(f"{error.filename or 'measuring'}: {error.strerror}; {way}") from error
+    except (MemoryError, RuntimeError) as error:
+        if not is_out_of_memory(error):
+            raise
+        raise RunError(f"{NO_MEMORY}; {way}") from error
 
 
 @contextmanager

@@ -1,42 +1,86 @@
-"""A line for each stage of long work: live on a terminal, a line every few seconds in a log."""
+"""What a command does before there is a result: a live line on a terminal, now and then a line in a log.
 
+No library is needed for it: the first line stands there before torch is loaded.
+"""
+
+import math
+import shutil
 import sys
 import time
-from types import TracebackType
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from ringlight.cli.streams import Lasting, printable
+from ringlight.core.stages import heard_by
 
-LOG_SECONDS = 10.0
+Tell = Callable[[int, int], None]
+"""Called with what is done and what there is in all."""
+
+LIVE_SECONDS, LOG_SECONDS = 0.1, 10.0
+BETWEEN_SECONDS = 1.0
+"""From one line in a log to that of another stage: those that take less are not worth one."""
+
+BAR = 20
+"""Characters."""
 
 
 class StageLine:
-    """Called with a stage, what of it is done and what there is in all; 0 in all where that is not known."""
+    """Hears of stages and shows the one that is under way; a log gets its beginning, and a line every few seconds."""
 
     def __init__(self, quiet: bool):
-        console = Console(stderr=True)
-        self.quiet, self.live = quiet, console.is_terminal and not quiet
-        columns = (TextColumn("{task.description:12}"), BarColumn(bar_width=20), TextColumn("{task.fields[amount]}"))
-        self.bar = Progress(*columns, TimeRemainingColumn(elapsed_when_finished=True), console=console,
-                            disable=not self.live)  # fmt: skip
-        self.task: TaskID | None = None
-        self.stage, self.shown = "", -LOG_SECONDS
+        self._screen = sys.stderr if isinstance(sys.stderr, Lasting) and sys.stderr.isatty() else None
+        self._quiet = quiet
+        self._stage = ""
+        self._shown = -math.inf
 
-    def __enter__(self) -> "StageLine":
-        self.bar.start()
-        return self
-
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.bar.stop()
-
-    def __call__(self, stage: str, done: int, total: int) -> None:
-        is_new = stage != self.stage
-        amount = f"{done}/{total}" if total else str(done or "")
-        if is_new:
-            self.stage, self.task = stage, self.bar.add_task(stage, total=None, amount="")
-        if self.task is not None:
-            self.bar.update(self.task, completed=done, total=total or None, amount=amount)
+    def __call__(self, stage: str, done: int = 0, total: int = 0) -> None:
         now = time.monotonic()
-        if not self.live and not self.quiet and (is_new or now - self.shown >= LOG_SECONDS):
-            sys.stderr.write(f"{stage} {amount}".rstrip() + "\n")
-            self.shown = now
+        if self._quiet or now - self._shown < self._pause(stage):
+            return
+        if self._screen is not None:
+            self._screen.draw(_cut(f"{stage}  {_bar(done, total)}" if total else stage))
+        else:
+            sys.stderr.write(f"{stage}: {done}/{total}\n" if total else f"{stage}\n")
+            sys.stderr.flush()
+        self._stage, self._shown = stage, now
+
+    def _pause(self, stage: str) -> float:
+        if self._screen is not None:
+            return LIVE_SECONDS if stage == self._stage else 0.0
+        return LOG_SECONDS if stage == self._stage else BETWEEN_SECONDS
+
+    def wiped(self) -> None:
+        """Nothing is under way any more."""
+        if self._screen is not None:
+            self._screen.draw("")
+
+
+@contextmanager
+def stages(quiet: bool) -> Iterator[StageLine]:
+    """Inside the block stages are shown, by whatever module they are told."""
+    line = StageLine(quiet)
+    try:
+        with heard_by(line):
+            yield line
+    finally:
+        line.wiped()
+
+
+@contextmanager
+def counting(label: str, quiet: bool = False) -> Iterator[Tell]:
+    """The same for work that says itself how far it is."""
+    with stages(quiet) as line:
+        line(label)
+        yield lambda done, total: line(label, done, total)
+
+
+def _bar(done: int, total: int) -> str:
+    filled = BAR * min(done, total) // total
+    return f"[{'=' * filled}{' ' * (BAR - filled)}] {done}/{total}"
+
+
+def _cut(line: str) -> str:
+    """To one line of the terminal: a longer one could not be wiped."""
+    line = printable(line)
+    width = max(shutil.get_terminal_size().columns - 1, 1)
+    return line if len(line) <= width else line[-width:]

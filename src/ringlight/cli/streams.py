@@ -24,34 +24,50 @@ NARROWEST = 20
 OURS = r"\r\x1b\[2K|\x1b\[[0-9;]*m|\x1b\[\?25[lh]|\x1b\[2K|\x1b\[[0-9]*A"
 """What tables and bars write themselves: styles, the cursor shown or hidden, a line cleared, lines up."""
 
+WIPE = "\r\x1b[2K"
+"""Clears the line that the cursor is in."""
+
 FOREIGN = re.compile(rf"({OURS})|[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """Other control characters come from names in foreign files. They could rewrite the terminal, or turn its text."""
 
 
 def printable(text: str, drawn: bool = False) -> str:
-    """``text`` with the control characters of others as escapes that can be read.
-
-    Where it is ``drawn`` on a terminal, what draws our tables and bars stays; so would a name that moves the cursor.
-    """
+    """``text`` with control characters as escapes that can be read; where it is ``drawn`` on a terminal, what draws our
+    tables and bars stays."""
     return FOREIGN.sub(lambda found: (drawn and found[1]) or ascii(found[0])[1:-1], text)
 
 
 class Lasting:
     """A text stream that goes on into nothing once its other end is gone; else the stream itself. What is written is
-    made :func:`printable`.
+    made :func:`printable`; who draws on a terminal asks for :meth:`drawing`.
 
     ``essential`` is one whose loss for another reason, as a full disk, is an OSError.
     """
 
     def __init__(self, stream: TextIO, essential: bool = True):
         self._stream, self._essential = stream, essential
+        self._has_line = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
+        return self._put(printable(text))
+
+    def drawing(self) -> "Drawing":
+        """The same stream for tables and bars, whose texts are printable already."""
+        return Drawing(self)
+
+    def draw(self, line: str) -> None:
+        """Show ``line``, which is printable, in place of the one drawn before; what is written next replaces it."""
+        self._put(line)
+        self._has_line = bool(line)
+        self.flush()
+
+    def _put(self, text: str) -> int:
+        wipe, self._has_line = WIPE if self._has_line else "", False
         try:
-            return self._stream.write(printable(text, self._stream.isatty()))
+            return self._stream.write(wipe + text)
         except OSError as error:
             self._bear(error)
             return len(text)
@@ -76,6 +92,19 @@ class Lasting:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)
+
+
+class Drawing:
+    """A :class:`Lasting` stream as tables and bars need it: on a terminal their control sequences pass."""
+
+    def __init__(self, stream: Lasting):
+        self._lasting = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._lasting, name)
+
+    def write(self, text: str) -> int:
+        return self._lasting._put(printable(text, drawn=self._lasting.isatty()))
 
 
 def what_flushing_met() -> OSError | None:

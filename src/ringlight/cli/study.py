@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from ringlight.cli.arguments import MaybeFolder, Net
+from ringlight.cli.flags import flags_in
+from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.run_training import RunOptions, train_and_measure
+from ringlight.cli.stages import stages
+from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.command_line import command
+from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
@@ -69,20 +75,23 @@ def main(arguments: list[str]) -> int:
     asked = parse(StudyArguments, "study", arguments)
     if not asked.scenes:
         refuse("study", "no scene is named; give folders of photographs, or toaster or carpaint")
+    if "--only" in flags_in(arguments) and not asked.only:
+        refuse("study", "--only names no variant; name some, --dry-run lists them")
     for name in ("seeds", "steps"):
         value = getattr(asked, name)
         if value is not None and value < 1:
             raise RecipeError(f"--{name} is {value}; give at least 1")
+    check_threads(asked.threads)
     from ringlight.methods.studies import base_of, study_named
 
     variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))
-    from ringlight.cli.threads import use_threads
+    from ringlight.measure.json_record import to_json
     from ringlight.runs.study import runs_of_study
 
     out = asked.out or Path("runs") / f"study-{base_of(asked.what, asked.base)}"
     runs = runs_of_study(variants, asked.scenes, asked.seeds, out, asked.options)
     if asked.dry_run:
-        sys.stdout.write(_listing(runs))
+        sys.stdout.write(to_json({"runs": _listed(runs)}) if asked.json else _listing(runs))
         return 0
     use_threads(asked.threads)
     _run_all(asked, runs)
@@ -98,29 +107,45 @@ def _chosen(asked: StudyArguments, variants: "tuple[Variant, ...]") -> "tuple[Va
     return tuple(variant for variant in variants if not asked.only or variant.name in asked.only)
 
 
+def _listed(runs: "tuple[StudyRun, ...]") -> list[dict[str, object]]:
+    return [
+        {
+            "folder": str(run.folder),
+            "state": run.state,
+            "scene": str(run.scene),
+            "variant": run.variant.name,
+            "about": run.variant.about,
+            "seed": run.seed,
+            "steps": run.variant.recipe.steps,
+        }
+        for run in runs
+    ]
+
+
 def _listing(runs: "tuple[StudyRun, ...]") -> str:
     width = max(len(str(run.folder)) for run in runs)
     lines = [f"{run.folder!s:{width}}  {run.state:8}  {run.variant.about}" for run in runs]
     missing = sum(run.state != "finished" for run in runs)
     steps = sorted({run.variant.recipe.steps for run in runs})
-    spoken = f"{steps[0]}" if len(steps) == 1 else f"{steps[0]} to {steps[-1]}"
-    return "\n".join([*lines, f"{len(runs)} runs of {spoken} steps, {missing} to do"]) + "\n"
+    spoken = counted(steps[0], "step") if len(steps) == 1 else f"{steps[0]:,} to {steps[-1]:,} steps"
+    return "\n".join([*lines, f"{counted(len(runs), 'run')} of {spoken}, {missing} to do"]) + "\n"
 
 
 def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> None:
     """One run after the other."""
     options = RunOptions(threads=asked.threads, lpips=asked.lpips, quiet=asked.quiet)
-    again = f"ringlight study {asked.what} {' '.join(map(str, asked.scenes))} ... (the same command)"
+    again = f"{command('study', asked.what, *asked.scenes)} ... (the same command)"
     missing = [run for run in runs if run.state != "finished"]
     for number, run in enumerate(missing, 1):
         if not asked.quiet:
             sys.stderr.write(f"\nrun {number} of {len(missing)}: {run.variant.name}, {run.variant.about}\n")
-        train_and_measure(run.session("auto"), options, again)
+        with stages(asked.quiet):
+            session = run.session("auto", telling_of_scenes(asked.quiet))
+        train_and_measure(session, options, again)
 
 
 def _show(asked: StudyArguments, out: Path, variants: "tuple[Variant, ...]", runs: "tuple[StudyRun, ...]") -> None:
-    from rich.console import Console
-
+    from ringlight.cli.console import Screen
     from ringlight.methods.studies import base_of
     from ringlight.runs.study_results import study_table, write_results
 
@@ -129,6 +154,6 @@ def _show(asked: StudyArguments, out: Path, variants: "tuple[Variant, ...]", run
     if asked.json:
         sys.stdout.write((out / f"{asked.what}.json").read_text(encoding="utf-8"))
     else:
-        Console().print(table)
+        Screen().print(table)
     if not asked.quiet:
         sys.stderr.write(f"written to {', '.join(map(str, written))}\n")

@@ -7,14 +7,19 @@ TORCH_THREADS = 1
 or adds the parts up (mean): with more than one, bits would depend on ``--threads``. Its share is small."""
 
 
+def check_threads(count: int) -> None:
+    """Raises RecipeError for fewer threads than none; nothing is loaded for it."""
+    if count < 0:
+        raise RecipeError(f"--threads is {count}; give a number of threads, or 0 for every core")
+
+
 def use_threads(count: int) -> None:
     """``count`` threads for the kernels, 0 for every core, and one for torch; freed arrays are kept for the next step.
 
     Raises RecipeError for fewer than none, BackendError where the kernels cannot run: every command that calls this
     needs them, whatever the rasterizer.
     """
-    if count < 0:
-        raise RecipeError(f"--threads is {count}; give a number of threads, or 0 for every core")
+    check_threads(count)
     import torch
 
     try:

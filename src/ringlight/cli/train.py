@@ -10,11 +10,17 @@ import tyro
 from ringlight.cli.arguments import Device, MaybeFolder
 from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.gpu_build import tell_of_build
+from ringlight.cli.ineffective import settings_without_effect
+from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.poses import scene_with_cameras
 from ringlight.cli.run_training import RunOptions, check_steps, train_and_measure
+from ringlight.cli.stages import stages
+from ringlight.cli.threads import check_threads, use_threads
 from ringlight.cli.verifying import verify_run
+from ringlight.core.command_line import command
+from ringlight.data.bundled import scene_folder
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe
@@ -29,21 +35,23 @@ OneFlagEach = tyro.conf.FlagCreatePairsOff
 
 @dataclass(frozen=True)
 class TrainArguments:
-    """Learn a scene from posed photographs.
+    """Learn a scene from posed photographs, in --steps N steps.
 
     Writes a run folder: model.safetensors, report.json, recipe.json, checkpoints and images/. Ctrl-C finishes the
-    step and saves; 'ringlight train --resume RUN' goes on from there.
+    step and saves; 'ringlight train --resume RUN' goes on from there. --steps and all settings of a method are
+    explained by 'ringlight train SCENE METHOD --help'.
     """
 
     scene: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SCENE")]
-    """Folder of photographs with cameras: COLMAP, Blender/NeRF-Synthetic or nerfstudio layout."""
+    """Folder of photographs with cameras: COLMAP, Blender/NeRF-Synthetic or nerfstudio layout. toaster and carpaint are
+    bundled, where no folder is called so."""
     method: Method
     options: Annotated[SceneOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=SceneOptions)
     poses: Literal["given", "auto"] = "given"
     """auto: where SCENE has no cameras they are found first, as by 'ringlight poses SCENE'."""
     running: Annotated[RunOptions, tyro.conf.arg(name=""), OneFlagEach] = field(default_factory=RunOptions)
     out: MaybeFolder = None
-    """Run folder to make; by default runs/SCENE-METHOD."""
+    """Run folder to make; by default runs/SCENE-METHOD, or runs/SCENE-METHOD-2, ... where that exists."""
     seed: int = 0
     """Same seed, same machine kind: the same bits."""
     device: Device = "auto"
@@ -69,6 +77,12 @@ class ResumeArguments:
     running: Annotated[RunOptions, tyro.conf.arg(name="")] = field(default_factory=RunOptions)
 
 
+GLOSSARY = (
+    "PSNR and SSIM: likeness to photographs that training did not see, more is better (PSNR in dB: one more shows). "
+    "LPIPS: difference to the eye, less is better. raw MB: what showing the scene takes. core s: all cores together.\n"
+)
+"""Below the table of a run, for who reads one for the first time."""
+
 RESUMED = {"--resume", "--steps"} | flags_of(RunOptions)
 OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(RunOptions) | flags_of(SceneOptions) | {"--help"}
 KNOWN = OF_ANY_METHOD.union(*(flags_of(type(recipe), in_pairs=True) for recipe in METHODS.values()))
@@ -89,23 +103,35 @@ def _start(arguments: list[str]) -> int:
             method_named(arguments[1])
         except RecipeError as error:
             refuse("train", str(error))
-    asked = parse(TrainArguments, "train", arguments, in_pairs=True)
+    of_method = METHODS.keys() & set(arguments[: arguments.index("--help")] if "--help" in arguments else [])
+    asked = parse(TrainArguments, "train", arguments, in_pairs=True, before="SCENE" if of_method else "")
     preset = preset_of(arguments, asked.method)
     recipe: Recipe = asked.method
+    if recipe.steps < 1:
+        raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
     check_steps(asked.running, recipe.steps)
-    from ringlight.cli.threads import use_threads
-    from ringlight.runs.folder import free_folder
-    from ringlight.runs.session import Session
+    check_threads(asked.running.threads)
+    scene = scene_folder(asked.scene)
+    if asked.poses == "auto":
+        scene = scene_with_cameras(scene, asked.running)
+    with stages(asked.running.quiet) as line:
+        line(f"reading {scene}")  # before torch is loaded, which takes seconds
+        from ringlight.runs.folder import free_folder
+        from ringlight.runs.session import Session
 
-    use_threads(asked.running.threads)
-    tell_of_build(asked.device)
-    scene = asked.scene if asked.poses == "given" else scene_with_cameras(asked.scene, asked.running)
-    if asked.verify is not None:
-        if asked.from_ is not None:
-            raise RecipeError("--verify begins at the scene's points; leave out --from")
-        return verify_run(scene, asked.options, recipe, asked.seed, asked.device, asked.verify)
-    out = asked.out or free_folder(Path("runs") / f"{scene.resolve().name}-{preset}")
-    session = Session.start(out, scene, preset, asked.method, asked.options, asked.seed, asked.device, asked.from_)
+        use_threads(asked.running.threads)
+        tell_of_build(asked.device)
+        if asked.verify is not None:
+            if asked.from_ is not None:
+                raise RecipeError("--verify begins at the scene's points; leave out --from")
+            return verify_run(scene, asked.options, recipe, asked.seed, asked.device, asked.verify, asked.running.json)
+        out = asked.out or free_folder(Path("runs") / f"{scene.resolve().name}-{preset}")
+        loaded = telling_of_scenes(asked.running.quiet)
+        session = Session.start(
+            out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded
+        )
+    for sentence in settings_without_effect(asked.options, session):
+        sys.stderr.write(f"warning: {sentence}\n")
     return _train(session, asked.running)
 
 
@@ -117,22 +143,24 @@ def _resume(arguments: list[str]) -> int:
     if arguments and not arguments[0].startswith("-"):
         refuse("train", "--resume stands in place of SCENE and METHOD; write: ringlight train --resume RUN")
     wish = parse(ResumeArguments, "train", arguments)
-    from ringlight.cli.threads import use_threads
-    from ringlight.runs.finish import complete_report
-    from ringlight.runs.session import Session
+    check_threads(wish.running.threads)
+    with stages(wish.running.quiet) as line:
+        line(f"reading {wish.resume}")
+        from ringlight.runs.finish import complete_report
+        from ringlight.runs.session import Session
 
-    use_threads(wish.running.threads)
-    if "--steps" in flags_in(arguments) and wish.steps < 1:
-        raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
-    session = Session.resume(wish.resume, wish.steps)
-    check_steps(wish.running, session.training.steps)
-    report = complete_report(session)
+        use_threads(wish.running.threads)
+        if "--steps" in flags_in(arguments) and wish.steps < 1:
+            raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
+        session = Session.resume(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
+        check_steps(wish.running, session.training.steps)
+        report = complete_report(session)
     if report is None:
         return _train(session, wish.running)
     if not wish.running.quiet:
         sys.stderr.write(
             f"{wish.resume}: is complete after step {session.training.step} and was measured; measure it again with: "
-            f"ringlight eval {wish.resume}, or add steps: ringlight train --resume {wish.resume} --steps MORE\n"
+            f"{command('eval', wish.resume)}, or add steps by: {command('train', '--resume', wish.resume)} --steps MORE\n"
         )
     _print(report, wish.running)
     return 0
@@ -164,22 +192,23 @@ def _refuse_flags_of_other_methods(arguments: list[str]) -> None:
 
 
 def _train(session: "Session", options: RunOptions) -> int:
-    report = train_and_measure(session, options, f"ringlight train --resume {session.folder.path}")
+    run = session.folder.path
+    report = train_and_measure(session, options, command("train", "--resume", run))
     _print(report, options)
     if not options.json:
-        path = "" if session.scene.test else " --path orbit"
-        shown = f"ringlight render {session.folder.path}{path}"
-        sys.stderr.write(f"written to {session.folder.path}; see it with: {shown}\n")
+        if not options.quiet:
+            sys.stderr.write(GLOSSARY)
+        path = () if session.scene.test else ("--path", "orbit")
+        sys.stderr.write(f"written to {run}; see it with: {command('render', run, *path)}\n")
     return 0
 
 
 def _print(report: "Report", options: RunOptions) -> None:
-    from rich.console import Console
-
+    from ringlight.cli.console import Screen
     from ringlight.measure.json_record import to_json
     from ringlight.measure.table import ResultsTable
 
     if options.json:
         sys.stdout.write(to_json(report))
     else:
-        Console().print(ResultsTable([(report.preset, report)]))
+        Screen().print(ResultsTable([(report.preset, report)]))

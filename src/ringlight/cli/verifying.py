@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from ringlight.cli.loading import tell_warnings
 from ringlight.cli.main import WRONG_INPUT
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
@@ -12,8 +13,10 @@ MOST_NAMED = 5
 """Tensors that a line names."""
 
 
-def verify_run(scene_path: Path, options: SceneOptions, recipe: Recipe, seed: int, device: str, steps: int) -> int:
-    """Print one line a trial on standard output; the exit code is 1 where any differs from the first.
+def verify_run(
+    scene_path: Path, options: SceneOptions, recipe: Recipe, seed: int, device: str, steps: int, as_json: bool
+) -> int:
+    """Print one line a trial on standard output, or all as JSON; the exit code is 1 where any differs from the first.
 
     Raises RecipeError for a number of steps that cannot be compared.
     """
@@ -21,24 +24,31 @@ def verify_run(scene_path: Path, options: SceneOptions, recipe: Recipe, seed: in
         raise RecipeError(f"--verify is {steps}; give 2 to {recipe.steps} steps, which is how many this run has")
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene
+    from ringlight.measure.json_record import to_json
     from ringlight.runs.limits import prepare_run
     from ringlight.runs.starting_points import with_points_of
     from ringlight.runs.verify import verify
 
     scene = load_scene(scene_path, with_points_of(recipe, options))
+    tell_warnings(scene)
     prepared = prepare_run(scene, recipe, seed, device)
     for warning in prepared.warnings:
         sys.stderr.write(f"warning: {warning}\n")
     recipe, scene = prepared.recipe, prepared.scene
     del prepared  # and with it a training that nobody runs: memory was planned for one at a time
-    all_same = True
+    trials = []
     for trial in verify(recipe, scene, seed, device, steps, use_threads):
-        all_same &= trial.is_same
+        trials.append(trial)
+        if as_json:
+            continue
         verdict = "the same bits" if trial.is_same else "OTHER BITS"
         sys.stdout.write(f"{trial.digest}  {verdict}  {trial.circumstances}\n")
         sys.stdout.flush()
         if not trial.is_same:
             sys.stdout.write(f"{'':18}{_where(trial.first_step, trial.differing)}\n")
+    all_same = all(trial.is_same for trial in trials)
+    if as_json:
+        sys.stdout.write(to_json({"same": all_same, "trials": trials}))
     return 0 if all_same else WRONG_INPUT
 
 

@@ -50,6 +50,10 @@ class PointCloud:
     measured: bool = True
 
 
+WARNING = "warning: "
+"""How notes begin that must not be missed: commands that are told to be quiet say them too."""
+
+
 @dataclass(frozen=True)
 class Scene:
     """What every loader returns.
@@ -57,7 +61,8 @@ class Scene:
     ``extent`` is 1.1 times the largest distance of a training camera from their mean (3DGS's spatial unit), or half the
     box where all stand in one place; ``box`` the axis-aligned box [low, high] that holds the subject; ``background``
     the name in force ("white", "black", "random", or "photograph" where images have no alpha); ``source`` the folder's
-    full path; ``notes`` what the loader decided and a reader should know (filter, downscale, sub-model, ...).
+    full path; ``notes`` what the loader decided and a reader should know (filter, downscale, sub-model, ...), also
+    ``warnings``, which nobody must miss.
     """
 
     name: str
@@ -70,6 +75,11 @@ class Scene:
     format: str
     source: str
     notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of the notes those that must not be missed; they begin with :data:`WARNING`, which is left out here."""
+        return tuple(note.removeprefix(WARNING) for note in self.notes if note.startswith(WARNING))
 
     @computed_once
     def background_color(self) -> Float[Tensor, "3"]:

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.scene import View
+from ringlight.core.stages import counted
 from ringlight.data.hull import SEEN_SHARE, Mask, VoxelGrid, evenly_chosen
 
 TOLERANCE = 4 / 255
@@ -99,7 +100,8 @@ def border_masks(views: Sequence[View], box: Float[Tensor, "2 3"], background: F
     if not on_even_background(views, background):
         return []
     color = background.numpy().astype(np.float32)
-    photographs = [_Photograph.of(view, color) for view in evenly_chosen(views)]
+    chosen = evenly_chosen(views)
+    photographs = [_Photograph.of(view, color) for view in counted("cutting the subject out", chosen)]
     grid = VoxelGrid.over(box, CELLS)
     solid = _solid(grid, photographs)
     centers = grid.centers()

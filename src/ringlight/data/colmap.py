@@ -8,7 +8,8 @@ import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ringlight.core.scene import Scene
+from ringlight.core.scene import WARNING, Scene
+from ringlight.core.stages import counted
 from ringlight.data import colmap_binary, colmap_text
 from ringlight.data.capture import Capture, scene_from
 from ringlight.data.colmap_model import ColmapImage, intrinsics_of
@@ -80,7 +81,7 @@ def _model_note(models: list[SubModel], chosen: SubModel) -> tuple[str, ...]:
         return ()
     counts = ", ".join(f"{model.folder.name}: {len(model.images)}" for model in models)
     return (
-        f"warning: COLMAP split the photographs into {len(models)} models ({counts} images); only the largest, "
+        f"{WARNING}COLMAP split the photographs into {len(models)} models ({counts} images); only the largest, "
         f"{chosen.folder.name}, is used",
     )
 
@@ -106,7 +107,8 @@ def _frames(model: SubModel, photographs: PhotographFolder, folder: Path) -> lis
     for image, path, _ in found:
         lens = lenses[image.camera_id]
         photographs.refuse_other_size(path, image.name, (lens.width, lens.height))
-    return [_frame(image, lenses[image.camera_id], path, where) for image, path, where in found]
+    looked = counted("looking at photographs", found)
+    return [_frame(image, lenses[image.camera_id], path, where) for image, path, where in looked]
 
 
 def _lenses(model: SubModel, images: Path, folder: Path) -> dict[int, Intrinsics]:

@@ -17,6 +17,7 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.core.scene import View
+from ringlight.core.stages import counted
 
 COARSE_CELLS, FINE_CELLS = 64, 160
 """Voxels along the longest side: of the scene's box, to find the subject, and then of the subject's own box."""
@@ -101,7 +102,7 @@ def masks_of(views: Sequence[View]) -> list[Mask]:
     chosen = evenly_chosen(views)
     if not all(view.has_alpha for view in chosen):
         return []
-    alphas = [view.load()[..., 3].astype(np.float32) / 255 for view in chosen]
+    alphas = [view.load()[..., 3].astype(np.float32) / 255 for view in counted("reading masks", chosen)]
     if sum(float((alpha <= OPAQUE).mean()) for alpha in alphas) < EMPTY_SHARE * len(alphas):
         return []
     return [Mask.from_alpha(view.camera, alpha) for view, alpha in zip(chosen, alphas, strict=True)]
@@ -126,7 +127,7 @@ def depths_inside(points: Float[Tensor, "P 3"], masks: Sequence[Mask], band: flo
     cone of one view, which is where the hull is the subject's own surface.
     """
     alive, least, views = torch.arange(len(points)), torch.full((len(points),), band), torch.zeros(len(points))
-    for mask in masks:
+    for mask in counted("carving the first surface", masks):
         camera, here = mask.camera, points[alive]
         x, y, z = (here @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]).unbind(-1)
         column = (2 / camera.width) * (camera.focal[0] * x / z + camera.center[0]) - 1

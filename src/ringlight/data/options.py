@@ -68,6 +68,10 @@ class ReadingOptions:
             raise RecipeError("--invert-masks and --masks none do not go together; leave one of them out")
 
 
+MOST_POINTS = 100_000_000
+"""Random points: a scene of so many Gaussians takes more memory than machines of today have."""
+
+
 def _refuse_below(flag: str, value: int | None, least: int) -> None:
     if value is not None and value < least:
         raise RecipeError(f"{flag} is {value}: give a whole number of at least {least}")
@@ -95,4 +99,6 @@ class SceneOptions(ReadingOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         _refuse_below("--initial-points", self.initial_points, 1)
+        if (self.initial_points or 0) > MOST_POINTS:
+            raise RecipeError(f"--initial-points is {self.initial_points}: give at most {MOST_POINTS:,}")
         _refuse_below("--points-seed", self.points_seed, 0)

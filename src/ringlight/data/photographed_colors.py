@@ -9,6 +9,7 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.core.scene import Scene, View
+from ringlight.core.stages import counted
 
 MOST_VIEWS = 60
 """Photographs that are averaged, evenly chosen."""
@@ -34,7 +35,7 @@ def photographed_colors(
     """
     views: Sequence[View] = scene.train[:: -(-len(scene.train) // MOST_VIEWS)]
     total, count = torch.zeros_like(positions), torch.zeros(len(positions), 1)
-    for view in views:
+    for view in counted("colouring the first surface", views):
         pixels, seen = _seen(positions, normals, spacing, view.camera)
         picture = view.image(scene.background_color).flatten(1).T
         total[seen] += picture[pixels]

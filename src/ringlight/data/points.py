@@ -86,7 +86,8 @@ def starting_points(
     place = ", ".join(f"{round(value, 3) + 0.0:g}" for value in sphere.center)  # + 0.0: no minus before zero
     note = (
         f"initial points: {count} random in a cube of half side {POINTS_SHARE * sphere.radius:.3g} around ({place}), "
-        f"seed {options.points_seed}, since the scene brings {'no' if sfm is None else len(sfm.positions)} points"
+        f"seed {options.points_seed}, since the scene brings {'no' if sfm is None else len(sfm.positions)} points; "
+        "none where a first surface is carved from masks or an even background"
     )
     return points, sphere.cube(BOX_SHARE), note
 

@@ -6,6 +6,7 @@ A value that a frame does not state holds for the whole file. Poses are camera-t
 import math
 from pathlib import Path
 
+from ringlight.core.stages import counted
 from ringlight.data.folder import image_inside, require_none_missing, shown
 from ringlight.data.frame import Frame
 from ringlight.data.image_files import ImageHeader, read_header
@@ -44,7 +45,7 @@ def read_frames(document: Fields, file: Path) -> list[Frame]:
     if not isinstance(entries, list) or not entries:
         raise SceneError(f"{file}: lists no frames; export the cameras again")
     base, missing, frames = file.parent, [], []
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(counted("looking at photographs", entries)):
         where = f"{file}: frame {index}"
         name = text(entry, "file_path", where) if isinstance(entry, dict) else None
         if name is None:

@@ -60,9 +60,12 @@ def write_text(path: Path, text: str) -> None:
 
 
 def refuse_existing(path: Path, overwrite: bool) -> None:
-    """Raises OutputError for a file that exists and may not be replaced."""
+    """Raises OutputError for a file that exists and may not be replaced, or whose folder does not exist; for those who
+    work long before they write."""
     if path.exists() and not overwrite:
         raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: cannot be written: {REMEDIES[errno.ENOENT]}")
 
 
 def _refuse_what_is_no_file(path: Path, target: Path) -> None:

@@ -17,6 +17,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.sh_basis import GREY, basis_count, sh_basis
+from ringlight.core.stages import counted
 
 DEGREE = 3
 COEFFICIENTS = basis_count(DEGREE)
@@ -65,7 +66,7 @@ def bake_to_sh(gaussians: Gaussians, cameras: Sequence[Camera], colors_from: Col
     rows = max(CHUNK_FLOATS // (COEFFICIENTS * len(cameras)), 1)
     parts = [
         _fit(gaussians.rows(torch.arange(begin, min(begin + rows, len(gaussians)))), cameras, colors_from)
-        for begin in range(0, len(gaussians), rows)
+        for begin in counted("baking colours", range(0, len(gaussians), rows))
     ]
     harmonics = torch.cat([part[0] for part in parts]) if parts else torch.zeros(0, COEFFICIENTS, 3)
     squares = torch.cat([part[1] for part in parts]) if parts else torch.zeros(0)

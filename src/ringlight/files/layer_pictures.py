@@ -21,12 +21,17 @@ DEPTH_SAMPLES = 5
 """
 
 
-def check_layers(model: Model, camera: Camera, wanted: Sequence[str]) -> None:
-    """Raises RecipeError with the layers that there are, unless the model has all ``wanted`` ones."""
+def known_layers(model: Model, camera: Camera, wanted: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Of the ``wanted`` layers those that the model has, and those it lacks: which there are depends on how it is lit.
+
+    Raises RecipeError with the layers that there are, where it has none of them.
+    """
     known = (COLOR, *model.layers(camera))
-    missing = [name for name in wanted if name not in known]
-    if missing:
+    found = tuple(name for name in wanted if name in known)
+    missing = tuple(name for name in wanted if name not in known)
+    if not found:
         raise RecipeError(f"this model has no layer {missing[0]!r}; give --layers some of: {', '.join(known)}")
+    return found, missing
 
 
 def common_depth_range(model: Model, cameras: Sequence[Camera]) -> tuple[float, float]:

@@ -62,7 +62,9 @@ def fetch_lpips(destination: Path, archive: Path | None = None, progress: Tell =
     try:
         destination.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{destination}: cannot be made ({error.strerror}); choose another folder") from error
+        raise OutputError(
+            f"{destination}: cannot be made ({error.strerror}); name another folder in RINGLIGHT_CACHE"
+        ) from error
     with tempfile.TemporaryDirectory(prefix="ringlight-") as folder:
         if archive is None:
             progress(f"downloading {REQUIREMENT} (64 MB)")

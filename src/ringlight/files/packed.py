@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.core.stages import counted
 from ringlight.errors import ModelFileError
 from ringlight.files.pack_directions import (
     pack_directions,
@@ -97,7 +98,7 @@ def pack_tensors(tensors: Mapping[str, Tensor]) -> Packed:
     """Every tensor by the plan."""
     stored: dict[str, Tensor] = {}
     packing: dict[str, str] = {}
-    for name, tensor in tensors.items():
+    for name, tensor in counted("packing", list(tensors.items())):
         chosen = _chosen(name, tensor, tensors.get(SCALES))
         if chosen is None:
             stored[name] = tensor

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from ringlight.core.command_line import command
 from ringlight.errors import RunError
 from ringlight.measure.contact_sheet import SheetColumn, contact_sheet
 from ringlight.measure.lpips_notes import stored_lpips_notes
@@ -67,7 +68,7 @@ def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
     sheets = [_sheet(scene, together, labels, views) for scene, together in scenes.items()] if views else []
     shown = [run for run in loaded if run.report.images]
     bare = [run.folder for run in shown if not (run.pictures(RENDERS) and run.pictures(TRUTHS))]
-    notes = tuple(f"{folder} has no pictures; make them with 'ringlight eval {folder}'." for folder in bare)
+    notes = tuple(f"{folder} has no pictures; make them with: {command('eval', folder)}" for folder in bare)
     return Comparison(table, _stacked([sheet for sheet in sheets if sheet]), notes)
 
 
@@ -75,11 +76,16 @@ def _labelled(together: list[_Run]) -> list[tuple[_Run, str]]:
     """The runs of one scene with the shortest names that tell them apart: preset, else folder, else path."""
     candidates = [
         [run.report.preset for run in together],
-        [f"{run.report.preset} {run.folder.resolve().name}" for run in together],
+        [_preset_and_folder(run) for run in together],
         [str(run.folder.resolve()) for run in together],
     ]
     chosen = next(names for names in candidates if max(Counter(names).values()) == 1)
     return list(zip(together, chosen, strict=True))
+
+
+def _preset_and_folder(run: _Run) -> str:
+    preset, folder = run.report.preset, run.folder.resolve().name
+    return preset if folder == preset else f"{preset} {folder}"
 
 
 def _refuse_other_views(first: _Run, other: _Run) -> None:

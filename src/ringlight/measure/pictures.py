@@ -9,6 +9,7 @@ from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
+from ringlight.core.command_line import command
 from ringlight.errors import RunError
 from ringlight.measure.picture_names import picture_name
 
@@ -49,7 +50,7 @@ def same_picture(one: Path, other: Path) -> bool:
 
 def _remedy(path: Path) -> str:
     # RUN/images/test/VIEW.png
-    return f"make it again with 'ringlight eval {path.parents[2]}'"
+    return f"make it again with: {command('eval', path.parents[2])}"
 
 
 class PictureFolder:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from ringlight.core.command_line import command
 from ringlight.errors import RunError
 from ringlight.measure.json_record import from_json
 from ringlight.measure.machine import Machine
@@ -153,19 +154,19 @@ def read_report(run: Path) -> Report:
     Raises:
         RunError: there is no report, or it cannot be read.
     """
-    path = run / REPORT_NAME
+    path, again = run / REPORT_NAME, command("eval", run)
     if not run.is_dir():
         raise RunError(f"{run}: no such run folder; give the folder that 'ringlight train' wrote (its --out)")
     if not path.is_file() and (inside := folders_with(REPORT_NAME, run)):
         raise RunError(f"{run}: is no run itself; name the runs inside it: {inside}")
     if not path.is_file():
-        raise RunError(f"{run}: holds no {REPORT_NAME}; make one with 'ringlight eval {run}'")
+        raise RunError(f"{run}: holds no {REPORT_NAME}; make one with: {again}")
     try:
         if path.stat().st_size > MAX_REPORT_BYTES:
-            raise RunError(f"{path}: larger than any report; make a new one with 'ringlight eval {run}'")
+            raise RunError(f"{path}: larger than any report; make a new one with: {again}")
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise RunError(f"{path}: cannot be read ({error}); make a new one with 'ringlight eval {run}'") from None
+        raise RunError(f"{path}: cannot be read ({error}); make a new one with: {again}") from None
     return from_json(Report, text, str(path))
 
 

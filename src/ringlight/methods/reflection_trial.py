@@ -14,6 +14,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.scene import PointCloud, Scene, View
+from ringlight.core.stages import counted as counted_views
+from ringlight.core.stages import tell
+from ringlight.core.words import counted
 from ringlight.data.border_masks import on_even_background
 from ringlight.data.hull import masks_of
 from ringlight.data.points import FEWEST_FOR_BOX
@@ -60,13 +63,13 @@ class ReflectionTrial:
     def __str__(self) -> str:
         gain = self.reflections - self.harmonics
         short = (
-            f"; reflections must gain {LEAST_GAIN:g} dB and gain {math.floor(100 * gain) / 100:.2f}"
+            f"; reflections must gain {LEAST_GAIN:g} dB and gained {math.floor(100 * gain) / 100:.2f}"
             if 0 < gain < LEAST_GAIN
             else ""
         )
         return (
-            f"a trial of {self.steps} steps reached {self.reflections:.1f} dB with reflections and "
-            f"{self.harmonics:.1f} dB with harmonics at 3DGS's rates, on photographs held out{short}"
+            f"in a trial of {counted(self.steps, 'step')} its pictures came to within {self.reflections:.1f} dB of "
+            f"photographs kept apart with reflections, and {self.harmonics:.1f} dB without; more is nearer{short}"
         )
 
 
@@ -87,11 +90,11 @@ def chosen_shading(
     if trial is not None:
         return "mirror" if trial.reflects else "basis", str(trial)
     if masks_of(scene.train) or on_even_background(scene.train, scene.background_color):
-        return "harmonics", "what cuts the subject out of the photographs leaves no surface in the scene's box"
-    nothing_to_carve = "no masks or even background to carve a surface by"
+        return "harmonics", "masks or background leave nothing of the subject where the cameras look"
+    nothing_to_carve = "no masks and no even background cut the subject out"
     if not scene.points.measured or len(scene.points.positions) < FEWEST_FOR_BOX:
-        return "basis", f"{nothing_to_carve}, and fewer than {FEWEST_FOR_BOX} points that lie on one"
-    return "mirror", f"{nothing_to_carve}, so that its points are the first surface"
+        return "basis", f"{nothing_to_carve}, and fewer than {FEWEST_FOR_BOX} points are known on it"
+    return "mirror", f"{nothing_to_carve}, so that it begins from the scene's points"
 
 
 def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps: int) -> ReflectionTrial | None:
@@ -109,10 +112,12 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
     if points is None:
         return None
     behind = scene.background_color
-    harmonics = _psnr_after(_harmonics(points, small, mirror, rasterize, seed), held, behind)
+    rounds = _Rounds(2 if masks else 3, mirror.steps)
+    harmonics = _psnr_after(_harmonics(points, small, mirror, rasterize, seed), held, behind, rounds)
     if not masks:  # a hull that is torn is worse than none, whatever is shaded on it
-        harmonics = max(harmonics, _psnr_after(_harmonics(small.points, small, mirror, rasterize, seed), held, behind))
-    reflections = _psnr_after(mirror.build_on_hull(points, small, rasterize, seed), held, behind)
+        own = _harmonics(small.points, small, mirror, rasterize, seed)
+        harmonics = max(harmonics, _psnr_after(own, held, behind, rounds))
+    reflections = _psnr_after(mirror.build_on_hull(points, small, rasterize, seed), held, behind, rounds)
     return ReflectionTrial(mirror.steps, harmonics, reflections)
 
 
@@ -145,14 +150,27 @@ def _harmonics(
     return recipe.build_on(points, scene, rasterize, seed)
 
 
-def _psnr_after(training: Training, held: list[View], background: Float[Tensor, "3"]) -> float:
+@dataclass
+class _Rounds:
+    """How far the trainings of a trial are, for whoever listens."""
+
+    trainings: int
+    steps: int
+    done: int = 0
+
+    def step(self) -> None:
+        self.done += 1
+        tell("trying with and without reflections", self.done, self.trainings * self.steps)
+
+
+def _psnr_after(training: Training, held: list[View], background: Float[Tensor, "3"], rounds: _Rounds) -> float:
     """Train, then compare the views with their photographs."""
     for _ in train(training):
-        pass
+        rounds.step()
     return fmean(
         psnr(
             training.model.render(view.camera, background).color.cpu().clamp(0, 1),
             view.image(background).permute(1, 2, 0),
         )
-        for view in held
+        for view in counted_views("comparing the trial's pictures", held)
     )

@@ -32,6 +32,13 @@ SHADINGS: dict[Shading, tuple[str, type[Chosen]]] = {
 }
 """Methods to choose from, whose recipes have what a ``RingLightRecipe`` sets."""
 
+SUITS: dict[Shading, str] = {
+    "basis": "for surfaces that do not mirror",
+    "mirror": "for surfaces that mirror what is around",
+    "harmonics": "the plain one",
+}
+"""Words for a person who knows photographs and no method."""
+
 
 @dataclass(frozen=True)
 class GrowthBound:
@@ -73,7 +80,7 @@ class RingLightRecipe:
         from ringlight.methods.reflection_trial import chosen_shading
 
         shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
-        return self._as(shading), f"method: {SHADINGS[shading][0]} ({reason})"
+        return self._as(shading), f"method: {SHADINGS[shading][0]}, {SUITS[shading]} ({reason})"
 
     def _as(self, shading: Shading) -> Chosen:
         chosen: Chosen = SHADINGS[shading][1]()

@@ -21,5 +21,5 @@ def refuse_if_not_finite(columns: Mapping[str, Tensor | None], camera: Camera, b
     broken = first_not_finite({name: column for name, column in columns.items() if column is not None})
     if broken is not None:
         raise BackendError(
-            f"column {broken}; remove these rows, or go back to a state from before and learn at lower rates"
+            f"column {broken}: numbers beyond what can be drawn; remove these rows, or copy or train the model again"
         )

@@ -10,6 +10,7 @@ import torch
 import ringlight
 from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
+from ringlight.core.stages import counted
 from ringlight.core.want import Want
 from ringlight.errors import OutputError, RecipeError, RunError
 from ringlight.files.atomic import refuse_existing
@@ -72,7 +73,7 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     ``tell`` hears (pictures done, pictures in all). A scene without test views counts as none. Raises RunError for a
     model that packing makes no smaller, OutputError where the file cannot be written.
     """
-    stored = opened.stored
+    stored, size_before = opened.stored, opened.file.stat().st_size  # before it is replaced, perhaps
     if scene is not None and not scene.test:
         scene = None
     tensors = stored.model.rendering_tensors() | tensors_from_cameras(stored.cameras)
@@ -94,7 +95,7 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     facts = _scene_facts(opened)
     header = replace(stored.header, scene=facts, metrics=measured, versions=versions, storage=asdict(losses))
     write_model_file(path, packed, header)
-    return Compressed(str(path), *after.model.counted(), opened.file.stat().st_size, path.stat().st_size, losses)
+    return Compressed(str(path), *after.model.counted(), size_before, path.stat().st_size, losses)
 
 
 def _scene_facts(opened: Opened) -> SceneFacts:
@@ -116,11 +117,12 @@ def _picture_loss(before: StoredModel, after: StoredModel) -> list[float]:
     """PSNR of the two models against each other, dB, over white, from a few training cameras."""
     count = min(len(before.cameras), MOST_PICTURES)
     cameras = [before.cameras[index * len(before.cameras) // count] for index in range(count)]
+    looked = counted("comparing pictures", cameras)
 
     def picture(model: Model, camera: Camera) -> torch.Tensor:
         return model.render(camera, torch.ones(3), Want.PICTURE).color.clamp(0, 1)
 
-    return [metrics.psnr(picture(after.model, camera), picture(before.model, camera)) for camera in cameras]
+    return [metrics.psnr(picture(after.model, camera), picture(before.model, camera)) for camera in looked]
 
 
 def _test_loss(before: Model, after: Model, scene: Scene, tell: Tell) -> tuple[float, float]:

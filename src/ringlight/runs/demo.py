@@ -12,7 +12,7 @@ from ringlight.measure.report import REPORT_NAME, read_report
 from ringlight.methods.table import method_named
 from ringlight.runs.folder import empty_folder
 from ringlight.runs.record import RECORD_NAME
-from ringlight.runs.session import Session
+from ringlight.runs.session import Loaded, Session, nobody
 
 METHODS_SHOWN = ("3dgs", "ringlight")
 """In the order in which they are trained and shown: the yardstick first."""
@@ -65,17 +65,20 @@ class Demo:
         """The picture with both methods side by side."""
         return self.folder / SHEET_NAME
 
-    def session(self, method: str) -> Session | None:
-        """The training of ``method``, from its start or from where it stopped; None if it has been measured."""
+    def session(self, method: str, loaded: Loaded = nobody) -> Session | None:
+        """The training of ``method``, from its start or from where it stopped; None if it has been measured.
+
+        ``loaded`` hears of the scene.
+        """
         folder = self.folder / method
         # eval measures runs that were stopped, too.
         if (folder / REPORT_NAME).exists() and read_report(folder).iterations == self.steps:
             return None
         if (folder / RECORD_NAME).exists():
-            return Session.resume(folder)
+            return Session.resume(folder, loaded=loaded)
         recipe = replace(method_named(method), steps=self.steps)
         scene = bundled_scene(self.scene)
-        session = Session.start(folder, scene, method, recipe, SceneOptions(), self.seed, "auto")
+        session = Session.start(folder, scene, method, recipe, SceneOptions(), self.seed, "auto", loaded=loaded)
         # From here on there is something to resume from, whatever happens.
         session.save()
         return session

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from ringlight.core.command_line import command
 from ringlight.core.raw_bytes import bytes_by_part
 from ringlight.errors import ModelFileError, RunError
 from ringlight.files.model_file import ModelHeader, read_model_file
@@ -124,7 +125,7 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
         device=record.device if record else None,
         planned=record.steps if record else None,
         has_checkpoint=has_checkpoint,
-        resume=f"ringlight train --resume {run.path}" if can_go_on else None,
+        resume=command("train", "--resume", run.path) if can_go_on else None,
         problems=tuple(problems),
         **{name: getattr(report, name) if report else None for name in HEADLINE},
     )

@@ -10,28 +10,28 @@ from jaxtyping import Float
 from torch import Tensor
 
 import ringlight
+from ringlight.core import stages
 from ringlight.core.camera import Camera
 from ringlight.core.raw_bytes import bytes_by_part
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene, View
 from ringlight.core.want import Want
-from ringlight.errors import ModelFileError, RunError, SceneError
+from ringlight.errors import ModelFileError, OutputError, RunError, SceneError
 from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
-from ringlight.files.video import save_image
 from ringlight.fit.guard import sentences
-from ringlight.measure.evaluate import Keep, Scores, evaluate, mean_psnr, scores_without_views
+from ringlight.measure.evaluate import Scores, evaluate, mean_psnr, scores_without_views
 from ringlight.measure.json_record import to_json
 from ringlight.measure.lpips import Net
 from ringlight.measure.machine import machine, source_commit
 from ringlight.measure.nearness import distances, means_of_thirds
-from ringlight.measure.picture_names import picture_name
 from ringlight.measure.report import CurvePoint, Report, read_report
 from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.table import method_of
 from ringlight.models.contract import Model
 from ringlight.models.feature_shares import feature_shares
-from ringlight.runs.folder import RunFolder, make_folder
+from ringlight.runs.folder import RunFolder
+from ringlight.runs.kept_pictures import KeptPictures
 from ringlight.runs.opened import Opened
 from ringlight.runs.record import RunRecord
 from ringlight.runs.session import Session
@@ -76,20 +76,20 @@ def measure(
     model: Model,
     scene: Scene,
     facts: TrainingFacts,
-    pictures: tuple[Path, Path] | None = None,
+    pictures: KeptPictures | None = None,
     nets: tuple[Net, ...] = ("alex",),
     tell: Tell | None = None,
     trained: Sequence[Camera] | None = None,
 ) -> Report:
-    """Measure on the test views; the folders ``pictures``, if given, get the rendered views and the photographs.
+    """Measure on the test views; ``pictures``, if given, keep the rendered views and the photographs, or a failure.
 
     ``trained`` are the cameras that the model was trained with, if other than those of the scene's training views.
     ``tell`` hears (views done, views in all), training views among them. Of a scene without test views training views
-    alone are measured. Raises OutputError where a picture cannot be written.
+    alone are measured. Raises SceneError where a photograph of the test views cannot be read.
     """
     background = scene.background_color
 
-    render, keep = _shows(model, background), _keeper(*pictures) if pictures and scene.test else None
+    render = _shows(model, background)
     cameras = [view.camera for view in scene.train] if trained is None else trained
     seen, tested = _training_views(scene, cameras), len(scene.test)
 
@@ -97,12 +97,13 @@ def measure(
         return None if tell is None else lambda done, _: tell(before + done, tested + len(seen))
 
     if scene.test:
-        scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=keep, progress=telling(0))
+        scores = evaluate(render, scene.test, background, lpips_nets=nets, keep_images=pictures, progress=telling(0))
     else:
         scores = scores_without_views(scene.train)
     known = None
     with suppress(SceneError):  # where a photograph is gone, test views are measured all the same
         known = mean_psnr(render, seen, background, telling(tested)) if seen else None
+    stages.tell("timing pictures")
     speed = frames_per_second(render, [view.camera for view in scene.test or seen or scene.train[:MOST_SEEN]])
     report = _report(scene, facts, scores, model, speed)
     shares = feature_shares(model, cameras, background)
@@ -157,7 +158,9 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         collapses=sentences(session.training.guard.collapses) if session.training.guard else (),
         curve=tuple(session.history.points),
     )
-    report = measure(session.training.model, session.scene, facts, session.folder.pictures, nets, tell)
+    pictures = KeptPictures(*session.folder.pictures)
+    report = measure(session.training.model, session.scene, facts, pictures, nets, tell)
+    pictures.refuse_failure()
     session.save_model({"psnr": report.psnr, "ssim_same": report.ssim_same, "lpips_alex": report.lpips_alex})
     report = replace(report, bytes_file=session.folder.model.stat().st_size)
     write_report(session.folder.report, report)
@@ -173,6 +176,18 @@ def complete_report(session: Session) -> Report | None:
     except RunError:
         return None
     return report if report.iterations == session.training.step else None
+
+
+def refuse_older(run: RunFolder, step: int | None) -> None:
+    """Raises OutputError where the run's report is of a later step than ``step``, which is measured."""
+    kept = None
+    with suppress(RunError):  # a damaged report may be replaced
+        kept = read_report(run.path).iterations
+    if kept is not None and step is not None and kept > step:
+        raise OutputError(
+            f"{run.report}: is of step {kept}, and the model of step {step}; the report stays as it is, give --out NEW "
+            "to measure this model"
+        )
 
 
 def write_report(path: Path, report: Report) -> None:
@@ -204,17 +219,6 @@ def _costs(run: RunFolder) -> dict[str, Any]:
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
         return {name: float(stored[kept]) for name, kept in SECONDS.items() if kept in stored}
     return {}
-
-
-def _keeper(renders: Path, truths: Path) -> Keep:
-    for folder in (renders, truths):
-        make_folder(folder)
-
-    def keep(view: View, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> None:
-        save_image(renders / picture_name(view.name), image)
-        save_image(truths / picture_name(view.name), truth)
-
-    return keep
 
 
 def _report(scene: Scene, facts: TrainingFacts, scores: Scores, model: Model, speed: FrameRate) -> Report:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from ringlight.core.command_line import command
 from ringlight.errors import RunError
 from ringlight.measure.picture_names import RENDERS, TRUTHS
 from ringlight.measure.report import REPORT_NAME
@@ -56,7 +57,7 @@ class RunFolder:
         """A new, empty run folder. Raises RunError if it holds anything: nothing is ever overwritten."""
         if (path / RECORD_NAME).exists():
             raise RunError(
-                f"{path}: already holds a run; go on with it by 'ringlight train --resume {path}', or give --out NEW"
+                f"{path}: already holds a run; give --out NEW, or go on with it: {command('train', '--resume', path)}"
             )
         return RunFolder(empty_folder(path))
 

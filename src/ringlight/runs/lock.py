@@ -1,4 +1,4 @@
-"""One process at a time trains a run: a lock on its folder, which the system releases however that process ends."""
+"""One process at a time trains or measures a run: a lock on its folder, released however that process ends."""
 
 import os
 from contextlib import suppress
@@ -21,7 +21,7 @@ class RunLock:
     Raises RunError that names the process which holds it. Disks that know no locks (some of networks) lock nobody out.
     """
 
-    def __init__(self, folder: Path, doing: str = "is training this run"):
+    def __init__(self, folder: Path, doing: str = "is training or measuring this run"):
         self._handle: int | None = None
         if fcntl is None:
             return
@@ -31,7 +31,7 @@ class RunLock:
         except BlockingIOError:
             self.release()
             remedy = "wait until that has ended, or stop it"
-            raise RunError(f"{folder}: {_holder(folder)} {doing}; {remedy}") from None
+            raise RunError(f"{folder}: {holder(folder)} {doing}; {remedy}") from None
         except OSError:
             self.release()
 
@@ -45,7 +45,7 @@ class RunLock:
         self.release()
 
 
-def _holder(folder: Path) -> str:
+def holder(folder: Path) -> str:
     """The process that holds the lock, where the system tells; a container is told of its own alone."""
     status = folder.stat()
     place = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ringlight.core.command_line import command
 from ringlight.core.scene import Scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
@@ -32,7 +33,7 @@ def find_model(path: Path) -> tuple[Path, RunFolder | None]:
     if folder.model.is_file():
         return folder.model, folder
     if (path / RECORD_NAME).is_file():
-        raise RunError(f"{path}: holds no model yet; go on with 'ringlight train --resume {path}'")
+        raise RunError(f"{path}: holds no model yet; go on with: {command('train', '--resume', path)}")
     if inside := folders_with(MODEL_NAME, path):
         raise RunError(f"{path}: is no run itself; name a run inside it: {inside}")
     raise RunError(f"{path}: holds no {MODEL_NAME}; give a folder or a model file that 'ringlight train' wrote")
@@ -47,11 +48,12 @@ def open_model(path: Path, device: str | None = None) -> Opened:
     return Opened(file, run, load_model(file, rasterizer_for(device) if device else host_rasterizer()))
 
 
-def scene_of(opened: Opened, asked: Path | None, options: SceneOptions) -> Scene:
+def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, how: str = "") -> Scene:
     """The scene at ``asked``, or without it the one that the model was trained on, read as it was read then.
 
-    A model knows its background: black stays black unless ``options`` say otherwise. Raises RecipeError for ``options``
-    without ``asked``, RunError if there is no scene to go by, SceneError if it cannot be read.
+    ``how`` says in a refusal by which flag the folder is named, where it is by one. A model knows its background: black
+    stays black unless ``options`` say otherwise. Raises RecipeError for ``options`` without ``asked``, RunError if
+    there is no scene to go by, SceneError if it cannot be read.
     """
     if asked is not None:
         if options.background == "auto" and opened.stored.header.scene.background == "black":
@@ -62,7 +64,7 @@ def scene_of(opened: Opened, asked: Path | None, options: SceneOptions) -> Scene
         raise RecipeError(f"{named}: its scene is read as in training; to read it otherwise name its folder")
     place, recorded = recorded_scene(opened)
     if not place.is_dir():
-        raise RunError(f"{place}: the scene of {named} is gone; name the folder where it is now")
+        raise RunError(f"{place}: the scene of {named} is gone; name the folder where it is now{how}")
     return load_scene(place, recorded)
 
 

@@ -15,6 +15,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS, dense
 from ringlight.core.randomness import generator
+from ringlight.core.stages import counted
 from ringlight.core.want import Want
 from ringlight.models.splats import SplatModel
 from ringlight.shade.passthrough import PassThrough
@@ -48,7 +49,7 @@ def fitted_to_pictures(model: SplatModel, harmonics: Gaussians, cameras: Sequenc
     groups = [{"params": [columns[name]], "lr": rate} for name, rate in RATES.items()]
     optimizer = torch.optim.Adam(groups, eps=1e-15)
     decay = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: LAST_RATE ** (step / steps))
-    for camera in _rounds(cameras, steps):
+    for camera in counted("fitting colours to the model's pictures", _rounds(cameras, steps)):
         wanted = model.render(camera, white).color.clamp(0, 1)
         shown = baked.render(camera, white, Want.GRADIENTS)
         gradients = shown.backward((shown.color - wanted) * (2 / wanted.numel()), {})

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import ringlight
+from ringlight.core.command_line import command
 from ringlight.core.finite import first_not_finite
 from ringlight.core.scene import Scene
 from ringlight.data.decode_check import DecodeCheck
@@ -26,6 +27,13 @@ from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
 from ringlight.runs.starting_points import with_points_of
 from ringlight.runs.warm_start import read_start
+
+Loaded = Callable[[str, Scene], None]
+"""Called with the method's name and the scene that was read."""
+
+
+def nobody(preset: str, scene: Scene) -> None:
+    """Hears of a scene, and says nothing."""
 
 
 @dataclass
@@ -78,10 +86,12 @@ class Session:
         seed: int,
         device: str,
         model: Path | None = None,
+        loaded: Loaded = nobody,
     ) -> "Session":
         """A new run, from a ``model`` or PLY if one is named; its checkpoint of step 0 then holds what it starts from.
 
-        Everything that can be wrong with the request is found before the folder is made.
+        Everything that can be wrong with the request is found before the folder is made. ``loaded`` hears of the scene
+        before anything is tried on it, which may take long.
         """
         if recipe.steps < 1:
             raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
@@ -91,6 +101,7 @@ class Session:
         options = kept_options(scene_path, with_points_of(recipe, options))
         start = None if model is None else read_start(model)
         scene = load_scene(scene_path, options)
+        loaded(preset, scene)
         photographs, seconds = _checked(scene)
         run = prepare_run(scene, recipe, seed, device, start)
         photographs.refuse_damaged()
@@ -109,7 +120,7 @@ class Session:
         return session
 
     @staticmethod
-    def resume(path: Path, more: int = 0) -> "Session":
+    def resume(path: Path, more: int = 0, loaded: Loaded = nobody) -> "Session":
         """Go on with a run where its last checkpoint was written, with the same bits as if it had never stopped.
 
         With ``more`` the run has so many steps behind its last, and its record says so from now on.
@@ -126,9 +137,10 @@ class Session:
             remedy = f'put it back, or correct "scene" in {folder.path / RECORD_NAME}'
             raise RunError(f"{record.scene}: the scene of {path} is gone; {remedy}")
         if not folder.checkpoints and not folder.model.is_file():  # a model is not trained anew in its place
-            return Session._from_step_0(folder, record, lock, memory)._extended(extended)
+            return Session._from_step_0(folder, record, lock, memory, loaded)._extended(extended)
         stored, warnings = read_checkpoint(folder)
         scene = load_scene(record.scene, record.options)
+        loaded(record.preset, scene)
         photographs, _ = _checked(scene)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         for added in record.added:
@@ -148,8 +160,8 @@ class Session:
             memory.earlier = int(stored.metadata["peak_bytes"]) or None
         except (KeyError, RuntimeError, ValueError) as error:
             raise RunError(
-                f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({error}); "
-                "it was written by another version of ringlight: start again with --out NEW"
+                f"{folder.checkpoint}: does not fit {folder.path / RECORD_NAME} ({error}); it is another run's, or "
+                "another version of ringlight wrote it: put this run's own back, or start again with --out NEW"
             ) from None
         if views != len(scene.train):
             raise RunError(
@@ -168,7 +180,9 @@ class Session:
         return self
 
     @staticmethod
-    def _from_step_0(folder: RunFolder, record: RunRecord, lock: RunLock, memory: PeakMemory) -> "Session":
+    def _from_step_0(
+        folder: RunFolder, record: RunRecord, lock: RunLock, memory: PeakMemory, loaded: Loaded
+    ) -> "Session":
         """The run that ``record`` describes, which ended before its first checkpoint.
 
         Raises RunError for one that started from a model: what it was to start from was not saved.
@@ -178,6 +192,7 @@ class Session:
                 f"{folder.path}: ended before its start from {record.start} was saved; start it again with --out NEW"
             )
         scene = load_scene(record.scene, record.options)
+        loaded(record.preset, scene)
         photographs, seconds = _checked(scene)
         run = prepare_run(scene, record.recipe, record.seed, record.device)
         for added in record.added:
@@ -242,12 +257,12 @@ class Session:
 
     def way_on(self) -> str:
         """What a run that cannot be saved at this step has lost."""
-        step = self.training.step
+        step, resume = self.training.step, command("train", "--resume", self.folder.path)
         if self._good < 0 or not self.folder.checkpoints:
-            again = f"; begin again with: ringlight train --resume {self.folder.path}" if self.folder.recorded else ""
+            again = f"; begin again with: {resume}" if self.folder.recorded else ""
             return f"stopped after step {step} without a checkpoint{again}"
         last = f"the last good checkpoint is of step {self._good}"
-        return f"stopped after step {step}; {last}, go on with: ringlight train --resume {self.folder.path}"
+        return f"stopped after step {step}; {last}, go on with: {resume}"
 
     def save_model(self, metrics: dict[str, object] | None = None) -> None:
         """Write the model file, with the test views' numbers if there are any."""

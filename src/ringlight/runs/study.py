@@ -11,7 +11,7 @@ import torch
 
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.raw_bytes import FLOAT_BYTES, raw_bytes
-from ringlight.data.bundled import BUNDLED, bundled_scene
+from ringlight.data.bundled import BUNDLED, scene_folder
 from ringlight.data.load import kept_options
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
@@ -22,7 +22,7 @@ from ringlight.methods.variant import Variant
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
-from ringlight.runs.session import Session
+from ringlight.runs.session import Loaded, Session, nobody
 from ringlight.runs.starting_points import with_points_of
 
 State = Literal["finished", "started", "to do"]
@@ -64,18 +64,18 @@ class StudyRun:
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
         return self
 
-    def session(self, device: str) -> Session:
-        """The training, from its start or from where it stopped.
+    def session(self, device: str, loaded: Loaded = nobody) -> Session:
+        """The training, from its start or from where it stopped; ``loaded`` hears of the scene.
 
         Raises RunError where it waits for another variant's size and that is not known.
         """
         self.checked()
         if RunFolder(self.folder).recorded:
-            return Session.resume(self.folder)
+            return Session.resume(self.folder, loaded=loaded)
         self.folder.parent.mkdir(parents=True, exist_ok=True)
         recipe = self._bounded_recipe()
         preset = self.variant.preset
-        session = Session.start(self.folder, self.scene, preset, recipe, self.options, self.seed, device)
+        session = Session.start(self.folder, self.scene, preset, recipe, self.options, self.seed, device, loaded=loaded)
         # From here on there is something to resume from, whatever happens.
         session.save()
         return session
@@ -131,10 +131,9 @@ def most_within(recipe: SplatRecipe, size: int) -> int:
 
 def _scene(path: Path) -> Path:
     """A folder of photographs, or the bundled scene of that name. Raises RunError for what is neither."""
-    if path.is_dir():
-        return path
-    if str(path) in BUNDLED:
-        return bundled_scene(str(path))
+    folder = scene_folder(path)
+    if folder.is_dir():
+        return folder
     raise RunError(f"{path}: there is no such folder; give a folder of photographs, or {' or '.join(BUNDLED)}")
 
 

@@ -11,6 +11,11 @@ BUNDLED = ("toaster", "carpaint")
 """Names of the bundled scenes: chrome, clear coat. 50 training and 10 test views of 200x200 each."""
 
 
+def scene_folder(path: Path) -> Path:
+    """``path``, or the bundled scene of that name where there is no such folder. Raises as :func:`bundled_scene`."""
+    return bundled_scene(str(path)) if str(path) in BUNDLED and not path.exists() else path
+
+
 def bundled_scene(name: str) -> Path:
     """The folder of a bundled scene, in the layout of NeRF-Synthetic.
 

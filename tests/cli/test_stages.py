@@ -1,0 +1,200 @@
+"""What a command shows before it has a result: at once, on a terminal and in a log, and never what a file wrote."""
+
+import os
+import pty
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from cli_session import QUICK
+from command import Command
+from scenes_on_disk import write_tiny_scene
+
+from ringlight.cli import stages as module
+from ringlight.cli.ineffective import settings_without_effect
+from ringlight.cli.main import run as run_command
+from ringlight.cli.progress import spoken
+from ringlight.cli.stages import StageLine
+from ringlight.data.options import SceneOptions
+from ringlight.runs import limits
+from ringlight.runs.session import Session
+
+TALKATIVE = tuple(word for word in QUICK if word != "--quiet")
+
+
+def on_a_terminal(*words: object, cwd: Path | None = None) -> tuple[int, str]:
+    """Exit code and all that reaches a terminal of 100 columns on which the command runs."""
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "ringlight", *map(str, words)]
+    environment = os.environ | {"COLUMNS": "100", "TERM": "xterm"}
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment, cwd=cwd) as process:
+        os.close(theirs)
+        shown = b""
+        try:
+            while part := os.read(ours, 65536):
+                shown += part
+        except OSError:  # the last one has closed it
+            pass
+        code = process.wait(60)
+    os.close(ours)
+    return code, shown.decode()
+
+
+@pytest.fixture(scope="module")
+def masked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Enough masked photographs for a trial."""
+    return write_tiny_scene(tmp_path_factory.mktemp("masked") / "masked", views=14)
+
+
+def test_the_scene_is_told_before_anything_is_tried_on_it(
+    masked: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settled, told = limits.rasterizer_for, []
+
+    def listening(device: str) -> object:
+        told.append(capsys.readouterr().err)
+        return settled(device)
+
+    monkeypatch.setattr(module, "BETWEEN_SECONDS", 0.0)
+    monkeypatch.setattr(limits, "rasterizer_for", listening)
+    words = ("--steps", "3", "--lpips", "--out", str(tmp_path / "run"))
+    assert run_command(["train", str(masked), "ringlight", *words]) == 0
+    before, after = told[0], capsys.readouterr().err
+    assert before.startswith(f"reading {masked}\n")
+    assert "ringlight on masked (blender): " in before
+    assert "photographs" in before
+    later = "".join(told[1:]) + after
+    assert re.search(r"^trying with and without reflections: \d+/6$", later, re.MULTILINE)
+    assert "carving the first surface" in later
+    assert re.search(r"^method: ringlight-\w+, for surfaces that .* dB of photographs kept apart", later, re.MULTILINE)
+
+
+def test_on_a_terminal_the_trial_counts_and_leaves_no_line(masked: Path, tmp_path: Path) -> None:
+    code, shown = on_a_terminal("train", masked, "ringlight", "--steps", "3", "--lpips", "--out", tmp_path / "run")
+    assert code == 0, shown
+    assert shown.startswith("ringlight train: starting\r\x1b[2Kreading ")
+    assert re.search(r"trying with and without reflections  \[=* *\] \d+/6", shown)
+    left = [line.rsplit("\x1b[2K", 1)[-1] for line in shown.split("\n")]
+    assert not [line for line in left if re.match("trying|reading|carving|ringlight train: starting", line)]
+
+
+@pytest.mark.parametrize("verb", ["export", "compress", "eval"])
+def test_every_verb_that_takes_long_says_how_far_it_is(
+    verb: str, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "BETWEEN_SECONDS", 0.0)
+    run = Path(shutil.copytree(trained["ringlight-ring"], tmp_path / "run"))
+    words = {
+        "export": ("export", run, tmp_path / "x.ply", "--fit-steps", "3"),
+        "compress": ("compress", run, tmp_path / "x.safetensors"),
+        "eval": ("eval", run, "--lpips"),
+    }[verb]
+    stages = {
+        "export": "fitting colours to the model's pictures",
+        "compress": "packing",
+        "eval": "measuring test views",
+    }
+    done = ringlight(*words)
+    assert done.code == 0, done.err
+    assert done.err.startswith(f"reading {run}\n")
+    assert re.search(rf"^{stages[verb]}: \d+/\d+$", done.err, re.MULTILINE)
+
+
+def test_a_log_gets_a_line_a_stage_and_then_only_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    line = StageLine(quiet=False)
+    line("reading photos")
+    for done in range(40):
+        now[0] += 0.5
+        line("trying", done, 40)
+    assert capsys.readouterr().err == "reading photos\ntrying: 1/40\ntrying: 21/40\n"
+    StageLine(quiet=True)("reading photos")
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"), [(3.4, "3 s"), (89.0, "89 s"), (720.0, "12 min"), (5399.0, "90 min"), (12600.0, "3.5 h")]
+)
+def test_times_are_said_as_people_do(seconds: float, said: str) -> None:
+    assert spoken(seconds) == said
+
+
+# names of strangers
+
+
+HOSTILE = "balls\x1b[1A\x1b[2K\rall is well"
+
+
+def test_no_name_moves_the_cursor_of_a_terminal(tiny: Path, trained: dict[str, Path], tmp_path: Path) -> None:
+    scene = Path(shutil.copytree(tiny, tmp_path / HOSTILE))
+    words = ("--steps", "2", "--initial-points", "50", "--lpips", "--out", tmp_path / "run")
+    code, shown = on_a_terminal("train", scene, "3dgs", *words)
+    assert code == 0, shown
+    assert HOSTILE not in shown
+    assert r"balls\x1b[1A\x1b[2K\rall is well" in shown
+    for verb in (("info", tmp_path / "run"), ("compare", tmp_path / "run", trained["3dgs"])):
+        code, shown = on_a_terminal(*verb)
+        assert code == 0, shown
+        assert "\x1b[1A" not in shown
+        assert r"balls\x1b" in shown
+
+
+def test_help_keeps_its_colours_on_a_terminal() -> None:
+    code, shown = on_a_terminal("eval", "--help")
+    assert code == 0
+    assert "\x1b[" in shown
+    assert r"\x1b" not in shown
+
+
+# what must not be missed
+
+
+def test_warnings_of_a_scene_are_no_progress(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ringlight.core.scene import WARNING
+    from ringlight.data import blender
+
+    warned = f"{WARNING}COLMAP split the photographs into 3 models"
+    scene_from = blender.scene_from
+    monkeypatch.setattr(
+        blender,
+        "scene_from",
+        lambda capture, *rest: scene_from(blender.replace(capture, notes=(*capture.notes, warned)), *rest),
+        raising=True,
+    )
+    monkeypatch.setattr(blender, "replace", __import__("dataclasses").replace, raising=False)
+    run = tmp_path / "run"
+    quick = ("--steps", "2", "--initial-points", "50", "--lpips", "--quiet")
+    assert ringlight("train", tiny, "3dgs", "--out", run, *quick).err.startswith(f"{warned}\nwritten to")
+    assert ringlight("eval", run, "--lpips", "--quiet").err == f"{warned}\n"
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").err == f"{warned}\n"
+
+
+def test_settings_without_effect_are_said_even_quietly(masked: Path, tmp_path: Path, ringlight: Command) -> None:
+    words = ("--steps", "3", "--lpips", "--quiet", "--initial-points", "777")
+    carved = ringlight("train", masked, "ringlight", "--shading", "mirror", *words, "--out", tmp_path / "a")
+    assert carved.code == 0
+    assert "warning: --initial-points 777 has no effect: the run begins with" in carved.err
+    random = ringlight("train", masked, "3dgs", *words, "--points-seed", "4", "--out", tmp_path / "b")
+    assert random.code == 0
+    assert "has no effect" not in random.err
+
+
+def test_points_of_a_scene_take_the_effect_of_both_flags(trained: dict[str, Path]) -> None:
+    session = Session.resume(trained["3dgs"])
+    scene = session.scene
+    object.__setattr__(scene, "points", type(scene.points)(scene.points.positions, scene.points.colors))
+    said = settings_without_effect(SceneOptions(initial_points=5, points_seed=2), session)
+    assert [sentence.split(" has no effect: the scene brings")[0] for sentence in said] == [
+        "--initial-points 5",
+        "--points-seed 2",
+    ]
+    assert settings_without_effect(SceneOptions(), session) == []
