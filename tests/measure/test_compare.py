@@ -3,13 +3,15 @@
 import zlib
 
 import pytest
+import torch
 from PIL import Image
+from safetensors.torch import save_file
 from samples import picture, sample_report
 
 from ringlight.errors import RunError
 from ringlight.measure.compare import compare
 from ringlight.measure.json_record import to_json
-from ringlight.measure.lpips import weights_missing, weights_path
+from ringlight.measure.lpips import tensor_shapes, weights_missing, weights_path
 from ringlight.measure.picture_names import RENDERS, TRUTHS, picture_name
 from ringlight.measure.report import ImageScore
 
@@ -58,7 +60,8 @@ def test_missing_lpips_is_told_as_it_is_now(make_run, tmp_path, monkeypatch):
     ]
     remedy = "LPIPS with alex was not measured in these runs; measure it with 'ringlight eval RUN'"
     assert compare(runs).table.notes()[1:] == (f"{remedy} after 'ringlight fetch-lpips'.", small)
-    weights_path("alex").write_bytes(b"fetched since")
+    fetched = {name: torch.zeros(shape) for name, shape in tensor_shapes("alex").items()}
+    save_file(fetched, weights_path("alex"))
     assert compare(runs).table.notes()[1:] == (f"{remedy}.", small)
     runs.append(make_run("c", preset="paper", lpips_alex=0.1, lpips_note=""))
     assert "in some of these runs" in compare(runs).table.notes()[1]

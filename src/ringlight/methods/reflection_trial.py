@@ -68,8 +68,8 @@ class ReflectionTrial:
             else ""
         )
         return (
-            f"in a trial of {counted(self.steps, 'step')} its pictures came to within {self.reflections:.1f} dB of "
-            f"photographs kept apart with reflections, and {self.harmonics:.1f} dB without; more is nearer{short}"
+            f"in a trial of {counted(self.steps, 'step')} likeness to photographs kept apart was "
+            f"{self.reflections:.1f} dB with reflections and {self.harmonics:.1f} dB without{short}"
         )
 
 
