@@ -239,4 +239,4 @@ def test_a_model_without_a_recipe_says_its_step_alone(run_folder: Path, ringligh
 
 
 def _without_recipe(found, replace):  # type: ignore[no-untyped-def]
-    return replace(found, header=replace(found.header, recipe={}))
+    return replace(found, run=None, header=replace(found.header, recipe={}))

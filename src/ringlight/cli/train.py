@@ -159,8 +159,9 @@ def _resume(arguments: list[str]) -> int:
         return _train(session, wish.running)
     if not wish.running.quiet:
         sys.stderr.write(
-            f"{wish.resume}: is complete after step {session.training.step} and was measured; measure it again with: "
-            f"{command('eval', wish.resume)}, or add steps by: {command('train', '--resume', wish.resume)} --steps MORE\n"
+            f"{wish.resume}: is complete after step {session.training.step} and was measured; add steps by: "
+            f"{command('train', '--resume', wish.resume)} --steps MORE, or measure it again with: "
+            f"{command('eval', wish.resume)}\n"
         )
     _print(report, wish.running)
     return 0

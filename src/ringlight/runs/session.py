@@ -1,7 +1,7 @@
 """One training run on disk: starts or resumes, saves, and ends with a model and a report."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
