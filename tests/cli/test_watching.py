@@ -48,7 +48,8 @@ def test_previews_show_one_view_and_change_no_bit(
 def test_the_progress_line_names_the_last_preview(
     tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ringlight.cli.progress.LOG_SECONDS", 0.0)
+    for pause in ("FIRST_LOG_SECONDS", "LOG_SECONDS"):
+        monkeypatch.setattr(f"ringlight.cli.progress.{pause}", 0.0)
     words = [word for word in QUICK if word != "--quiet"]
     done = ringlight("train", tiny, "3dgs", "--out", tmp_path / "run", "--preview", "15", *words)
     lines = {int(line.split()[1].split("/")[0]): line for line in done.err.splitlines() if line.startswith("step ")}

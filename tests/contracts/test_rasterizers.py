@@ -207,7 +207,7 @@ def test_what_is_not_finite_is_reported_with_its_place(rasterizer, column: str, 
     case = random_case(11, count=83, with_factor=True)
     tables = case.gaussians.columns() | {"channels": case.channels, "opacity_factor": case.opacity_factor}
     tables[column].view(83, -1)[[0, 7, 31, 80, 82], -1] = bad
-    sentence = f"column {column} holds {bad} in rows 0, 7, 31 and 2 more; remove"
+    sentence = f"column {column} holds {bad} in rows 0, 7, 31 and 2 more: numbers beyond what can be drawn; remove"
     emission = Emission({"channels": 3}, case.channels, case.opacity_factor)
     with pytest.raises(BackendError, match=sentence):
         rasterizer.draw(case.gaussians, emission, case.camera, case.background, case.options, want)

@@ -5,6 +5,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+from PIL import PngImagePlugin  # noqa: F401  # before pycolmap, whose own zlib would be Pillow's: it crashes then
 
 from ringlight.data.colmap_model import MODELS_BY_NAME, ColmapCamera, intrinsics_of
 from ringlight.data.intrinsics import Intrinsics

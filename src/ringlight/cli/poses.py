@@ -10,6 +10,7 @@ import tyro
 from ringlight.cli.deferred_end import ended_in_order
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
+from ringlight.core.command_line import command
 from ringlight.errors import RecipeError
 from ringlight.poses.options import PosesOptions
 
@@ -78,8 +79,6 @@ def scene_with_cameras(photos: Path, running: "RunOptions") -> Path:
 
 
 def _print(report: "PosesReport", as_json: bool) -> None:
-    import shlex
-
     from ringlight.measure.json_record import to_json
 
     if as_json:
@@ -87,5 +86,5 @@ def _print(report: "PosesReport", as_json: bool) -> None:
         return
     sys.stdout.write("".join(f"{line}\n" for line in report.lines()))
     sys.stderr.write(
-        f"cameras and points: {report.picture}\ntrain with: ringlight train {shlex.quote(report.scene)} ringlight\n"
+        f"cameras and points: {report.picture}\ntrain with: {command('train', report.scene, 'ringlight')}\n"
     )

@@ -38,9 +38,10 @@ class StageLine:
         if self._quiet or now - self._shown < self._pause(stage):
             return
         if self._screen is not None:
-            self._screen.draw(_cut(f"{stage}  {_bar(done, total)}" if total else stage))
+            self._screen.draw(_cut(f"{stage}  {_bar(done, total)}" if total else f"{stage}  {done or ''}".rstrip()))
         else:
-            sys.stderr.write(f"{stage}: {done}/{total}\n" if total else f"{stage}\n")
+            amount = f": {done}/{total}" if total else f": {done}" if done else ""
+            sys.stderr.write(f"{stage}{amount}\n")
             sys.stderr.flush()
         self._stage, self._shown = stage, now
 

@@ -112,8 +112,6 @@ def _start(arguments: list[str]) -> int:
     check_steps(asked.running, recipe.steps)
     check_threads(asked.running.threads)
     scene = scene_folder(asked.scene)
-    if asked.poses == "auto":
-        scene = scene_with_cameras(scene, asked.running)
     with stages(asked.running.quiet) as line:
         line(f"reading {scene}")  # before torch is loaded, which takes seconds
         from ringlight.runs.folder import free_folder
@@ -121,6 +119,9 @@ def _start(arguments: list[str]) -> int:
 
         use_threads(asked.running.threads)
         tell_of_build(asked.device)
+        if asked.poses == "auto":
+            line.wiped()
+            scene = scene_with_cameras(scene, asked.running)
         if asked.verify is not None:
             if asked.from_ is not None:
                 raise RecipeError("--verify begins at the scene's points; leave out --from")
