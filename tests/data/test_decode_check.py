@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scene_folders import write_blender
 
+from ringlight.core.stages import heard_by
 from ringlight.data.decode_check import DecodeCheck
 from ringlight.data.load import load_scene
 from ringlight.errors import SceneError
@@ -44,3 +45,11 @@ def test_whole_photographs_pass_and_those_of_training_are_kept(tmp_path: Path, s
         assert np.array_equal(view.load(), other.load())
     with pytest.raises(SceneError):  # a test view takes no memory before it is measured
         scene.test[0].load()
+
+
+def test_it_says_how_many_are_decoded(tmp_path: Path):
+    scene, heard = load_scene(write_blender(tmp_path)), []
+    with heard_by(lambda *stage: heard.append(stage)):
+        DecodeCheck(scene, seconds=60.0)
+    count = len(scene.train) + len(scene.test)
+    assert heard == [("decoding photographs", done, count) for done in range(count + 1)]

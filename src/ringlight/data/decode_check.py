@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from threading import Thread
 
 from ringlight.core.scene import Scene, View
+from ringlight.core.stages import counted
 
 FIRST_SECONDS = 2.0
 """For which photographs are decoded before anything else happens; those that remain follow beside the training."""
@@ -19,7 +20,8 @@ class DecodeCheck:
 
     def __init__(self, scene: Scene, seconds: float = FIRST_SECONDS):
         self._error: Exception | None = None
-        self._left = iter((*((view, False) for view in scene.test), *((view, True) for view in scene.train)))
+        views = [*((view, False) for view in scene.test), *((view, True) for view in scene.train)]
+        self._left = counted("decoding photographs", views)
         until = time.monotonic() + seconds
         self._thread: Thread | None = None
         while time.monotonic() < until:
