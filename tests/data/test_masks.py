@@ -1,5 +1,6 @@
 """Masks in files of their own: found by name, the photograph's alpha, and said; unusable ones are one sentence."""
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +26,7 @@ from ringlight.data.hull import masks_of
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, SceneError
+from ringlight.methods.recipe import recipe_from_dict
 
 MIDDLE = np.zeros((HEIGHT, WIDTH), np.uint8)
 MIDDLE[HEIGHT // 4 : -(HEIGHT // 4), WIDTH // 4 : -(WIDTH // 4)] = 255
@@ -237,3 +239,21 @@ def test_a_mask_path_that_is_no_name_is_refused(tmp_path: Path, name: object):
     (tmp_path / "transforms.json").write_text(json.dumps(document))
     with pytest.raises(SceneError, match="frame 1"):
         load_scene(tmp_path)
+
+
+def test_a_run_that_knew_no_masks_goes_on_without(tmp_path: Path):
+    """It saw whole photographs, whatever lies beside them."""
+    folder = masked_colmap(tmp_path)
+    asked = dataclasses.asdict(SceneOptions())
+    written_before = {name: value for name, value in asked.items() if name not in ("masks", "invert_masks")}
+    scene = load_scene(folder, recipe_from_dict(SceneOptions, written_before))
+    assert scene.background == "photograph"
+    assert all(view.load().shape[2] == 3 for view in views(scene))
+    assert_masked(load_scene(folder, recipe_from_dict(SceneOptions, asked)))
+
+
+def test_photographs_are_no_masks_of_their_own(tmp_path: Path):
+    """``--masks "$MASKS"`` with nothing in that variable names the scene's folder."""
+    write_nerfstudio(tmp_path)
+    with pytest.raises(SceneError, match=r"images/000\d\.png would be its own mask"):
+        load_scene(tmp_path, SceneOptions(masks=""))

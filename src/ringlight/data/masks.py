@@ -113,6 +113,8 @@ def _none_found(place: Path | None, folder: Path, frames: Sequence[Frame], optio
 def _check_size(frame: Frame, folder: Path) -> None:
     if frame.mask is None or frame.mask.path is None:
         return
+    if frame.mask.path == frame.path:
+        raise SceneError(f"{folder}: {frame.name} would be its own mask; give --masks a folder of masks, or none")
     if not frame.mask.path.is_file():
         path = _below(frame.mask.path, folder)
         raise SceneError(

@@ -37,7 +37,7 @@ class ReadingOptions:
     """Folder of a COLMAP model's photographs. auto is images or another usual name beside sparse, else the only folder
     that holds them all."""
 
-    masks: str = later(FOUND)
+    masks: str = later(UNUSED, now=FOUND)
     """Folder of masks, in the scene's folder or anywhere, one for each photograph NAME, called NAME.png or NAME: white
     is kept, black becomes background. auto takes those that the scene names, else its folder masks; none takes none."""
 
