@@ -266,6 +266,20 @@ def test_of_several_folders_the_one_with_the_registered_names_is_taken(tmp_path:
     assert len(load_scene(tmp_path, SceneOptions(photos=str(tmp_path / "normals"))).train) == 7
 
 
+def test_shrunk_photographs_do_not_stand_in_for_one_that_is_missing(tmp_path: Path):
+    """Else a scene trains at half of its resolution because one photograph was lost."""
+    write_colmap(tmp_path)
+    lost = tmp_path / "images" / colmap_names(9)[2]
+    for divided in ("images_2", "images_4"):
+        shutil.copytree(tmp_path / "images", tmp_path / divided)
+    lost.unlink()
+    with pytest.raises(SceneError, match=r"'right/002\.png', which does not exist .*/images \(1 of 9 images missing"):
+        load_scene(tmp_path)
+    shutil.rmtree(tmp_path / "images")
+    shutil.rmtree(tmp_path / "images_4")
+    assert "photographs: images_2" in load_scene(tmp_path).notes
+
+
 def test_photographs_may_lie_outside_the_scene_if_the_user_says_so(tmp_path: Path):
     folder = write_colmap(tmp_path / "scene")
     (folder / "images").rename(tmp_path / "elsewhere")

@@ -1,5 +1,6 @@
 """Where the photographs of a COLMAP model lie: the model names them, but not their folder."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,7 +71,9 @@ def _found(folder: Path, names: Sequence[str]) -> Path:
     whole = next((path for path in usual if _holds_all(path, names)), None)
     if whole is not None:
         return whole
+    shrunk = re.compile(f"({'|'.join(path.name for path in usual)})_[0-9]+")  # not taken unasked, be it complete or not
     inside = [path for path in sorted(folder.iterdir()) if path.is_dir() and path.name not in NOT_PHOTOGRAPHS]
+    inside = [path for path in inside if not (usual and shrunk.fullmatch(path.name))]
     holding = [path for path in (folder, *inside) if path not in usual and _holds_all(path, names)]
     if len(holding) > 1:
         both = " and ".join(path.name for path in holding[:2])
