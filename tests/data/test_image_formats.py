@@ -163,3 +163,26 @@ def test_an_image_of_too_many_pixels_has_its_own_remedy(tmp_path: Path):
         SceneError, match=r"large\.png: has 10000x9000 pixels, and images are read up to 89 million; put"
     ):
         read_header(tmp_path / "large.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "options"), [("m.webp", {"lossless": True}), ("m.tif", {"compression": "group4"}), ("m.png", {})]
+)
+def test_an_even_picture_may_have_few_bytes(name: str, options: dict, tmp_path: Path):
+    """As masks are: many pixels and one rectangle."""
+    mask = np.zeros((3000, 4000), bool)
+    mask[1000:2000, 1000:3000] = True
+    picture = Image.fromarray(mask)
+    (picture.convert("RGB") if name.endswith("webp") else picture).save(tmp_path / name, **options)
+    header = read_header(tmp_path / name)
+    assert (header.width, header.height) == (4000, 3000)
+    np.testing.assert_array_equal(np.asarray(decoded(tmp_path / name).getchannel("R")) > 0, mask)
+
+
+@pytest.mark.parametrize("name", ["a.webp", "a.png"])
+def test_more_pixels_than_any_bytes_hold_are_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    Image.new("RGB", (600, 500)).save(tmp_path / name, **({"lossless": True} if name == "a.webp" else {}))
+    monkeypatch.setattr("ringlight.data.image_files.PIXELS_A_BYTE", 1)
+    monkeypatch.setattr("ringlight.data.image_files.PIXELS_A_BYTE_OF", {"WEBP": 1})
+    with pytest.raises(SceneError, match="promises 600x500 pixels, more than its bytes can hold"):
+        read_header(tmp_path / name)

@@ -23,7 +23,7 @@ from scene_folders import write_blender, write_colmap, write_nerfstudio
 
 from ringlight.core.gaussians import Gaussians
 from ringlight.data import colmap_binary, colmap_text
-from ringlight.data.image_files import BROKEN_IMAGE, PIXELS_A_BYTE, read_header
+from ringlight.data.image_files import BROKEN_IMAGE, PIXELS_A_BYTE, PIXELS_A_BYTE_OF, read_header
 from ringlight.data.images import Photograph
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
@@ -255,15 +255,17 @@ def image() -> Target:
         Photograph(path, min(header.width, 16), min(header.height, 16))()
 
     def four_bytes_a_pixel(content: bytes) -> int:
-        """A picture of one colour has few bytes and all its pixels: what its head says, where bytes can hold it.
+        """A picture of one colour has few bytes and all its pixels: what its head says, up to what is believed.
 
         Decoders work on blocks of 16 pixels: of a picture nine pixels high they have seven more rows.
         """
         try:
-            width, height = (-(-side // 16) * 16 for side in Image.open(io.BytesIO(content)).size)
+            picture = Image.open(io.BytesIO(content))
         except BROKEN_IMAGE:
             return len(content)
-        return 4 * min(width * height, PIXELS_A_BYTE * len(content))
+        width, height = (-(-side // 16) * 16 for side in picture.size)
+        most = PIXELS_A_BYTE_OF.get(picture.format or "", PIXELS_A_BYTE)
+        return 4 * min(width * height, most * len(content))
 
     return Target(seeds, _reading("photograph", decode), large, four_bytes_a_pixel)
 
