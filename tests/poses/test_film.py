@@ -1,5 +1,6 @@
 """The frames of a film: sharp ones, evenly along the way; a black film and one that stands still are refused."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -100,3 +101,23 @@ def test_the_sharpest_within_reach_is_chosen():
     looks = [Look(index, index * MOVED / 4, 5.0 if index % 4 == 1 else 1.0) for index in range(41)]
     assert choose(looks, 100) == [*range(1, 38, 4), 39]
     assert choose([], 10) == []
+
+
+@pytest.mark.parametrize(("matrix", "turns"), [((0, 1, -1, 0), -1), ((0, -1, 1, 0), 1), ((-1, 0, 0, -1), 2)])
+def test_frames_of_an_upright_film_are_upright(matrix: tuple[int, ...], turns: int, tmp_path: Path):
+    """Telephones store what they film lying, and note by a matrix how it is shown: (x, y) at (ax + cy, bx + dy)."""
+    film_of(tmp_path / "film.mp4", list(range(0, 60, 2)))
+    content = bytearray((tmp_path / "film.mp4").read_bytes())
+    start = content.index(b"tkhd") + 44  # ISO/IEC 14496-12, 8.3.2: version 0 has 40 bytes before the matrix
+    a, b, c, d = (value * 65536 for value in matrix)
+    assert struct.unpack_from(">9i", content, start) == (65536, 0, 0, 0, 65536, 0, 0, 0, 1 << 30)
+    struct.pack_into(">9i", content, start, a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    (tmp_path / "turned.mp4").write_bytes(content)
+    pictures = []
+    for film in ("film", "turned"):
+        (tmp_path / film).mkdir()
+        names = take_frames(tmp_path / f"{film}.mp4", tmp_path / film, 10, ignore)
+        pictures.append(np.asarray(Image.open(tmp_path / film / names[1])).astype(int))
+    expected = np.rot90(pictures[0], turns)
+    assert pictures[1].shape == expected.shape
+    assert np.abs(pictures[1] - expected).mean() < 2, "but for what JPEG loses"

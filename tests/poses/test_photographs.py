@@ -117,3 +117,27 @@ def test_what_colmap_cannot_read_becomes_a_png(tmp_path: Path, folders: SceneFol
     assert (taken.orientation, taken.has_exif_camera) == (1, True)
     with Image.open(folders.images / "a.png") as image:
         assert (image.format, image.size) == ("PNG", (30, 20))
+
+
+@pytest.mark.parametrize("kind", ["WEBP", "AVIF"])
+def test_what_is_called_a_jpeg_and_is_none_can_be_read_by_colmap(kind: str, tmp_path: Path, folders: SceneFolders):
+    """COLMAP finds no features in these, and says nothing."""
+    picture = Image.fromarray(np.random.default_rng(1).integers(0, 256, (24, 32, 3), dtype=np.uint8))
+    exif = Image.Exif()
+    exif[0x010F] = "Maker"
+    picture.save(tmp_path / "a.jpg", kind, exif=exif)
+    taken = take(tmp_path / "a.jpg", "a.jpg", folders)
+    with Image.open(folders.images / "a.jpg") as placed:
+        assert placed.format == "PNG"
+    np.testing.assert_array_equal(decoded(folders.images / "a.jpg"), decoded(tmp_path / "a.jpg"))
+    assert "Maker" in taken.lens
+
+
+def test_a_link_whose_file_is_gone_counts_among_the_photographs(tmp_path: Path, folders: SceneFolders):
+    (tmp_path / "photos").mkdir()
+    saved(tmp_path / "photos" / "a.png")
+    (tmp_path / "photos" / "b.png").symlink_to(tmp_path / "nowhere.png")
+    (tmp_path / "photos" / ".b.png").symlink_to(tmp_path / "nowhere.png")
+    assert [path.name for path in photographs_in(tmp_path / "photos")] == ["a.png", "b.png"]
+    with pytest.raises(SceneError, match=r"b\.png: not a readable image \(No such file"):
+        take(tmp_path / "photos" / "b.png", "b.png", folders)

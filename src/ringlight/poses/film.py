@@ -3,9 +3,11 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from PIL import Image
 
 from ringlight.errors import SceneError
 from ringlight.files.atomic import written_atomically
@@ -36,6 +38,9 @@ FEWEST_FRAMES = 3
 
 JPEG_QUALITY = 95
 
+TURNS = {90: Image.Transpose.ROTATE_90, 180: Image.Transpose.ROTATE_180, 270: Image.Transpose.ROTATE_270}
+"""By degrees, counter-clockwise like those of a frame's display matrix."""
+
 
 @dataclass(frozen=True)
 class Look:
@@ -62,8 +67,15 @@ def take_frames(film: Path, images: Path, most: int, tell: Callable[[int, int], 
     for index, frame in enumerate(_frames(film)):
         if index in names and not (images / names[index]).exists():
             with written_atomically(images / names[index]) as file:
-                frame.to_image().save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+                _as_held(frame).save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0)
     return list(names.values())
+
+
+def _as_held(frame: Any) -> Image.Image:
+    """Turned as the film says to show it: telephones store upright films lying, and up is sought in these pictures."""
+    picture: Image.Image = frame.to_image()
+    turn = TURNS.get(round(getattr(frame, "rotation", 0)) % 360)  # older versions of PyAV do not tell
+    return picture if turn is None else picture.transpose(turn)
 
 
 def choose(looks: list[Look], most: int) -> list[int]:

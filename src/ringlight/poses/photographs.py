@@ -36,6 +36,10 @@ OPAQUE = 128
 CONVERTED = frozenset([".heic", ".heif", ".avif"])
 """Suffixes of what COLMAP cannot read: the new scene gets a PNG of it."""
 
+UNREAD = frozenset(["HEIF", "AVIF"])
+"""Pillow's names of the same. Many a file that is called a JPEG holds these, or WebP, which COLMAP knows by its suffix
+alone; their PNG keeps the name, since PNG is known by its content."""
+
 ENCODED_AS = {".png": "PNG", ".webp": "WEBP", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffixes of what can be transparent."""
 
@@ -102,11 +106,16 @@ def photographs_in(folder: Path) -> list[Path]:
             here = folder / name
             files = [one for one in here.iterdir() if one.suffix.lower() in PHOTOGRAPHS] if here.is_dir() else []
             if files:
-                return sorted(one for one in files if one.is_file() and not one.name.startswith("."))
+                return sorted(one for one in files if _is_photograph(one))
     except OSError as error:
         raise SceneError(f"{folder}: cannot be read ({error.strerror}); check the path and its permissions") from error
     kinds = " ".join(sorted(PHOTOGRAPHS))
     raise SceneError(f"{folder}: holds no photographs ({kinds}); give the folder that holds them")
+
+
+def _is_photograph(path: Path) -> bool:
+    """A link whose file is gone counts, so that it is among those that cannot be read."""
+    return (path.is_file() or (path.is_symlink() and not path.exists())) and not path.name.startswith(".")
 
 
 def safe_names(paths: Sequence[Path]) -> list[str]:
@@ -149,18 +158,29 @@ def _place(path: Path, target: Path) -> None:
     """A hard link, or else a copy; a PNG of what COLMAP cannot read."""
     if target.exists():
         return
-    if path.suffix.lower() in CONVERTED:
-        with opened(path) as image:
-            exif = image.getexif()
-        exif[ORIENTATION] = 1  # its decoder has turned it
+    with opened(path) as image:
+        stored = image.format
+    if stored in UNREAD or (stored == "WEBP" and path.suffix.lower() != ".webp"):
         with written_atomically(target) as file:
-            decoded(path).save(file, "PNG", exif=exif)
+            decoded(path).save(file, "PNG", exif=_exif_of_png(path, is_turned=stored in UNREAD))
         return
     try:
         os.link(path.resolve(), target)
     except OSError:  # another disk, or one that knows no links
         with path.open("rb") as source, written_atomically(target) as file:
             shutil.copyfileobj(source, file)
+
+
+def _exif_of_png(path: Path, is_turned: bool) -> bytes:
+    """What the photograph's own says, but for the orientation where the decoder has turned it."""
+    try:
+        with opened(path) as image:
+            exif = image.getexif()
+        if is_turned:
+            exif[ORIENTATION] = 1
+        return exif.tobytes()
+    except Exception:  # as in :func:`_exif`
+        return b""
 
 
 def _cut_out(pixels: np.ndarray, name: str, folders: SceneFolders) -> None:

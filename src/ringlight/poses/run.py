@@ -83,7 +83,8 @@ def find_poses(source: Path, out: Path, options: PosesOptions, threads: int, wat
 
 def _states(files: Sequence[Path]) -> tuple[str, ...]:
     """Name, size and time of change of each."""
-    return tuple(f"{one.name} {one.stat().st_size} {one.stat().st_mtime_ns}" for one in files)
+    states = ((one.name, one.stat() if one.exists() else one.lstat()) for one in files)  # of a link whose file is gone
+    return tuple(f"{name} {state.st_size} {state.st_mtime_ns}" for name, state in states)
 
 
 def _claim(out: Path, asked: Asked) -> PosesReport | None:
