@@ -57,6 +57,13 @@ def kept_options(path: Path, options: SceneOptions) -> SceneOptions:
     return replace(options, masks=masks, photos=photos, holdout=holdout)
 
 
+def with_absent_masks_left_out(options: SceneOptions, scene: Scene) -> SceneOptions:
+    """The same where ``scene``, which was read by them, has masks; else none are looked for when it is read again."""
+    if options.masks == FOUND and not any(view.has_alpha for view in (*scene.train, *scene.test)):
+        return replace(options, masks=UNUSED)
+    return options
+
+
 def _kept_folder(path: Path, named: str) -> str:
     return named if named in (FOUND, UNUSED) or (path / named).is_dir() else str(Path(named).resolve())
 

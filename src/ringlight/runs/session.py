@@ -10,7 +10,7 @@ from ringlight.core.command_line import command
 from ringlight.core.finite import first_not_finite
 from ringlight.core.scene import Scene
 from ringlight.data.decode_check import DecodeCheck
-from ringlight.data.load import kept_options, load_scene
+from ringlight.data.load import kept_options, load_scene, with_absent_masks_left_out
 from ringlight.data.options import SceneOptions
 from ringlight.errors import DivergedError, OutputError, RecipeError, RunError, SceneError
 from ringlight.files.atomic import sweep
@@ -105,6 +105,7 @@ class Session:
         photographs, seconds = _checked(scene)
         run = prepare_run(scene, recipe, seed, device, start)
         photographs.refuse_damaged()
+        options = with_absent_masks_left_out(options, scene)
         record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
         if model is not None:
             record = replace(record, start=str(model.resolve()))
