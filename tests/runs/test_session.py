@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 from scene_folders import colmap_names, write_colmap, write_mask
-from small_recipes import small
 
 from ringlight.data.options import FOUND, UNUSED, SceneOptions
 from ringlight.runs.session import Session
+from small_recipes import small
 
 
 @pytest.mark.parametrize("has_masks", [False, True])
