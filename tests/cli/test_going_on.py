@@ -4,6 +4,7 @@ sentence."""
 import json
 import shutil
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from cli_session import QUICK, SMALL_LIGHT
 from command import Command
 from refusal import QUIET, refused, snapshot
 
+from ringlight.errors import OutputError
 from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
 from ringlight.files.tensor_file import read_tensors
 from ringlight.fit.train import Progress
@@ -112,6 +114,16 @@ def test_a_run_without_a_checkpoint_is_extended_too(finished: Path, ringlight: C
 def test_what_is_no_number_of_steps_changes_nothing(steps: str, finished: Path, ringlight: Command) -> None:
     before = snapshot(finished)
     refused(ringlight("train", "--resume", finished, "--steps", steps, *QUIET), 1, "--steps", steps)
+    assert snapshot(finished) == before
+
+
+@pytest.mark.parametrize("flags", [("--eval-at", "51"), ("--preview", "-1"), ("--save-every", "0"), ("--tensorboard",)])
+def test_a_refused_flag_adds_no_steps(
+    flags: tuple[str, ...], finished: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    before = snapshot(finished)
+    refused(ringlight("train", "--resume", finished, "--steps", "10", *flags, *QUIET), 1, flags[0])
     assert snapshot(finished) == before
 
 
@@ -252,6 +264,18 @@ def test_a_start_that_was_not_saved_is_not_replaced_by_points(
     refused(ringlight("train", "--resume", run, *QUIET), 1, run, trained["3dgs"], "--out NEW")
 
 
+def test_a_start_that_cannot_be_saved_is_not_offered_to_go_on(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*arguments: object) -> None:
+        raise OutputError("the disk is full")
+
+    monkeypatch.setattr("ringlight.runs.session.write_checkpoint", full)
+    words = ("train", tiny, "3dgs", "--from", trained["3dgs"], "--out", tmp_path / "run", *SHORT)
+    said = refused(ringlight(*words), 1, "the disk is full", "--out NEW")
+    assert "--resume" not in said, "which would be refused"
+
+
 def test_starts_that_do_not_fit_are_refused_and_nothing_is_made(
     tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:
@@ -327,7 +351,21 @@ def test_what_is_no_model_is_not_imported(tmp_path: Path, tiny: Path, ringlight:
     for file in (tmp_path / "a.ply", tmp_path / "none.ply", tiny):
         refused(ringlight("import", file, tmp_path / "m.safetensors"), 1, file)
     refused(ringlight("import", tmp_path / "a.ply", tmp_path / "m.bin"), 1, "m.bin")
+    for nameless in ("", ".", "/"):
+        refused(ringlight("import", nameless), 1, "no such file")
     assert not (tmp_path / "m.safetensors").exists()
+
+
+def test_gaussians_too_far_apart_for_a_box_are_not_imported(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    ply = tmp_path / "far.ply"
+    assert ringlight("export", trained["3dgs"], ply).code == 0
+    table = read_gaussian_ply(ply).gaussians
+    table.means.copy_(table.means.sign() * 3e38)
+    write_gaussian_ply(ply, table, table.appearance["sh_dc"], table.appearance["sh_rest"])
+    refused(ringlight("import", ply), 1, ply, "units")
+    assert not ply.with_suffix(".safetensors").exists()
 
 
 def test_a_foreign_ply_is_imported_as_another_parser_reads_it(tmp_path: Path, ringlight: Command) -> None:

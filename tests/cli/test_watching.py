@@ -64,6 +64,20 @@ def test_a_preview_that_is_no_number_of_steps_is_refused(tiny: Path, tmp_path: P
     assert not (tmp_path / "run").exists()
 
 
+def test_a_preview_that_cannot_be_written_costs_no_step(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    run = Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
+    (run / "previews").write_text("in the way")
+    done = ringlight("train", "--resume", run, "--steps", "10", "--preview", "2", *QUIET)
+    assert done.code == 0, done.err
+    said = [line for line in done.err.splitlines() if "previews" in line]
+    assert len(said) == 1
+    assert str(run / "previews") in said[0]
+    assert "goes on without" in said[0]
+    assert json.loads((run / "report.json").read_text())["iterations"] == 50
+
+
 def test_a_curve_is_kept_and_goes_on_where_a_run_was_stopped(
     tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,3 +146,4 @@ def test_without_tensorboard_the_remedy_is_named(
     monkeypatch.setitem(__import__("sys").modules, "torch.utils.tensorboard", None)
     words = ("train", tiny, "3dgs", "--out", tmp_path / "run", "--tensorboard", *QUICK)
     refused(ringlight(*words), 1, "ringlight[tensorboard]")
+    assert not (tmp_path / "run").exists()

@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from ringlight.cli.parse import parse
+from ringlight.errors import ModelFileError
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ def main(arguments: list[str]) -> int:
     from ringlight.runs.compress import check_target
     from ringlight.runs.imported import model_of_ply, write_imported
 
+    if not asked.file.is_file():
+        raise ModelFileError(f"{asked.file}: there is no such file; name a PLY of 3D Gaussians")
     out = asked.model or asked.file.with_suffix(".safetensors")
     check_target(out, asked.overwrite)
     stored = model_of_ply(asked.file)

@@ -71,13 +71,13 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
         for progress in session.steps():
             now = time.monotonic()
             bar.update(task, completed=session.training.step)
-            watch.see(progress)
+            unseen = watch.see(progress)
             if now - shown >= every or progress.step in options.eval_at:
                 _show(bar, task, meter.line(progress) + watch.words, live, options.quiet)
                 shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
                 _show_test_views(console, session, progress.step, watch)
-            for warning in filter(None, (progress.fault, progress.collapse)):
+            for warning in filter(None, (progress.fault, progress.collapse, unseen)):
                 console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
             if stopping:

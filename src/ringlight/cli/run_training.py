@@ -50,6 +50,14 @@ def check_steps(options: RunOptions, steps: int) -> None:
         raise RecipeError(f"--save-every is {options.save_every:g}; give a number of seconds above zero")
 
 
+def check_events(options: RunOptions) -> None:
+    """Raises BackendError where events for TensorBoard are asked for and the library is not there."""
+    if options.tensorboard:
+        from ringlight.runs.watch import event_library
+
+        event_library()
+
+
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Ctrl-C, an orderly kill, and a terminal or connection that is closed; Windows has no SIGHUP."""
 

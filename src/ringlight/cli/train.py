@@ -15,7 +15,7 @@ from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.poses import scene_with_cameras
-from ringlight.cli.run_training import RunOptions, check_steps, train_and_measure
+from ringlight.cli.run_training import RunOptions, check_events, check_steps, train_and_measure
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
 from ringlight.cli.verifying import verify_run
@@ -117,6 +117,7 @@ def _start(arguments: list[str]) -> int:
         from ringlight.runs.folder import free_folder
         from ringlight.runs.session import Session
 
+        check_events(asked.running)
         use_threads(asked.running.threads)
         tell_of_build(asked.device)
         if asked.poses == "auto":
@@ -148,13 +149,18 @@ def _resume(arguments: list[str]) -> int:
     with stages(wish.running.quiet) as line:
         line(f"reading {wish.resume}")
         from ringlight.runs.finish import complete_report
+        from ringlight.runs.folder import RunFolder
+        from ringlight.runs.record import RunRecord
         from ringlight.runs.session import Session
 
         use_threads(wish.running.threads)
         if "--steps" in flags_in(arguments) and wish.steps < 1:
             raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
+        record = RunRecord.read(RunFolder.open(wish.resume).path)
+        # Before its record has the added steps: who corrects a flag and asks again would add them twice.
+        check_steps(wish.running, record.steps + wish.steps)
+        check_events(wish.running)
         session = Session.resume(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
-        check_steps(wish.running, session.training.steps)
         report = complete_report(session)
     if report is None:
         return _train(session, wish.running)

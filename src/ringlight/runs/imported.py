@@ -3,6 +3,8 @@
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
+
 from ringlight.core.gradients import COLUMNS
 from ringlight.data.options import SceneOptions
 from ringlight.data.points import sfm_box
@@ -31,7 +33,12 @@ def model_of_ply(path: Path) -> StoredModel:
         raise ModelFileError(f"{path}: the PLY holds no Gaussian; name another file, or export it again")
     degree = DEGREES[gaussians.appearance["sh_rest"].shape[1]]
     recipe = ThreeDGSRecipe(sh_degree=degree, antialiased=read.antialiased).at_length()
-    box, rasterize = sfm_box(gaussians.means), host_rasterizer()
+    with np.errstate(over="ignore"):
+        box, rasterize = sfm_box(gaussians.means), host_rasterizer()
+    if not (box[1] - box[0]).isfinite().all():
+        raise ModelFileError(
+            f"{path}: its Gaussians lie too far apart for numbers of 32 bits; export it again in larger units"
+        )
     model = recipe.model(box, rasterize)
     columns = {COLUMNS + name: column for name, column in gaussians.columns().items()}
     model.load_tensors(model.state_dict() | columns)

@@ -261,6 +261,8 @@ class Session:
         step, resume = self.training.step, command("train", "--resume", self.folder.path)
         if self._good < 0 or not self.folder.checkpoints:
             again = f"; begin again with: {resume}" if self.folder.recorded else ""
+            if self.record.start is not None:  # what it starts from lies in its first checkpoint
+                again = "; start it again with --out NEW"
             return f"stopped after step {step} without a checkpoint{again}"
         last = f"the last good checkpoint is of step {self._good}"
         return f"stopped after step {step}; {last}, go on with: {resume}"

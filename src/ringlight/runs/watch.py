@@ -9,7 +9,7 @@ from typing import Any
 import torch
 
 from ringlight.core.want import Want
-from ringlight.errors import BackendError
+from ringlight.errors import BackendError, OutputError, RunError
 from ringlight.files.video import save_image
 from ringlight.fit.train import Progress
 from ringlight.runs.folder import make_folder
@@ -45,15 +45,22 @@ class Watch:
         """For the progress line: the last picture."""
         return "" if self.latest is None else f"  {self.latest.parent.name}/{self.latest.name}"
 
-    def see(self, progress: Progress) -> None:
-        """After a step. Raises OutputError where a picture cannot be written."""
+    def see(self, progress: Progress) -> str | None:
+        """After a step. A sentence where a picture cannot be written: then there are no more, and the run goes on."""
         training = self.session.training
         if progress.step != training.step:
-            return  # it went back to an earlier one
+            return None  # it went back to an earlier one
+        trouble = None
         if self.preview and (progress.step % self.preview == 0 or progress.step == training.steps):
-            self._draw(progress.step)
+            try:
+                self._draw(progress.step)
+            except (OutputError, RunError) as error:
+                self.preview, self.latest = 0, None
+                reason = str(error).partition(";")[0]  # its remedy is another folder, which a run cannot have
+                trouble = f"{reason}; training goes on without previews"
         if self._events is not None:
             self._tell(self._events, progress)
+        return trouble
 
     def tell_test(self, step: int, decibels: float) -> None:
         """The test views' PSNR, where it was measured during the run."""
@@ -86,13 +93,18 @@ class Watch:
             events.add_scalar(name, value, progress.step)
 
 
-def _event_writer(session: Session) -> Any:
-    """TensorBoard's writer; events after the step at hand, of a run that was stopped later, no longer count."""
+def event_library() -> Any:
+    """TensorBoard's class of writers. Raises BackendError where it is not there."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         raise BackendError(
             "--tensorboard needs a library that is not installed; run: pip install 'ringlight[tensorboard]'"
         ) from None
+    return SummaryWriter
+
+
+def _event_writer(session: Session) -> Any:
+    """TensorBoard's writer; events after the step at hand, of a run that was stopped later, no longer count."""
     folder = make_folder(session.folder.path / EVENTS)
-    return SummaryWriter(str(folder), purge_step=session.training.step + 1)
+    return event_library()(str(folder), purge_step=session.training.step + 1)
