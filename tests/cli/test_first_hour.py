@@ -16,6 +16,7 @@ from safetensors.torch import save_file
 from ringlight.cli import threads
 from ringlight.cli.flags import behind_values
 from ringlight.data.bundled import bundled_scene, scene_folder
+from ringlight.errors import RecipeError
 
 RINGLIGHT = [sys.executable, "-m", "ringlight"]
 SHORT = ("--steps", "2", "--initial-points", "50", "--lpips")
@@ -180,6 +181,15 @@ def test_a_flag_of_several_values_leaves_the_scene(
     line = ["run", "--quiet", "--layers", "color", "scene", "--fps", "3"]
     assert behind_values(line, "--layers", ("color", "base")) == ["run", "scene", "--quiet", *line[2:4], *line[5:]]
     assert behind_values(line, "--lpips", ("alex",)) == line
+
+
+@pytest.mark.parametrize("word", ["colour", "color,base", "bases"])
+def test_a_misspelt_value_is_told_from_a_folder(word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RecipeError, match=rf"^--layers is '{word}'; give some of color base"):
+        behind_values(["run", "--layers", word], "--layers", ("color", "base"))
+    (tmp_path / word).mkdir()
+    assert behind_values(["--layers", word], "--layers", ("color", "base")) == [word, "--layers"]
 
 
 def test_runs_named_as_their_method_are_named_once(

@@ -342,8 +342,12 @@ def test_an_imported_model_is_measured_shown_and_compared(
     assert "stopped" not in compared.out + compared.err
     shown = ringlight("render", model, "--scene", tiny, "--out", tmp_path / "r", "--frames", "1", "--quiet")
     assert shown.code == 0, shown.err
-    refused(ringlight("render", model, "--path", "orbit"), 1, model, "camera_path.json")
-    refused(ringlight("eval", model), 1, model)
+    orbit = ("render", model, "--path", "orbit", "--frames", "1", "--quiet")
+    refused(ringlight(*orbit), 1, model, "--scene", "camera_path.json")
+    assert ringlight(*orbit, "--scene", tiny, "--out", tmp_path / "orbit").code == 0
+    assert len(list((tmp_path / "orbit" / "color").iterdir())) == 1
+    refused(ringlight("eval", model), 1, model, "no photographs; name their folder")
+    refused(ringlight("info", ply), 1, ply, f"ringlight import {ply}")
 
 
 def test_what_is_no_model_is_not_imported(tmp_path: Path, tiny: Path, ringlight: Command) -> None:

@@ -84,6 +84,20 @@ def test_on_a_terminal_the_trial_counts_and_leaves_no_line(masked: Path, tmp_pat
     assert not [line for line in left if re.match("trying|reading|carving|ringlight train: starting", line)]
 
 
+def test_the_shortest_run_shows_no_number_that_is_none(masked: Path, tmp_path: Path) -> None:
+    code, shown = on_a_terminal("train", masked, "3dgs", "--steps", "1", "--lpips", "--out", tmp_path / "run")
+    assert code == 0, shown
+    assert "1/1" in shown
+    assert "nan" not in shown
+
+
+def test_a_complaint_on_a_terminal_is_a_plain_sentence(tmp_path: Path) -> None:
+    code, shown = on_a_terminal("info", tmp_path, "extra")
+    assert code == 2
+    said = shown.rsplit("\x1b[2K", 1)[-1].strip()
+    assert said == "ringlight info: not understood: extra; a name with blanks needs quotes; see 'ringlight info --help'"
+
+
 @pytest.mark.parametrize("verb", ["export", "compress", "eval"])
 def test_every_verb_that_takes_long_says_how_far_it_is(
     verb: str, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch

@@ -11,7 +11,7 @@ from typing import BinaryIO
 import pytest
 
 from ringlight.errors import OutputError
-from ringlight.files.atomic import write_text, written_atomically
+from ringlight.files.atomic import refuse_existing, write_text, written_atomically
 
 
 def failing_with(error: BaseException) -> Callable[[BinaryIO], None]:
@@ -104,3 +104,9 @@ def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
     write_text(tmp_path / "link.txt", "new")
     assert (tmp_path / "link.txt").is_symlink()
     assert (tmp_path / "real.txt").read_text() == "new"
+
+
+def test_a_folder_that_may_not_be_written_is_refused_before_long_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: (path, mode) != (tmp_path, os.W_OK))
+    with pytest.raises(OutputError, match="permission is denied; choose a folder you may write to"):
+        refuse_existing(tmp_path / "x.ply", overwrite=False)

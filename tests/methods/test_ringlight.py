@@ -6,7 +6,7 @@ import pytest
 
 from ringlight.errors import RecipeError
 from ringlight.methods import reflection_trial
-from ringlight.methods.ringlight import GrowthBound, RingLightRecipe
+from ringlight.methods.ringlight import SUITS, GrowthBound, RingLightRecipe
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
@@ -31,7 +31,7 @@ def test_where_it_is_open_the_trial_decides_and_gives_the_reason(
     monkeypatch.setattr(reflection_trial, "chosen_shading", lambda *_: (shading, "told so"))
     recipe, why = settled(RINGLIGHT)
     assert method_of(recipe) == method
-    assert why == f"method: {method} (told so)"
+    assert why == f"method: {method}, {SUITS[shading]} (told so)"
     assert settled(recipe) == (recipe, None)
 
 

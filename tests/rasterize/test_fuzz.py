@@ -96,7 +96,7 @@ def test_one_number_that_is_not_finite_is_found_wherever_it_is(case: Case, bad: 
     index = place // len(names) % columns[name].numel()
     columns[name].view(-1)[index] = bad
     row = index // (columns[name].numel() // len(case.channels))
-    with pytest.raises(BackendError, match=rf"column {name} holds {bad} in row {row};"):
+    with pytest.raises(BackendError, match=rf"column {name} holds {bad} in row {row}: "):
         drawn(
             cpu.CpuRasterizer(), case.gaussians, case.channels, case.camera, case.background, case.options,
             case.opacity_factor,

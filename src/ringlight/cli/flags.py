@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, get_args, get_type_hints
+
+from ringlight.errors import RecipeError
 
 
 def flags_of(record: Any, in_pairs: bool = False) -> set[str]:
@@ -32,15 +35,24 @@ def flags_in(arguments: list[str]) -> list[str]:
 def behind_values(arguments: list[str], flag: str, values: Sequence[str]) -> list[str]:
     """The same line with words that follow the ``values`` of ``flag``, and are none, put before all flags.
 
-    A flag of several values takes every word up to the next flag, folders too: ``--lpips vgg SCENE``.
+    A flag of several values takes every word up to the next flag, folders too: ``--lpips vgg SCENE``. Raises
+    RecipeError where the first of them looks like a value that is misspelt.
     """
     if flag not in arguments:
         return arguments
     first = arguments.index(flag) + 1
+    if first < len(arguments) and _is_misspelt(arguments[first], values):
+        raise RecipeError(f"{flag} is {arguments[first]!r}; give some of {' '.join(values)}, with blanks between")
     end = next((at for at in range(first, len(arguments)) if arguments[at].startswith("-")), len(arguments))
     last = next((at for at in range(first, end) if arguments[at] not in values), end)
     at = next((place for place, word in enumerate(arguments) if word.startswith("-")), len(arguments))
     return [*arguments[:at], *arguments[last:end], *arguments[at:last], *arguments[end:]]
+
+
+def _is_misspelt(word: str, values: Sequence[str]) -> bool:
+    return (
+        word not in values and ("," in word or bool(get_close_matches(word, values, n=1))) and not Path(word).exists()
+    )
 
 
 def near(flag: str, flags: set[str]) -> str | None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from ringlight.cli.parse import parse
+from ringlight.cli.stages import stages
 from ringlight.errors import ModelFileError
 
 
@@ -32,16 +33,18 @@ class ImportArguments:
 def main(arguments: list[str]) -> int:
     """Import; returns the exit code."""
     asked = parse(ImportArguments, "import", arguments)
-    from ringlight.measure.json_record import to_json
-    from ringlight.runs.compress import check_target
-    from ringlight.runs.imported import model_of_ply, write_imported
-
     if not asked.file.is_file():
         raise ModelFileError(f"{asked.file}: there is no such file; name a PLY of 3D Gaussians")
     out = asked.model or asked.file.with_suffix(".safetensors")
-    check_target(out, asked.overwrite)
-    stored = model_of_ply(asked.file)
-    write_imported(stored, out)
+    with stages(quiet=not sys.stderr.isatty()) as line:
+        line(f"reading {asked.file}")
+        from ringlight.measure.json_record import to_json
+        from ringlight.runs.compress import check_target
+        from ringlight.runs.imported import model_of_ply, write_imported
+
+        check_target(out, asked.overwrite)
+        stored = model_of_ply(asked.file)
+        write_imported(stored, out)
     count, _ = stored.model.rendering_size()
     if asked.json:
         record = {"file": str(out), "counted": count.number, "noun": count.noun, "bytes_file": out.stat().st_size}

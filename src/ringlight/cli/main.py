@@ -39,7 +39,7 @@ class Stopped(Exception):
         self.code = SIGNALLED + number
 
 
-SLOW_TO_BEGIN = ("demo", "train", "eval", "render", "compare", "info", "compress", "export")
+SLOW_TO_BEGIN = ("demo", "poses", "train", "eval", "render", "compare", "info", "compress", "export", "import")
 """Commands that load torch and say what is under way."""
 
 TRAINING = ("train", "demo", "study")

@@ -55,6 +55,7 @@ def refuse(verb: str, sentence: str) -> NoReturn:
 
 def one_sentence(box: str) -> str:
     """What tyro's framed complaint says, on one line, without its frame and its pointer to the help."""
+    box = re.sub(COLOR, "", box)
     # The frame is drawn with lines or, where the terminal knows no such characters, with blanks and hyphens.
     inside = [line[2:].rstrip(" │") for line in box.splitlines()[1:] if not line.startswith("╰")]
     sections = [section for section in re.split(RULE, "\n".join(inside)) if section.strip()]
@@ -62,8 +63,13 @@ def one_sentence(box: str) -> str:
     return "; ".join([_complaint(sections[0].strip("\n")), *hints])
 
 
+COLOR = r"\x1b\[[0-9;]*m"
+"""On a terminal tyro paints its complaint."""
+
 RULE = r"(?m)^[-─]{10,}$"
 """Between the sections of a complaint, and under its title."""
+
+NOT_UNDERSTOOD = "not understood: "
 
 PLAIN_WORDS = (
     (r"invalid literal for int\(\) with base 10: (.*)", r"\1 is not a whole number"),
@@ -74,7 +80,7 @@ PLAIN_WORDS = (
     (r" Arguments are applied to the directly preceding.*", ""),
     (r"^Expected one of \{(.*)\}\.?$", r"a word is missing: expected one of \1"),
     (r" for argument 'what'", " for STUDY"),
-    (r"^Unrecognized(?: or misplaced)? options:", "not understood:"),
+    (r"^Unrecognized(?: or misplaced)? options:", NOT_UNDERSTOOD.rstrip()),
 )
 """Python's and tyro's words, and those for a person."""
 
@@ -85,7 +91,10 @@ def _complaint(section: str) -> str:
     text = " ".join(section.split())
     for pattern, words in PLAIN_WORDS:
         text = re.sub(pattern, words, text)
-    return text.rstrip(". ")
+    text = text.rstrip(". ")
+    extra = text.removeprefix(NOT_UNDERSTOOD)
+    is_word = extra != text and not any(word.startswith("-") for word in extra.split())
+    return f"{text}; a name with blanks needs quotes" if is_word else text
 
 
 def _hints(section: str) -> list[str]:

@@ -73,7 +73,9 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
             bar.update(task, completed=session.training.step)
             unseen = watch.see(progress)
             if now - shown >= every or progress.step in options.eval_at:
-                _show(bar, task, meter.line(progress) + watch.words, live, options.quiet)
+                _show(
+                    bar, task, meter.line(progress, room(console) if live else None) + watch.words, live, options.quiet
+                )
                 shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
                 _show_test_views(console, session, progress.step, watch)
@@ -82,7 +84,7 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
             saver.save_if_due()
             if stopping:
                 return
-        bar.update(task, facts=f"{meter.facts()}  took {spoken(session.clock.wall)}")
+        bar.update(task, facts=fitting(meter.facts(), f"took {spoken(session.clock.wall)}", room(console)))
 
 
 def _show_test_views(console: Screen, session: Session, step: int, watch: Watch) -> None:
@@ -103,18 +105,21 @@ class _Meter:
         self.mark = (session.training.step, session.clock.wall)
         self.decibels = self.rate = math.nan
 
-    def line(self, progress: Progress) -> str:
+    def line(self, progress: Progress, room: int | None) -> str:
+        """In at most ``room`` characters, or in full."""
         now = psnr(progress.prediction.color.clamp(0, 1), progress.truth)
         smoothed = SMOOTHING * self.decibels + (1 - SMOOTHING) * now
         self.decibels = smoothed if math.isfinite(self.decibels) else now
         self._time(progress.step, self.session.clock.wall)
         left = (self.session.training.steps - progress.step) / max(self.rate, 1e-9)
-        return f"{self.facts()}  about {spoken(left)} left"
+        return fitting(self.facts(), f"about {spoken(left)} left", room)
 
-    def facts(self) -> str:
-        """Of the last step that was looked at."""
+    def facts(self) -> list[str]:
+        """Of the last step that was looked at; a short run may have looked at none."""
         count, size = self.session.training.model.rendering_size()
-        return f"{self.rate:6.1f} it/s  training {self.decibels:5.2f} dB  {count}  {size / 1e6:.2f} MB"
+        rate = [f"{self.rate:6.1f} it/s"] if math.isfinite(self.rate) else []
+        training = [f"training {self.decibels:5.2f} dB"] if math.isfinite(self.decibels) else []
+        return [*rate, *training, str(count), f"{size / 1e6:.2f} MB"]
 
     def _time(self, step: int, second: float) -> None:
         """Steps a second since the mark, which moves on every few seconds, and back where the training does."""
@@ -125,6 +130,14 @@ class _Meter:
             self.rate = (step - self.mark[0]) / max(elapsed, 1e-9)
         if elapsed >= RATE_SECONDS:
             self.mark, self.is_first_window = (step, second), False
+
+
+def fitting(facts: list[str], end: str, room: int | None) -> str:
+    """The facts and, last, ``end``, which stays where ``room``, characters, is too little for all."""
+    kept = len(facts)
+    while kept and room is not None and len("  ".join([*facts[:kept], end])) > room:
+        kept -= 1
+    return "  ".join([*facts[:kept], end])
 
 
 MINUTE, HOUR = 60, 3600
@@ -141,10 +154,22 @@ def spoken(seconds: float) -> str:
     return f"{seconds / MINUTE:.0f} min" if seconds < STILL * HOUR else f"{seconds / HOUR:.1f} h"
 
 
+BAR, STEPS = 20, 15
+"""Characters of the bar, and of the steps and the blanks beside them."""
+
+NARROW = 80
+"""On a terminal with fewer columns there is no bar."""
+
+
+def room(console: Screen) -> int:
+    """Characters of a live line for facts."""
+    return console.width - STEPS - (BAR if console.width >= NARROW else 0)
+
+
 def _bar(console: Screen, live: bool) -> Bar:
     return Bar(
         TextColumn("{task.completed:>6.0f}/{task.total:.0f}"),
-        BarColumn(bar_width=20),
+        *([BarColumn(bar_width=BAR)] if console.width >= NARROW else []),
         TextColumn("{task.fields[facts]}"),
         console=console,
         disable=not live,

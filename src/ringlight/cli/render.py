@@ -45,7 +45,8 @@ class RenderArguments:
     """Where the camera goes; FILE.json is a camera_path.json of nerfstudio, in the scene's own world. Only test needs
     photographs besides the model file."""
     scene: MaybeFolder = None
-    """Folder of photographs with the test views; by default the model's own."""
+    """Folder of photographs with the test views, and with the training cameras that a path goes by; by default the
+    model's own."""
     frames: int | None = None
     """Number of pictures. By default 120 for orbit and interpolated, and all test or training views."""
     center: tuple[float, float, float] | None = None
@@ -173,9 +174,11 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
     from ringlight.files.nerfstudio_path import read_nerfstudio_path
     from ringlight.files.orbit import OrbitWish
     from ringlight.runs.film import film_from_training, film_of_file, film_of_orbit, film_of_views
-    from ringlight.runs.opened import scene_of
+    from ringlight.runs.opened import scene_of, with_cameras_of
 
     fps, frames = asked.fps or FPS, asked.frames or FRAMES
+    if asked.scene is not None and asked.path in PATHS and asked.path != "test":
+        opened = with_cameras_of(opened, asked.scene)
     if asked.path == "orbit":
         wish = OrbitWish(asked.center, asked.radius, asked.height, asked.arc)
         film, words = film_of_orbit(opened, wish, frames, asked.zoom)

@@ -60,12 +60,14 @@ def write_text(path: Path, text: str) -> None:
 
 
 def refuse_existing(path: Path, overwrite: bool) -> None:
-    """Raises OutputError for a file that exists and may not be replaced, or whose folder does not exist; for those who
-    work long before they write."""
+    """Raises OutputError for a file that exists and may not be replaced, or whose folder does not exist or may not be
+    written; for those who work long before they write."""
     if path.exists() and not overwrite:
         raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
     if not path.parent.is_dir():
         raise OutputError(f"{path}: cannot be written: {REMEDIES[errno.ENOENT]}")
+    if not os.access(path.parent, os.W_OK):
+        raise OutputError(f"{path}: cannot be written: {REMEDIES[errno.EACCES]}")
 
 
 def _refuse_what_is_no_file(path: Path, target: Path) -> None:

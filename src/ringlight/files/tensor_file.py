@@ -22,6 +22,7 @@ from typing import BinaryIO
 import torch
 from torch import Tensor
 
+from ringlight.core.command_line import command
 from ringlight.errors import ModelFileError
 from ringlight.files.atomic import written_atomically
 
@@ -185,7 +186,10 @@ def _read_header(path: Path, file: BinaryIO) -> tuple[dict[str, str], dict[str, 
     start = file.read(9)
     # Every safetensors header begins with a brace: whatever does not is some other file, not a damaged one.
     if len(start) == 9 and start[8:] != b"{":
-        raise ModelFileError(f"{path}: is not a safetensors file; name a model.safetensors written by ringlight")
+        remedy = "name a model.safetensors written by ringlight"
+        if start.startswith(b"ply"):
+            remedy = f"make a model of the PLY by: {command('import', path)}"
+        raise ModelFileError(f"{path}: is not a safetensors file; {remedy}")
     length = struct.unpack("<Q", start[:8])[0] if len(start) == 9 else 1
     if length > LARGEST_HEADER:
         raise ModelFileError(f"{path}: the file is damaged: it announces a header of {length} bytes; {REMEDY}")

@@ -142,7 +142,10 @@ def film_to_video(pictures: Path, names: Sequence[str], fps: float, tell: Tell) 
 def _training_cameras(opened: Opened) -> Sequence[Camera]:
     cameras = opened.stored.cameras
     if not cameras:
-        raise ModelFileError(f"{opened.file}: holds no training cameras; give --path test or a camera_path.json")
+        raise ModelFileError(
+            f"{opened.file}: holds no training cameras; name the folder of photographs by --scene, or give a "
+            "camera_path.json by --path"
+        )
     return cameras
 
 

@@ -13,6 +13,7 @@ from ringlight.methods.recipe import recipe_from_dict
 from ringlight.methods.store import StoredModel, load_model
 from ringlight.rasterize.choose import host_rasterizer, rasterizer_for
 from ringlight.runs.folder import MODEL_NAME, RunFolder
+from ringlight.runs.imported import PLY
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
 
@@ -63,9 +64,18 @@ def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, how: str
     if options != SceneOptions():
         raise RecipeError(f"{named}: its scene is read as in training; to read it otherwise name its folder")
     place, recorded = recorded_scene(opened)
+    if opened.stored.header.step == 0 and place.suffix.lower() == PLY:
+        raise RunError(f"{named}: was imported from a PLY, which has no photographs; name their folder{how}")
     if not place.is_dir():
         raise RunError(f"{place}: the scene of {named} is gone; name the folder where it is now{how}")
     return load_scene(place, recorded)
+
+
+def with_cameras_of(opened: Opened, folder: Path) -> Opened:
+    """The same model, with the training cameras of the scene in ``folder``. Raises SceneError."""
+    scene = scene_of(opened, folder, SceneOptions())
+    stored = replace(opened.stored, cameras=tuple(view.camera for view in scene.train))
+    return replace(opened, stored=stored)
 
 
 def recorded_scene(opened: Opened) -> tuple[Path, SceneOptions]:
