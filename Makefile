@@ -12,7 +12,7 @@ BUILT_FROM := pyproject.toml constraints.txt CMakeLists.txt cmake/write_conventi
 	$(addprefix src/ringlight/core/,kernel_limits.py directions.py sh_basis.py)
 WORKERS ?= 2
 
-.PHONY: setup demo test lint bench unplug threads fuzz sanitize valgrind clean
+.PHONY: setup demo test lint bench unplug kills threads fuzz sanitize valgrind clean
 
 setup: $(STAMP)
 
@@ -33,11 +33,15 @@ bench: setup
 
 # The long tests of docs/reliability.md. Minutes to an hour each.
 KILLS ?= 200
+TIMES ?= 5
 FILES ?= 1000000
 FUZZ_SECONDS ?= 600
 
 unplug: setup
 	@$(BIN)/python tests/unplugging.py --kills $(KILLS)
+
+kills: setup
+	@$(BIN)/python tests/kill_matrix.py --times $(TIMES)
 
 threads: setup
 	@$(BIN)/python tests/thread_hashes.py

@@ -41,7 +41,7 @@ WORDS = (*QUICK, "--save-every", "0.00001")
 SMALL: dict[str, tuple[str, ...]] = {"3dgs": (), "ringlight-ring": SMALL_LIGHT}
 
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
-TIMED |= {"choosing_cpu_seconds", "peak_bytes", "training_bytes", "machine"}
+TIMED |= {"choosing_cpu_seconds", "peak_bytes", "training_bytes", "machine", "curve"}
 """Fields of a report that differ from one run to the next; ``machine`` has the number of threads."""
 
 EARLY = 1e-4
@@ -168,7 +168,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--record", type=Path, help="JSON file to write")
     asked = parser.parse_args()
-    _import_everything()
+    import_everything()
     draw, tally = random.Random(asked.seed), Tally()
     with tempfile.TemporaryDirectory(prefix="ringlight-unplug-") as home:
         scene = write_tiny_scene(Path(home) / "balls")
@@ -210,7 +210,7 @@ def main() -> int:
     return int(bool(tally.different))
 
 
-def _import_everything() -> None:
+def import_everything() -> None:
     """Once for all processes. Nothing is run here: threads that a run starts do not survive a fork."""
     for module in ("scipy.spatial", "torch.fx.experimental.symbolic_shapes", "tyro"):
         import_module(module)
