@@ -58,7 +58,7 @@ def _next(ordered: Sequence[str]) -> Pairs:
     ]
 
 
-def vlad(photographs: Sequence[UInt8[np.ndarray, "F 128"]], seed: int) -> Float[np.ndarray, "V D"]:
+def vlad(photographs: Sequence[UInt8[np.ndarray, "_ 128"]], seed: int) -> Float[np.ndarray, "V D"]:
     """One unit vector a photograph; the product of two is their likeness. A photograph without features is zero."""
     rng = np.random.default_rng(seed)
     chosen = [_sampled(one, SAMPLES_EACH, rng).astype(np.float32) / 255 for one in photographs]
