@@ -49,8 +49,8 @@ SAVING: dict[str, tuple[str, ...]] = {
 }
 """Phases, and how often runs save that are ended in them: where nothing is said after ten seconds, so not at all."""
 
-SPREAD = 0.3
-"""Seconds over which moments are drawn from where a phase begins; an evaluation takes little more."""
+SPREAD = dict.fromkeys(SAVING, 0.3) | {"evaluation": 0.05}
+"""Seconds over which moments are drawn from where a phase begins; an evaluation takes a tenth of one."""
 
 
 def has_begun(phase: str, run: Path, said: str) -> bool:
@@ -76,7 +76,7 @@ def ended(scene: Path, run: Path, phase: str, cause: str, draw: random.Random) -
         said += drained(ours)
         now = time.monotonic()
         if moment is None and has_begun(phase, run, said):
-            moment = now + SPREAD * draw.random()
+            moment = now + SPREAD[phase] * draw.random()
         if moment is not None and now >= moment:
             break
         time.sleep(0.001)
