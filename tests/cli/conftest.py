@@ -1,6 +1,7 @@
 """Commands run in this process, on a tiny scene, with models trained for a few steps once per session."""
 
 import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from command import Command, Outcome
 from scenes_on_disk import write_tiny_scene
 
 from ringlight.cli.main import run
+from ringlight.fit.train import Progress
+from ringlight.runs.session import Session
 
 
 @pytest.fixture
@@ -51,3 +54,20 @@ def run_folder(trained: dict[str, Path], tmp_path: Path) -> Path:
 def scene_copy(tiny: Path, tmp_path: Path) -> Path:
     """A copy of the scene, to damage."""
     return Path(shutil.copytree(tiny, tmp_path / "balls"))
+
+
+@pytest.fixture
+def at_step(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, Callable[[Session], object]], None]:
+    """Have something happen after a step, before the command hears of it."""
+    steps = Session.steps
+
+    def plan(step: int, happen: Callable[[Session], object]) -> None:
+        def eventful(session: Session) -> Iterator[Progress]:
+            for progress in steps(session):
+                if progress.step == step:
+                    happen(session)
+                yield progress
+
+        monkeypatch.setattr(Session, "steps", eventful)
+
+    return plan

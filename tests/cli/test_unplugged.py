@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,30 +19,12 @@ from ringlight.core.scene import View
 from ringlight.errors import BackendError
 from ringlight.files.tensor_file import read_metadata
 from ringlight.fit.faults import MOST_IN_A_ROW
-from ringlight.fit.train import Progress
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.saver import FIRST_SECONDS, LARGEST_SAVE_SHARE, LONGEST_PAUSE, SAVE_SECONDS, Saver
 from ringlight.runs.session import Session
 
 SAVES_OFTEN = ("--save-every", "0.0001")
-
-
-@pytest.fixture
-def at_step(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, Callable[[Session], object]], None]:
-    """Have something happen after a step, before the command hears of it."""
-    steps = Session.steps
-
-    def plan(step: int, happen: Callable[[Session], object]) -> None:
-        def eventful(session: Session) -> Iterator[Progress]:
-            for progress in steps(session):
-                if progress.step == step:
-                    happen(session)
-                yield progress
-
-        monkeypatch.setattr(Session, "steps", eventful)
-
-    return plan
 
 
 def model_of(run: Path) -> bytes:

@@ -3,7 +3,6 @@
 import json
 import shutil
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,9 +10,6 @@ from cli_session import QUICK
 from command import Command
 from refusal import QUIET, refused
 from scenes_on_disk import picture
-
-from ringlight.fit.train import Progress
-from ringlight.runs.session import Session
 
 
 def curve(run: Path) -> list[dict]:
@@ -79,7 +75,7 @@ def test_a_preview_that_cannot_be_written_costs_no_step(
 
 
 def test_a_curve_is_kept_and_goes_on_where_a_run_was_stopped(
-    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
 ) -> None:
     points = curve(trained["3dgs"])
     assert [point["step"] for point in points] == list(range(1, 41))
@@ -87,18 +83,9 @@ def test_a_curve_is_kept_and_goes_on_where_a_run_was_stopped(
     seconds = [point["seconds"] for point in points]
     assert seconds == sorted(seconds)
     assert len({point["counted"] for point in points}) > 1, "density control was at work"
-    steps = Session.steps
-
-    def pressed(session: Session) -> Iterator[Progress]:
-        for progress in steps(session):
-            if progress.step == 15:
-                signal.raise_signal(signal.SIGINT)
-            yield progress
-
+    at_step(15, lambda _: signal.raise_signal(signal.SIGINT))
     run = tmp_path / "run"
-    with monkeypatch.context() as patched:
-        patched.setattr(Session, "steps", pressed)
-        assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 130
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 130
     assert ringlight("train", "--resume", run, *QUIET).code == 0
     assert untimed(curve(run)) == untimed(points)
     measured = ringlight("eval", run, *QUIET)

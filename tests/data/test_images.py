@@ -148,8 +148,8 @@ def test_photographs_go_to_other_processes(tmp_path: Path):
 def test_several_threads_decode_a_photograph_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     write_image(tmp_path / "a.png", (400, 300))
     budget, decoded = PixelBudget(400 * 300 * 3), []
-    decode = Photograph.decoded
-    monkeypatch.setattr(Photograph, "decoded", lambda photograph: decoded.append(1) or decode(photograph))
+    decode = Photograph._decoded
+    monkeypatch.setattr(Photograph, "_decoded", lambda photograph: decoded.append(1) or decode(photograph))
     photograph = Photograph(tmp_path / "a.png", 400, 300, budget)
     with ThreadPoolExecutor(8) as threads:
         found = [future.result() for future in [threads.submit(photograph) for _ in range(8)]]

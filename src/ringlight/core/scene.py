@@ -15,17 +15,17 @@ from ringlight.core.computed_once import computed_once
 @dataclass(frozen=True)
 class View:
     """One photograph. ``load`` decodes it: uint8 [H W 3] or, with an alpha mask, [H W 4]; called lazily, and may keep
-    what it decoded. ``load_once``, where there is one, keeps nothing."""
+    what it decoded. ``check``, where there is one, raises what decoding would, keeps nothing, and takes less time."""
 
     name: str
     camera: Camera
     load: Callable[[], UInt8[np.ndarray, "H W C"]]
     has_alpha: bool = False
-    load_once: Callable[[], UInt8[np.ndarray, "H W C"]] | None = None
+    check: Callable[[], object] | None = None
 
     def refuse_damaged(self) -> None:
         """Decode the photograph to see that it can be. Raises SceneError."""
-        (self.load_once or self.load)()
+        (self.check or self.load)()
 
     def image(self, background: Float[Tensor, "3"]) -> Float[Tensor, "3 H W"]:
         """The photograph in [0, 1], planar, composited over ``background`` in float where it has an alpha mask."""

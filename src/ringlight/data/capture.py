@@ -77,7 +77,7 @@ def _view(frame: Frame, options: SceneOptions, budget: PixelBudget) -> View:
     camera = frame.camera.resized(width, height)
     undistortion = frame.undistortion and frame.undistortion.at(width, height)
     photograph = Photograph(frame.path, width, height, budget, frame.mask, undistortion)
-    return View(frame.name, camera, photograph, frame.has_alpha, photograph.decoded)
+    return View(frame.name, camera, photograph, frame.has_alpha, photograph.as_taken)
 
 
 def _background(views: tuple[View, ...], options: SceneOptions) -> str:

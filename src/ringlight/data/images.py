@@ -92,16 +92,18 @@ class Photograph:
         with self._lock:  # whoever comes second waits, and finds what the first one has decoded
             if self.pixels is not None:
                 return self.pixels
-            pixels = self.decoded()
+            pixels = self._decoded()
             if self.budget is None or self.budget.take(pixels.nbytes):
                 self.pixels = pixels
             return pixels
 
-    def decoded(self) -> UInt8[np.ndarray, "H W C"]:
-        """The same pixels, decoded now and not kept."""
+    def as_taken(self) -> Image.Image:
+        """In the file's own size and lens, with its mask; decoded now and not kept. Raises SceneError."""
         colors = decoded(self.path)
-        if self.mask is not None:
-            colors = self.mask.laid_over(colors)
+        return colors if self.mask is None else self.mask.laid_over(colors)
+
+    def _decoded(self) -> UInt8[np.ndarray, "H W C"]:
+        colors = self.as_taken()
         taken = self.undistortion.photograph if self.undistortion else self
         if colors.size != (taken.width, taken.height):
             # Pillow premultiplies RGBA by itself around every filter but NEAREST.
