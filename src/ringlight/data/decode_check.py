@@ -20,15 +20,19 @@ class DecodeCheck:
 
     def __init__(self, scene: Scene, seconds: float = FIRST_SECONDS):
         self._error: Exception | None = None
+        begun = time.process_time()
         views = [*((view, False) for view in scene.test), *((view, True) for view in scene.train)]
         self._left = counted("decoding photographs", views)
         until = time.monotonic() + seconds
         self._thread: Thread | None = None
-        while time.monotonic() < until:
-            if not _decode_next(self._left):
-                return
-        self._thread = Thread(target=self._decode_others, name="photographs", daemon=True)
-        self._thread.start()
+        is_done = False
+        while not is_done and time.monotonic() < until:
+            is_done = not _decode_next(self._left)
+        self.cpu_seconds = time.process_time() - begun
+        """That this took, before the first step."""
+        if not is_done:
+            self._thread = Thread(target=self._decode_others, name="photographs", daemon=True)
+            self._thread.start()
 
     def refuse_damaged(self) -> None:
         """Raise SceneError once it is known that a photograph is damaged; never waits."""

@@ -20,6 +20,7 @@ from ringlight.methods.recipe import Recipe
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits, write_checkpoint
+from ringlight.runs.clock import Clock
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.history import History
 from ringlight.runs.limits import prepare_run
@@ -34,19 +35,6 @@ Loaded = Callable[[str, Scene], None]
 
 def nobody(preset: str, scene: Scene) -> None:
     """Hears of a scene, and says nothing."""
-
-
-@dataclass
-class Clock:
-    """Seconds spent in training steps, without loading and evaluation, and apart from them in saving; runs add up."""
-
-    wall: float = 0.0
-    cpu: float = 0.0
-    saving: float = 0.0
-    """Wall clock; a checkpoint knows of those before it."""
-    choosing: float = 0.0
-    """CPU seconds before the first step, in which photographs are decoded, the method is chosen and the first surface
-    carved; not in ``cpu``."""
 
 
 @dataclass(eq=False, repr=False)
@@ -102,7 +90,7 @@ class Session:
         start = None if model is None else read_start(model)
         scene = load_scene(scene_path, options)
         loaded(preset, scene)
-        photographs, seconds = _checked(scene)
+        photographs = DecodeCheck(scene)
         run = prepare_run(scene, recipe, seed, device, start)
         photographs.refuse_damaged()
         options = with_absent_masks_left_out(options, scene)
@@ -112,7 +100,7 @@ class Session:
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
-        clock = Clock(choosing=run.choosing + seconds)
+        clock = Clock(choosing=run.choosing + photographs.cpu_seconds)
         session = Session(
             folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings, run.decided
         )
@@ -142,7 +130,7 @@ class Session:
         stored, warnings = read_checkpoint(folder)
         scene = load_scene(record.scene, record.options)
         loaded(record.preset, scene)
-        photographs, _ = _checked(scene)
+        photographs = DecodeCheck(scene)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
         for added in record.added:
             training.extend(added)
@@ -194,13 +182,13 @@ class Session:
             )
         scene = load_scene(record.scene, record.options)
         loaded(record.preset, scene)
-        photographs, seconds = _checked(scene)
+        photographs = DecodeCheck(scene)
         run = prepare_run(scene, record.recipe, record.seed, record.device)
         for added in record.added:
             run.training.extend(added)
         sweep(folder.path)
         # What it took before is not known: neither this nor the trial is recorded.
-        clock = Clock(choosing=run.choosing + seconds)
+        clock = Clock(choosing=run.choosing + photographs.cpu_seconds)
         return Session(folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings)
 
     def steps(self) -> Iterator[Progress]:
@@ -273,10 +261,3 @@ class Session:
         header = model_header(self.record.preset, self.record.recipe, self.training.step, facts, metrics)
         cameras = [view.camera for view in self.scene.train]
         save_model(self.folder.model, self.training.model, header, cameras)
-
-
-def _checked(scene: Scene) -> tuple[DecodeCheck, float]:
-    """The check of the scene's photographs, and the CPU seconds that it took so far."""
-    begun = time.process_time()
-    photographs = DecodeCheck(scene)
-    return photographs, time.process_time() - begun
