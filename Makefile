@@ -12,7 +12,7 @@ BUILT_FROM := pyproject.toml constraints.txt CMakeLists.txt cmake/write_conventi
 	$(addprefix src/ringlight/core/,kernel_limits.py directions.py sh_basis.py)
 WORKERS ?= 2
 
-.PHONY: setup demo test lint bench unplug kills threads fuzz sanitize valgrind clean
+.PHONY: setup demo test lint bench unplug kills lenses threads fuzz sanitize valgrind clean
 
 setup: $(STAMP)
 
@@ -42,6 +42,10 @@ unplug: setup
 
 kills: setup
 	@$(BIN)/python tests/kill_matrix.py --times $(TIMES)
+
+# SCENES: folders of NeRF-Synthetic's kind or COLMAP's, photographed with a pinhole.
+lenses: setup
+	@$(BIN)/python tests/lens_matrix.py $(SCENES)
 
 threads: setup
 	@$(BIN)/python tests/thread_hashes.py

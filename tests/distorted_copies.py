@@ -57,7 +57,7 @@ def lenses_for(taken: Intrinsics, model: str, inside: bool) -> Lenses:
         focal = tuple(zoom * length for length in taken.focal[: kind.focals])
         parameters = (*focal, *taken.center, *COEFFICIENTS[model])
         bent = intrinsics_of(ColmapCamera(model, *size, parameters), model, "")
-        places = _places(bent, taken)
+        places = places_in(bent, taken)
         if not inside or ((places >= 0.5) & (places <= np.array(size) - 0.5)).all():
             made = undistortion_of(bent, model)
             assert made is not None
@@ -65,7 +65,7 @@ def lenses_for(taken: Intrinsics, model: str, inside: bool) -> Lenses:
     raise ValueError(f"{model} shows more than the photograph at any zoom")
 
 
-def _places(made: Intrinsics, taken: Intrinsics) -> np.ndarray:
+def places_in(made: Intrinsics, taken: Intrinsics) -> np.ndarray:
     """Where in a photograph of the pinhole ``taken`` the pixels of ``made`` lie; [H W 2]."""
     x, y = np.arange(made.width) + 0.5, np.arange(made.height) + 0.5
     pixels = np.stack(np.meshgrid(x, y), -1)
@@ -73,7 +73,7 @@ def _places(made: Intrinsics, taken: Intrinsics) -> np.ndarray:
     return rays.reshape(pixels.shape) * taken.focal + taken.center
 
 
-def _resampler(places: np.ndarray) -> Callable[[Image.Image], Image.Image]:
+def resampler(places: np.ndarray) -> Callable[[Image.Image], Image.Image]:
     """By splines of degree five, sharper than the loader's, so that the copies and not the copying are measured."""
     at = [places[..., 1] - 0.5, places[..., 0] - 0.5]
 
@@ -92,24 +92,27 @@ def _resampler(places: np.ndarray) -> Callable[[Image.Image], Image.Image]:
     return resample
 
 
-def copy_blender(source: Path, model: str, out: Path) -> None:
-    """A NeRF-Synthetic folder, its subject in the middle of transparent photographs; every second test view."""
+def copy_blender(source: Path, model: str, out: Path, every: int = 1) -> None:
+    """A NeRF-Synthetic folder, its subject in the middle of transparent photographs; one training view in ``every``,
+    and one test view in twice as many."""
     document = json.loads((source / "transforms_train.json").read_text())
     first = source / f"{document['frames'][0]['file_path']}.png"
-    width, height = Image.open(first).size
+    with Image.open(first) as photograph:
+        width, height = photograph.size
     focal = 0.5 * width / np.tan(0.5 * document["camera_angle_x"])
     lenses = lenses_for(Intrinsics((focal, focal), (width / 2, height / 2), width, height), model, inside=False)
     names = (MODELS_BY_NAME[model].coefficients or "").split()
     coefficients = {"camera_model": model, **dict(zip(names, COEFFICIENTS[model], strict=True))}
     for name, made, lens in (("bent", lenses.bent, coefficients), ("straight", lenses.straight, {})):
-        resample = _resampler(_places(made, lenses.taken))
-        for split, every in (("train", 1), ("test", 2)):
+        resample = resampler(places_in(made, lenses.taken))
+        for split, apart in (("train", every), ("test", 2 * every)):
             document = json.loads((source / f"transforms_{split}.json").read_text())
-            frames = document["frames"][::every]
+            frames = document["frames"][::apart]
             for frame in frames:
                 path = out / name / f"{frame['file_path']}.png"
                 path.parent.mkdir(parents=True, exist_ok=True)
-                resample(Image.open(source / f"{frame['file_path']}.png").convert("RGBA")).save(path, compress_level=1)
+                with Image.open(source / f"{frame['file_path']}.png") as photograph:
+                    resample(photograph.convert("RGBA")).save(path, compress_level=1)
             pinhole = {"fl_x": made.focal[0], "fl_y": made.focal[1], "cx": made.center[0], "cy": made.center[1]}
             document = {**pinhole, "w": made.width, "h": made.height, **lens, "frames": frames}
             (out / name / f"transforms_{split}.json").write_text(json.dumps(document))
@@ -136,17 +139,17 @@ def copy_colmap(source: Path, model: str, out: Path) -> None:
             layout = f"<IiQQ{len(parameters)}d"
             records += struct.pack(layout, camera_id, number, made.width, made.height, *parameters)
         (out / name / sparse / "cameras.bin").write_bytes(records)
-        resample = _resampler(_places(made, taken))
+        resample = resampler(places_in(made, taken))
         for path in sorted((source / "images").iterdir()):
-            photograph = Image.open(path).convert("RGB")
-            small = photograph.resize((taken.width, taken.height), Image.Resampling.LANCZOS)
+            with Image.open(path) as photograph:
+                small = photograph.convert("RGB").resize((taken.width, taken.height), Image.Resampling.LANCZOS)
             resample(small).save(out / name / "images" / f"{path.stem}.png", compress_level=1)
 
 
-def main() -> None:
-    source, model, out = Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3])
+def copy_scene(source: Path, model: str, out: Path) -> None:
+    """Either kind of folder."""
     (copy_colmap if (source / "sparse").is_dir() else copy_blender)(source, model, out)
 
 
 if __name__ == "__main__":
-    main()
+    copy_scene(Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3]))
