@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,8 @@ from ringlight.cli import stages as module
 from ringlight.cli.ineffective import settings_without_effect
 from ringlight.cli.main import run as run_command
 from ringlight.cli.progress import spoken
-from ringlight.cli.stages import StageLine
+from ringlight.cli.stages import StageLine, stages
+from ringlight.cli.streams import Lasting
 from ringlight.data.options import SceneOptions
 from ringlight.runs import limits
 from ringlight.runs.session import Session
@@ -160,6 +162,45 @@ def test_no_name_moves_the_cursor_of_a_terminal(tiny: Path, trained: dict[str, P
         assert code == 0, shown
         assert "\x1b[1A" not in shown
         assert r"balls\x1b" in shown
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[Lasting, int]]:
+    """A terminal, and where what it shows can be read."""
+    ours, theirs = pty.openpty()
+    with os.fdopen(theirs, "w") as screen:
+        yield Lasting(screen), ours
+    os.close(ours)
+
+
+def shown_until(text: str, ours: int) -> str:
+    """All that is shown until ``text`` comes."""
+    shown = ""
+    while text not in shown:
+        shown += os.read(ours, 65536).decode()
+    return shown
+
+
+def test_what_cannot_be_counted_shows_how_long_it_takes(
+    terminal: tuple[Lasting, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stderr", terminal[0])
+    monkeypatch.setattr(module, "TICK_SECONDS", 0.01)
+    with stages(quiet=False) as line:
+        line("loading")
+        shown_until("loading  0 s", terminal[1])
+        line("counting", 1, 5)
+        line("writing")
+        assert "counting  0 s" not in shown_until("writing  0 s", terminal[1])
+
+
+def test_the_clock_leaves_alone_what_was_written(terminal: tuple[Lasting, int]) -> None:
+    stream, ours = terminal
+    stream.draw("loading")
+    stream.write("a warning\n")
+    stream.redraw("loading  1 s")
+    stream.write("the end\n")
+    assert shown_until("the end\r\n", ours).endswith("a warning\r\nthe end\r\n")
 
 
 def test_help_keeps_its_colours_on_a_terminal() -> None:

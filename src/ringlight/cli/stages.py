@@ -6,6 +6,7 @@ No library is needed for it: the first line stands there before torch is loaded.
 import math
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,9 @@ Tell = Callable[[int, int], None]
 """Called with what is done and what there is in all."""
 
 LIVE_SECONDS, LOG_SECONDS = 0.1, 10.0
+TICK_SECONDS = 1.0
+"""What cannot be counted, such as loading torch, shows how long it has taken instead."""
+
 BETWEEN_SECONDS = 1.0
 """From one line in a log to that of another stage: those that take less are not worth one."""
 
@@ -31,10 +35,15 @@ class StageLine:
         self._screen = sys.stderr if isinstance(sys.stderr, Lasting) and sys.stderr.isatty() else None
         self._quiet = quiet
         self._stage = ""
-        self._shown = -math.inf
+        self._shown = self._began = -math.inf
+        self._counted = False
+        self._over = threading.Event()
 
     def __call__(self, stage: str, done: int = 0, total: int = 0) -> None:
         now = time.monotonic()
+        if stage != self._stage:
+            self._began = now
+        self._counted = bool(done or total)
         if self._quiet or now - self._shown < self._pause(stage):
             return
         if self._screen is not None:
@@ -45,6 +54,18 @@ class StageLine:
             sys.stderr.flush()
         self._stage, self._shown = stage, now
 
+    def tick(self) -> None:
+        """On a terminal: show every second how long a stage that cannot be counted has taken, until it is over."""
+        while not self._over.wait(TICK_SECONDS):
+            seconds = time.monotonic() - self._began
+            if self._screen is not None and not self._counted and seconds >= TICK_SECONDS:
+                self._screen.redraw(_cut(f"{self._stage}  {seconds:.0f} s"))
+
+    @property
+    def is_live(self) -> bool:
+        """Whether it is drawn anew in one place."""
+        return self._screen is not None
+
     def _pause(self, stage: str) -> float:
         if self._screen is not None:
             return LIVE_SECONDS if stage == self._stage else 0.0
@@ -52,6 +73,7 @@ class StageLine:
 
     def wiped(self) -> None:
         """Nothing is under way any more."""
+        self._over.set()
         if self._screen is not None:
             self._screen.draw("")
 
@@ -60,6 +82,8 @@ class StageLine:
 def stages(quiet: bool) -> Iterator[StageLine]:
     """Inside the block stages are shown, by whatever module they are told."""
     line = StageLine(quiet)
+    if not quiet and line.is_live:
+        threading.Thread(target=line.tick, daemon=True).start()
     try:
         with heard_by(line):
             yield line

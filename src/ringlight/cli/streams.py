@@ -7,6 +7,7 @@ import errno
 import os
 import re
 import sys
+import threading
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -47,6 +48,7 @@ class Lasting:
     def __init__(self, stream: TextIO, essential: bool = True):
         self._stream, self._essential = stream, essential
         self._has_line = False
+        self._one_at_a_time = threading.RLock()  # a clock may draw beside the command
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -60,17 +62,25 @@ class Lasting:
 
     def draw(self, line: str) -> None:
         """Show ``line``, which is printable, in place of the one drawn before; what is written next replaces it."""
-        self._put(line)
-        self._has_line = bool(line)
-        self.flush()
+        with self._one_at_a_time:
+            self._put(line)
+            self._has_line = bool(line)
+            self.flush()
+
+    def redraw(self, line: str) -> None:
+        """The same, where a drawn line is what was written last; nothing else."""
+        with self._one_at_a_time:
+            if self._has_line:
+                self.draw(line)
 
     def _put(self, text: str) -> int:
-        wipe, self._has_line = WIPE if self._has_line else "", False
-        try:
-            return self._stream.write(wipe + text)
-        except OSError as error:
-            self._bear(error)
-            return len(text)
+        with self._one_at_a_time:
+            wipe, self._has_line = WIPE if self._has_line else "", False
+            try:
+                return self._stream.write(wipe + text)
+            except OSError as error:
+                self._bear(error)
+                return len(text)
 
     def writelines(self, lines: Any) -> None:
         for line in lines:
