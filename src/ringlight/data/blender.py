@@ -9,6 +9,7 @@ from pathlib import Path
 from ringlight.core.scene import Scene
 from ringlight.data.capture import Capture, scene_from
 from ringlight.data.json_fields import read_object
+from ringlight.data.kept_pixels import Keeper
 from ringlight.data.options import SceneOptions
 from ringlight.data.splits import Split, split_of
 from ringlight.data.transforms import read_frames
@@ -21,7 +22,7 @@ def recognises(folder: Path) -> bool:
     return (folder / LOOKS_FOR).is_file()
 
 
-def load(folder: Path, options: SceneOptions) -> Scene:
+def load(folder: Path, options: SceneOptions, keeper: Keeper | None = None) -> Scene:
     """The scene; without transforms_test.json test images are held out.
 
     Raises:
@@ -33,4 +34,4 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     if test_file.is_file():
         test = read_frames(read_object(test_file), test_file)
         own, frames = Split(train, test, "split: transforms_train.json and transforms_test.json"), [*train, *test]
-    return scene_from(Capture("blender", split_of(frames, own, options, train_file)), folder, options)
+    return scene_from(Capture("blender", split_of(frames, own, options, train_file)), folder, options, keeper)

@@ -11,6 +11,7 @@ from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data.doubts import doubts
 from ringlight.data.frame import Frame
 from ringlight.data.images import FILTER_NOTE, Photograph, PixelBudget, target_size
+from ringlight.data.kept_pixels import Keeper
 from ringlight.data.masks import with_masks
 from ringlight.data.options import SceneOptions
 from ringlight.data.points import scene_extent, starting_points
@@ -32,8 +33,9 @@ class Capture:
     notes: tuple[str, ...] = ()
 
 
-def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
+def scene_from(capture: Capture, folder: Path, options: SceneOptions, keeper: Keeper | None = None) -> Scene:
     """The scene with images at the size the options ask for; of photographs none is decoded yet, of masks a few.
+    ``keeper`` is asked for undistorted ones.
 
     Raises:
         SceneError: no image to train on, or masks that cannot be used.
@@ -48,7 +50,7 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions) -> Scene:
         split_notes.append(split.note)
     masked = with_masks((*split.train, *split.test), folder, options)
     budget = PixelBudget(int(options.photo_memory * machine_memory()))
-    views = tuple(_view(frame, options, budget) for frame in masked.frames)
+    views = tuple(_view(frame, options, budget, keeper) for frame in masked.frames)
     train, test = views[: len(split.train)], views[len(split.train) :]
     background = _background(views, options)
     cameras = [view.camera for view in train]
@@ -72,11 +74,11 @@ def _for_validation(split: Split, folder: Path) -> Split:
     return Split(kept, held, note)
 
 
-def _view(frame: Frame, options: SceneOptions, budget: PixelBudget) -> View:
+def _view(frame: Frame, options: SceneOptions, budget: PixelBudget, keeper: Keeper | None) -> View:
     width, height = target_size(frame.camera.width, frame.camera.height, options)
     camera = frame.camera.resized(width, height)
     undistortion = frame.undistortion and frame.undistortion.at(width, height)
-    photograph = Photograph(frame.path, width, height, budget, frame.mask, undistortion)
+    photograph = Photograph(frame.path, width, height, budget, frame.mask, undistortion, frame.name, keeper)
     return View(frame.name, camera, photograph, frame.has_alpha, photograph.as_taken)
 
 

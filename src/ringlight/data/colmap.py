@@ -17,6 +17,7 @@ from ringlight.data.folder import image_inside, require_none_missing, shown
 from ringlight.data.frame import Frame
 from ringlight.data.image_files import read_header
 from ringlight.data.intrinsics import Intrinsics
+from ringlight.data.kept_pixels import Keeper
 from ringlight.data.options import SceneOptions
 from ringlight.data.photograph_folder import PhotographFolder, photograph_folder
 from ringlight.data.poses import camera_of, world_to_camera_from_quaternion
@@ -44,7 +45,7 @@ def recognises(folder: Path) -> bool:
     return bool(_model_folders(folder))
 
 
-def load(folder: Path, options: SceneOptions) -> Scene:
+def load(folder: Path, options: SceneOptions, keeper: Keeper | None = None) -> Scene:
     """The scene of the largest sub-model; every n-th image by name is a test image.
 
     Raises:
@@ -64,7 +65,8 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     path = model.folder / f"points3D{model.suffix}"
     points = READERS[model.suffix].read_points(path) if path.is_file() else None
     capture = Capture("colmap", split, points, (*notes, f"photographs: {_name(photographs.path, folder)}"))
-    return scene_from(capture, folder, replace(options, downscale=1) if photographs.divided > 1 else options)
+    options = replace(options, downscale=1) if photographs.divided > 1 else options
+    return scene_from(capture, folder, options, keeper)
 
 
 def _model_folders(folder: Path) -> list[tuple[Path, str]]:

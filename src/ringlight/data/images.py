@@ -18,6 +18,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from ringlight.data.image_files import decoded
+from ringlight.data.kept_pixels import Keeper, made_of
 from ringlight.data.mask_files import MaskFile
 from ringlight.data.options import SceneOptions
 from ringlight.data.undistort import Undistortion
@@ -70,7 +71,9 @@ class PixelBudget:
 @dataclass
 class Photograph:
     """An image file at a chosen size, with its mask as alpha, undistorted where its lens needs it; call it for the
-    pixels, which are decoded once, and kept while ``budget`` lasts. Several threads may call it."""
+    pixels, which are decoded once, and kept while ``budget`` lasts. Several threads may call it.
+
+    Undistorted pixels are asked of ``keeper``, by ``name``, before they are made."""
 
     path: Path
     width: int
@@ -78,6 +81,8 @@ class Photograph:
     budget: PixelBudget | None = None
     mask: MaskFile | None = None
     undistortion: Undistortion | None = None
+    name: str = ""
+    keeper: Keeper | None = None
     pixels: UInt8[np.ndarray, "H W C"] | None = field(default=None, init=False, repr=False)
     _lock: OwnLock = field(default_factory=OwnLock, init=False, repr=False, compare=False)
 
@@ -103,6 +108,20 @@ class Photograph:
         return colors if self.mask is None else self.mask.laid_over(colors)
 
     def _decoded(self) -> UInt8[np.ndarray, "H W C"]:
+        if self.undistortion is None or self.keeper is None:
+            return self._made()
+        known = made_of(self.path, self.mask, self.undistortion)
+        if known is None:  # it cannot be read: decoding says why
+            return self._made()
+        kept = self.keeper.find(self.name, known)
+        if kept is not None and kept.shape[:2] == (self.height, self.width):
+            return kept
+        pixels = self._made()
+        if made_of(self.path, self.mask, self.undistortion) == known:  # else it was changed meanwhile
+            self.keeper.keep(self.name, known, pixels)
+        return pixels
+
+    def _made(self) -> UInt8[np.ndarray, "H W C"]:
         colors = self.as_taken()
         taken = self.undistortion.photograph if self.undistortion else self
         if colors.size != (taken.width, taken.height):

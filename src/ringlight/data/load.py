@@ -6,20 +6,22 @@ from types import ModuleType
 
 from ringlight.core.scene import Scene
 from ringlight.data import blender, colmap, nerfstudio
+from ringlight.data.kept_pixels import Keeper
 from ringlight.data.options import FOUND, UNUSED, SceneOptions
 from ringlight.data.splits import spelled_out
 from ringlight.data.unposed import remedy_without_cameras
 from ringlight.errors import SceneError
 
 FORMATS: dict[str, ModuleType] = {"colmap": colmap, "blender": blender, "nerfstudio": nerfstudio}
-"""Format modules in the order in which they are asked: each has LOOKS_FOR, recognises(folder), load(folder, options).
+"""Format modules in the order in which they are asked: each has LOOKS_FOR, recognises(folder), load(folder, options,
+keeper).
 """
 
 MOST_NAMED = 5
 """Scenes that a sentence names."""
 
 
-def load_scene(path: str | Path, options: SceneOptions | None = None) -> Scene:
+def load_scene(path: str | Path, options: SceneOptions | None = None, keeper: Keeper | None = None) -> Scene:
     """The scene in a folder: cameras, lazy photographs, a split, points to start from.
 
     >>> scene = load_scene("data/garden")                                   # COLMAP, Blender or nerfstudio
@@ -28,7 +30,7 @@ def load_scene(path: str | Path, options: SceneOptions | None = None) -> Scene:
     >>> scene.notes                                                         # filter, split, origin of the points
 
     Only headers of image files are read; pixels are decoded when a view is first asked for its image, which is also
-    when a damaged image raises.
+    when a damaged image raises. Undistorted photographs are asked of ``keeper`` first, and given to it.
 
     Raises:
         SceneError: one sentence on what cannot be read, where, and the remedy.
@@ -43,7 +45,7 @@ def load_scene(path: str | Path, options: SceneOptions | None = None) -> Scene:
         module = _format_of(folder, options)
         if options.photos != FOUND and module is not colmap:
             raise SceneError(f"{folder}: {module.LOOKS_FOR} names the photographs; leave --photos {options.photos} out")
-        return module.load(folder, options)
+        return module.load(folder, options, keeper)
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise SceneError(f"{folder}: cannot be read ({reason}); check the path and its permissions") from error

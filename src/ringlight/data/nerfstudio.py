@@ -11,6 +11,7 @@ from ringlight.data.capture import Capture, scene_from
 from ringlight.data.folder import file_inside, image_inside, shown
 from ringlight.data.frame import Frame
 from ringlight.data.json_fields import Fields, read_object, text, texts
+from ringlight.data.kept_pixels import Keeper
 from ringlight.data.options import SceneOptions
 from ringlight.data.ply_points import read_ply_points
 from ringlight.data.splits import Split, split_of
@@ -28,7 +29,7 @@ def recognises(folder: Path) -> bool:
     return (folder / LOOKS_FOR).is_file()
 
 
-def load(folder: Path, options: SceneOptions) -> Scene:
+def load(folder: Path, options: SceneOptions, keeper: Keeper | None = None) -> Scene:
     """The scene, split by the file's own lists of names or by holding out.
 
     Raises:
@@ -39,7 +40,7 @@ def load(folder: Path, options: SceneOptions) -> Scene:
     document = read_object(file)
     frames = read_frames(document, file)
     split = split_of(frames, _listed_split(document, frames, file), options, file)
-    return scene_from(Capture("nerfstudio", split, _points(document, file)), folder, options)
+    return scene_from(Capture("nerfstudio", split, _points(document, file)), folder, options, keeper)
 
 
 def _listed_split(document: Fields, frames: list[Frame], file: Path) -> Split | None:
