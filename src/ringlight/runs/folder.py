@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ringlight.core.command_line import command
 from ringlight.errors import RunError
+from ringlight.files.atomic import sweep
 from ringlight.measure.picture_names import RENDERS, TRUTHS
 from ringlight.measure.report import REPORT_NAME
 from ringlight.runs.record import RECORD_NAME
@@ -17,7 +18,8 @@ FRESH_NAME = "checkpoint-fresh.safetensors"
 
 @dataclass(frozen=True)
 class RunFolder:
-    """``recipe.json``, ``checkpoint.safetensors``, ``model.safetensors``, ``report.json`` and ``images/``."""
+    """``recipe.json``, ``checkpoint.safetensors``, ``model.safetensors``, ``report.json`` and ``images/``;
+    ``undistorted/`` where photographs were."""
 
     path: Path
 
@@ -51,6 +53,16 @@ class RunFolder:
     def pictures(self) -> tuple[Path, Path]:
         """Folders of the test views as 8-bit PNG: as the model shows them, and as photographed."""
         return self.path / RENDERS, self.path / TRUTHS
+
+    @property
+    def undistorted(self) -> Path:
+        """Folder of photographs that were undistorted; nobody depends on it."""
+        return self.path / "undistorted"
+
+    def sweep(self) -> None:
+        """Remove what killed writers left half done; nobody may be writing into the run meanwhile."""
+        for folder in (self.path, self.undistorted):
+            sweep(folder)
 
     @staticmethod
     def create(path: Path) -> "RunFolder":

@@ -15,6 +15,7 @@ from ringlight.rasterize.choose import host_rasterizer, rasterizer_for
 from ringlight.runs.folder import MODEL_NAME, RunFolder
 from ringlight.runs.imported import PLY
 from ringlight.runs.record import RECORD_NAME, RunRecord
+from ringlight.runs.undistorted import UndistortedFolder
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, how: str
         raise RunError(f"{named}: was imported from a PLY, which has no photographs; name their folder{how}")
     if not place.is_dir():
         raise RunError(f"{place}: the scene of {named} is gone; name the folder where it is now{how}")
-    return load_scene(place, recorded)
+    keeper = None if opened.run is None else UndistortedFolder(opened.run.undistorted)
+    return load_scene(place, recorded, keeper)
 
 
 def with_cameras_of(opened: Opened, folder: Path) -> Opened:

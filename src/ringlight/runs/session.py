@@ -13,7 +13,6 @@ from ringlight.data.decode_check import DecodeCheck
 from ringlight.data.load import kept_options, load_scene, with_absent_masks_left_out
 from ringlight.data.options import SceneOptions
 from ringlight.errors import DivergedError, OutputError, RecipeError, RunError, SceneError
-from ringlight.files.atomic import sweep
 from ringlight.fit.train import Progress, Training, train
 from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.recipe import Recipe
@@ -27,6 +26,7 @@ from ringlight.runs.limits import prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RECORD_NAME, RunRecord
 from ringlight.runs.starting_points import with_points_of
+from ringlight.runs.undistorted import UndistortedFolder
 from ringlight.runs.warm_start import read_start
 
 Loaded = Callable[[str, Scene], None]
@@ -88,7 +88,8 @@ class Session:
         memory = PeakMemory()
         options = kept_options(scene_path, with_points_of(recipe, options))
         start = None if model is None else read_start(model)
-        scene = load_scene(scene_path, options)
+        undistorted = UndistortedFolder()
+        scene = load_scene(scene_path, options, undistorted)
         loaded(preset, scene)
         photographs = DecodeCheck(scene)
         run = prepare_run(scene, recipe, seed, device, start)
@@ -100,6 +101,7 @@ class Session:
         folder = RunFolder.create(out)
         lock = RunLock(folder.path)
         record.write(folder.path)
+        undistorted.begin(folder.undistorted)
         clock = Clock(choosing=run.choosing + photographs.cpu_seconds)
         session = Session(
             folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings, run.decided
@@ -120,6 +122,7 @@ class Session:
         folder = RunFolder.open(path)
         record = RunRecord.read(path)
         lock = RunLock(path)
+        folder.sweep()
         extended = record.extended(more) if more else record
         memory = PeakMemory()
         if not record.scene.is_dir():
@@ -128,7 +131,7 @@ class Session:
         if not folder.checkpoints and not folder.model.is_file():  # a model is not trained anew in its place
             return Session._from_step_0(folder, record, lock, memory, loaded)._extended(extended)
         stored, warnings = read_checkpoint(folder)
-        scene = load_scene(record.scene, record.options)
+        scene = load_scene(record.scene, record.options, UndistortedFolder(folder.undistorted))
         loaded(record.preset, scene)
         photographs = DecodeCheck(scene)
         training = record.recipe.build(scene, rasterizer_for(record.device), record.seed)
@@ -157,7 +160,6 @@ class Session:
                 f"{record.scene}: has {len(scene.train)} training views where {path} began with {views}; put the "
                 "photographs back as they were, or start again with --out NEW"
             )
-        sweep(folder.path)
         return session._extended(extended)
 
     def _extended(self, record: RunRecord) -> "Session":
@@ -180,13 +182,12 @@ class Session:
             raise RunError(
                 f"{folder.path}: ended before its start from {record.start} was saved; start it again with --out NEW"
             )
-        scene = load_scene(record.scene, record.options)
+        scene = load_scene(record.scene, record.options, UndistortedFolder(folder.undistorted))
         loaded(record.preset, scene)
         photographs = DecodeCheck(scene)
         run = prepare_run(scene, record.recipe, record.seed, record.device)
         for added in record.added:
             run.training.extend(added)
-        sweep(folder.path)
         # What it took before is not known: neither this nor the trial is recorded.
         clock = Clock(choosing=run.choosing + photographs.cpu_seconds)
         return Session(folder, record, run.scene, run.training, clock, lock, memory, photographs, run.warnings)
