@@ -265,6 +265,21 @@ def test_a_run_whose_checkpoints_are_all_damaged_is_told_to_start_again(
     assert "copy it again" not in sentence
 
 
+def test_photographs_that_were_exchanged_are_said_when_a_run_goes_on(
+    scene_copy: Path, tmp_path: Path, ringlight: Command, at_step, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    at_step(15, lambda session: signal.raise_signal(signal.SIGTERM))
+    assert ringlight("train", scene_copy, "3dgs", "--out", run, *QUICK).code == 143
+    monkeypatch.undo()
+    first, second = (scene_copy / "train" / f"r_{index}.png" for index in (1, 2))
+    shutil.copy(first, second)
+    resumed = ringlight("train", "--resume", run, "--quiet", "--lpips")
+    assert resumed.code == 0
+    assert "warning: 1 training photograph (train/r_2.png) or their masks changed since the run was" in resumed.err
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").err.count("changed") == 0, "said once"
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs locks on files")
 def test_two_commands_do_not_train_one_run(tiny: Path, tmp_path: Path, ringlight: Command, at_step) -> None:
     run = tmp_path / "run"

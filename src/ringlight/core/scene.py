@@ -15,13 +15,15 @@ from ringlight.core.computed_once import computed_once
 @dataclass(frozen=True)
 class View:
     """One photograph. ``load`` decodes it: uint8 [H W 3] or, with an alpha mask, [H W 4]; called lazily, and may keep
-    what it decoded. ``check``, where there is one, raises what decoding would, keeps nothing, and takes less time."""
+    what it decoded. ``check``, where there is one, raises what decoding would, keeps nothing, and takes less time;
+    ``mark`` tells the files' content from another."""
 
     name: str
     camera: Camera
     load: Callable[[], UInt8[np.ndarray, "H W C"]]
     has_alpha: bool = False
     check: Callable[[], object] | None = None
+    mark: Callable[[], str] | None = None
 
     def refuse_damaged(self) -> None:
         """Decode the photograph to see that it can be. Raises SceneError."""

@@ -79,7 +79,7 @@ def _view(frame: Frame, options: SceneOptions, budget: PixelBudget, keeper: Keep
     camera = frame.camera.resized(width, height)
     undistortion = frame.undistortion and frame.undistortion.at(width, height)
     photograph = Photograph(frame.path, width, height, budget, frame.mask, undistortion, frame.name, keeper)
-    return View(frame.name, camera, photograph, frame.has_alpha, photograph.as_taken)
+    return View(frame.name, camera, photograph, frame.has_alpha, photograph.as_taken, photograph.mark)
 
 
 def _background(views: tuple[View, ...], options: SceneOptions) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
+from ringlight.data.file_marks import mark_of
 from ringlight.data.image_files import decoded
 from ringlight.data.kept_pixels import Keeper, made_of
 from ringlight.data.mask_files import MaskFile
@@ -106,6 +107,11 @@ class Photograph:
         """In the file's own size and lens, with its mask; decoded now and not kept. Raises SceneError."""
         colors = decoded(self.path)
         return colors if self.mask is None else self.mask.laid_over(colors)
+
+    def mark(self) -> str:
+        """What tells the content of its files from another without decoding them."""
+        mask = None if self.mask is None else self.mask.path
+        return mark_of(self.path, *([] if mask is None else [mask]))
 
     def _decoded(self) -> UInt8[np.ndarray, "H W C"]:
         if self.undistortion is None or self.keeper is None:

@@ -10,6 +10,7 @@ from ringlight.core.command_line import command
 from ringlight.core.finite import first_not_finite
 from ringlight.core.scene import Scene
 from ringlight.data.decode_check import DecodeCheck
+from ringlight.data.file_marks import change_since, marks_of
 from ringlight.data.load import kept_options, load_scene, with_absent_masks_left_out
 from ringlight.data.options import SceneOptions
 from ringlight.errors import DivergedError, OutputError, RecipeError, RunError, SceneError
@@ -60,8 +61,11 @@ class Session:
     """Step of the last files, the model's among them."""
     history: History = field(init=False)
     """How the training went so far."""
+    _marks: str = field(init=False)
+    """Of the training photographs, as they are now."""
 
     def __post_init__(self) -> None:
+        self._marks = marks_of(self.scene.train)
         self.history = History(self.record.recipe.steps)
 
     @staticmethod
@@ -160,6 +164,7 @@ class Session:
                 f"{record.scene}: has {len(scene.train)} training views where {path} began with {views}; put the "
                 "photographs back as they were, or start again with --out NEW"
             )
+        session.warnings += change_since(stored.metadata.get("photographs", ""), scene.train)
         return session._extended(extended)
 
     def _extended(self, record: RunRecord) -> "Session":
@@ -234,6 +239,7 @@ class Session:
             "choosing_seconds": repr(self.clock.choosing),
             "peak_bytes": str(self.memory.growth() or 0),
             "training_views": str(len(self.scene.train)),
+            "photographs": self._marks,
             "history": self.history.to_text(),
         }
         try:
