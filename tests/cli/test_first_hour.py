@@ -233,7 +233,11 @@ def test_one_step_is_no_steps(tiny: Path, tmp_path: Path, ringlight: Command) ->
 def test_words_of_the_first_lines_are_those_of_photographers(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     done = ringlight("train", tiny, "3dgs", *SHORT, "--out", tmp_path / "run")
     assert "white background" in done.err
-    assert "PSNR and SSIM: likeness to photographs" in done.err
+    said = done.out + done.err
+    for explained in ("PSNR and SSIM: likeness to photographs", "raw MB: what showing", "core s: all cores together"):
+        assert explained in said
+    for of_the_trade in ("deferred", "forward", "harmonics", "hull", "background photograph", "lit per pixel"):
+        assert of_the_trade not in said
 
 
 def test_a_model_without_a_recipe_says_its_step_alone(run_folder: Path, ringlight: Command, monkeypatch) -> None:

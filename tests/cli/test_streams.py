@@ -2,6 +2,7 @@
 
 import io
 import os
+import pty
 import shutil
 import subprocess
 import sys
@@ -50,6 +51,17 @@ def test_a_full_disk_is_still_told():
         with pytest.raises(OSError, match="No space left"):
             Lasting(full).write("results\n")
         Lasting(full, essential=False).write("step 5\n")
+
+
+def test_a_terminal_that_was_closed_is_no_reason_to_end():
+    """Where SIGHUP is ignored, as of a job that was disowned, writing is what fails."""
+    ours, theirs = pty.openpty()
+    stream = Lasting(os.fdopen(theirs, "w", buffering=1))
+    stream.write("read by somebody\n")
+    os.close(ours)
+    stream.write("by nobody\n")
+    stream.flush()
+    stream.close()
 
 
 def test_what_is_written_arrives():
@@ -156,6 +168,22 @@ def test_a_full_disk_behind_standard_output_is_one_sentence(
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
     assert "No space left" in done.stderr
+
+
+@pytest.mark.parametrize("words", [["--help"], ["info"], ["compare"], ["train", "--help"]])
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
+def test_a_command_whose_output_is_closed_ends_as_if_it_were_not(
+    words: list[str], closed: str, trained: dict[str, Path]
+):
+    words = [*words, str(trained["3dgs"])] if words[0] in ("info", "compare") else words
+    done = subprocess.run(
+        ["bash", "-c", f'"$@" {closed}', "bash", *RINGLIGHT, *words],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])

@@ -4,9 +4,12 @@ import copy
 import math
 import pickle
 
+import pytest
 import torch
 
 from ringlight.core.camera import Camera, picture_sizes
+from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
+from ringlight.errors import BackendError
 
 
 def looking_at_origin(distance: float = 4.0) -> Camera:
@@ -35,6 +38,11 @@ def test_resizing_keeps_the_field_of_view():
     fov = [2 * math.atan(c.width / 2 / c.focal[0]) for c in (camera, half)]
     assert math.isclose(*fov)
     assert half.center == (16.0, 12.0)
+
+
+def test_more_pixels_than_kernels_draw_are_refused_by_the_flags_that_help():
+    with pytest.raises(BackendError, match=r"not 8193 x 20; ask for smaller ones \(--downscale .*, --width"):
+        _ = looking_at_origin().resized(MAX_IMAGE_SIDE + 1, 20).native
 
 
 def test_sizes_in_words():

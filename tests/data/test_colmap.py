@@ -1,5 +1,6 @@
 """COLMAP folders: binary and text agree, cameras project points where COLMAP saw them, damage is one sentence."""
 
+import shlex
 import shutil
 import struct
 from pathlib import Path
@@ -164,6 +165,20 @@ def test_other_lenses_are_refused_with_the_command(
     command = f"colmap image_undistorter --image_path {folder}/images --input_path {folder}/sparse/0 --output_path"
     with pytest.raises(SceneError, match=f"camera 7 has the camera model '{name}'.*{command}"):
         load_scene(folder)
+
+
+def test_the_command_that_undistorts_is_quoted(tmp_path: Path):
+    folder = write_colmap(tmp_path / "lens space", camera=("FOV", 7, (FOCAL, FOCAL, 8.0, 6.0, 0.5)))
+    with pytest.raises(SceneError) as refusal:
+        load_scene(folder)
+    command, _, train = str(refusal.value).partition("undistort with: ")[2].partition(", and train on ")
+    words = shlex.split(command)
+    assert words[:2] == ["colmap", "image_undistorter"]
+    assert words[2:] == [
+        *("--image_path", str(folder / "images"), "--input_path", str(folder / "sparse" / "0")),
+        *("--output_path", str(folder / "undistorted")),
+    ]
+    assert shlex.split(train) == [str(folder / "undistorted")]
 
 
 def test_an_unknown_model_is_refused(tmp_path: Path):

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ringlight.data.intrinsics import MOST_RESIZED, Intrinsics
+from ringlight.data.intrinsics import MOST_RESIZED, Intrinsics, checked_intrinsics
 from ringlight.errors import SceneError
 
 SIDES = st.integers(16, 5000)
@@ -48,3 +48,8 @@ def test_an_image_that_was_cropped_or_stretched_is_refused_with_both_shapes(
 def test_a_thumbnail_or_placeholder_is_refused(image: tuple[int, int]):
     with pytest.raises(SceneError, match="244x135"):
         pinhole(244, 135).on_image(*image, "frame 3")
+
+
+def test_a_size_that_cannot_be_is_told_in_english():
+    with pytest.raises(SceneError, match="frame 3 has an image size of 0 pixels"):
+        checked_intrinsics((20.0, 20.0), (8.0, 6.0), (0.0, 12.0), "frame 3")
