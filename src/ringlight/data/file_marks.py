@@ -52,6 +52,6 @@ def change_since(before: str, views: Sequence[View]) -> tuple[str, ...]:
         return ()
     some = ", ".join(changed[:MOST_NAMED]) + (", ..." if len(changed) > MOST_NAMED else "")
     return (
-        f"{counted(len(changed), 'training photograph')} ({some}) or their masks changed since the run was saved, and it "
-        "goes on with what is there now; for a run of the same photographs throughout start again with --out NEW",
+        f"{counted(len(changed), 'training photograph')} ({some}) or their masks changed since the run was saved, and "
+        "it goes on with what is there now; for a run of the same photographs throughout start again with --out NEW",
     )
