@@ -18,6 +18,7 @@ sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("cli", "d
 
 import high_and_medium
 import low
+import remedies
 import wishes
 from tried import FINDINGS, Finding, Outcome, Tried
 
@@ -27,7 +28,7 @@ LONGEST = 100
 INSTALLED = re.compile(r"\S*/site-packages/")
 """Where this machine has its libraries says nothing."""
 
-__all__ = ["high_and_medium", "low", "wishes"]
+__all__ = ["high_and_medium", "low", "remedies", "wishes"]
 
 
 def outcome(of: Finding, tried: Tried, home: Path) -> Outcome:
