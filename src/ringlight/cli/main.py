@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 
 from ringlight import __version__
 from ringlight.cli.streams import Lasting, lasting_streams, what_flushing_met
+from ringlight.core.lost_disk import LOST_DISK, what_helps
 from ringlight.errors import FallbackWarning, RinglightError, RunError
 
 WRONG_INPUT, WRONG_USAGE = 1, 2
@@ -162,12 +163,13 @@ def is_out_of_memory(error: BaseException) -> bool:
 
 
 def _system_refused(error: OSError) -> int:
-    """A full disk or a missing permission is the user's to mend; anything else is a bug and raised again."""
-    if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS):
+    """A full or lost disk or a missing permission is the user's to mend; anything else is a bug and raised again."""
+    if error.errno not in {errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS} | LOST_DISK:
         raise error
     if error.filename is None:  # a stream's
         return _complain(f"standard output: {error.strerror}; free some space, or send it to another file", WRONG_INPUT)
-    return _complain(f"{error.filename}: {error.strerror}; choose another place with --out", WRONG_INPUT)
+    choose = what_helps(error, "choose another place with --out")
+    return _complain(f"{error.filename}: {error.strerror}; {choose}", WRONG_INPUT)
 
 
 def _complain(sentence: str, code: int) -> int:

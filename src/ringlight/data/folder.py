@@ -8,6 +8,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from ringlight.core.lost_disk import what_helps
 from ringlight.errors import SceneError
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".webp", ".tif", ".tiff", ".heic", ".HEIC", ".avif")
@@ -31,7 +32,9 @@ def read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise SceneError(f"{path}: cannot be read ({reason}); restore the file or its permissions") from error
+        raise SceneError(
+            f"{path}: cannot be read ({reason}); {what_helps(error, 'restore the file or its permissions')}"
+        ) from error
 
 
 def image_inside(base: Path, name: str, where: str) -> Path | None:

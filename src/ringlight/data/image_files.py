@@ -12,6 +12,7 @@ from pathlib import Path
 
 from PIL import Image, UnidentifiedImageError
 
+from ringlight.core.lost_disk import LOST_DISK, MOUNT_AGAIN
 from ringlight.data.deep_images import from_sixteen_bits, is_deep
 from ringlight.data.image_formats import KNOWN, identified
 from ringlight.errors import SceneError
@@ -109,6 +110,8 @@ def unreadable(path: Path, error: BaseException) -> SceneError:
     if isinstance(error, UnidentifiedImageError):
         reason = f"of no known format; {KNOWN} are read"
     elif isinstance(error, OSError) and error.strerror:
+        if error.errno in LOST_DISK:
+            return SceneError(f"{path}: cannot be read ({error.strerror}); {MOUNT_AGAIN}")
         reason = error.strerror
     else:
         reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+from ringlight.core.lost_disk import what_helps
 from ringlight.core.scene import Scene
 from ringlight.data import blender, colmap, nerfstudio
 from ringlight.data.kept_pixels import Keeper
@@ -48,7 +49,8 @@ def load_scene(path: str | Path, options: SceneOptions | None = None, keeper: Ke
         return module.load(folder, options, keeper)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise SceneError(f"{folder}: cannot be read ({reason}); check the path and its permissions") from error
+        check = what_helps(error, "check the path and its permissions")
+        raise SceneError(f"{error.filename or folder}: cannot be read ({reason}); {check}") from error
 
 
 def kept_options(path: Path, options: SceneOptions) -> SceneOptions:

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from ringlight.core.lost_disk import what_helps
 from ringlight.errors import OutputError
 
 REMEDIES = {
@@ -49,7 +50,8 @@ def written_atomically(path: Path) -> Iterator[BinaryIO]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        reason = REMEDIES.get(error.errno or 0, f"{error.strerror or error}; choose another path")
+        choose = what_helps(error, "choose another path")
+        reason = REMEDIES.get(error.errno or 0, f"{error.strerror or error}; {choose}")
         raise OutputError(f"{path}: cannot be written: {reason}") from error
 
 

@@ -23,6 +23,7 @@ import torch
 from torch import Tensor
 
 from ringlight.core.command_line import command
+from ringlight.core.lost_disk import what_helps
 from ringlight.errors import ModelFileError
 from ringlight.files.atomic import written_atomically
 
@@ -159,9 +160,8 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
     except IsADirectoryError as error:
         raise ModelFileError(f"{path}: is a folder, not a file; name a file inside it") from error
     except OSError as error:
-        raise ModelFileError(
-            f"{path}: cannot be read: {error.strerror}; check the path, its permissions and the disk"
-        ) from error
+        check = what_helps(error, "check the path, its permissions and the disk")
+        raise ModelFileError(f"{path}: cannot be read: {error.strerror}; {check}") from error
 
 
 def _bytes_of(tensor: Tensor) -> memoryview:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
+from ringlight.core.lost_disk import what_helps
 from ringlight.errors import ModelFileError, OutputError, RunError
 from ringlight.files.atomic import flush_folder
 from ringlight.files.tensor_file import REMEDY, TensorFile, read_tensors, write_tensors
@@ -39,7 +40,8 @@ def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapp
         fresh.replace(folder.checkpoint)
         flush_folder(folder.path)
     except OSError as error:
-        raise OutputError(f"{folder.checkpoint}: cannot be written: {error.strerror}; choose another folder") from error
+        choose = what_helps(error, "choose another folder")
+        raise OutputError(f"{folder.checkpoint}: cannot be written: {error.strerror}; {choose}") from error
 
 
 def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
