@@ -66,6 +66,16 @@ def test_missing_lpips_says_how_to_get_it():
     assert NO_LPIPS in text
 
 
+def test_without_test_views_lpips_is_missing_as_all_else_is():
+    bare = sample_report(psnr=None, psnr_u8=None, psnr_pooled=None, ssim_same=None, images=(), lpips_note="")
+    text = printed(ResultsTable([("3dgs", bare)]), 120)
+    assert "unavailable" not in text
+    row = next(line.split() for line in text.splitlines() if line.startswith("3dgs "))
+    assert row[1:4] == ["-", "-", "-"]
+    both = printed(ResultsTable([("3dgs", bare), ("ringlight", sample_report())]), 120)
+    assert both.count("unavailable") == 1 + NO_LPIPS.count("unavailable")
+
+
 def test_the_best_of_each_scene_is_marked_and_ties_are_equal():
     lines = ResultsTable(RUNS, "3dgs").markdown().splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "_200" in line]

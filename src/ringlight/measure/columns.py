@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 from ringlight.measure.report import Report
@@ -75,7 +76,7 @@ def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]
         _optional("PSNR far", 15, lambda report: report.psnr_far, "more", _fixed(2)),
         _measured("SSIM", 4, lambda report: report.ssim_same, "more", _fixed(4)),
         _difference("dSSIM", 13, lambda report: report.ssim_same, 4),
-        _measured(f"LPIPS {lpips_net or ''}".strip(), 6, distance, "less", _fixed(4, missing=UNAVAILABLE)),
+        Column(f"LPIPS {lpips_net or ''}".strip(), 6, partial(_written_lpips, lpips_net), distance, "less"),
         _difference("dLPIPS", 14, distance, 4),
         _counted(nouns),
         _measured("raw MB", 1, lambda report: report.bytes_raw, "less", _megabytes),
@@ -126,6 +127,12 @@ def _counted(nouns: Collection[str]) -> Column:
     return Column("made of", 10, lambda row: f"{row.report.counted:,} {row.report.noun}")
 
 
+def _written_lpips(net: str | None, row: Row) -> str:
+    """Of a run without test views it is missing like all else; of another its weights were."""
+    value = lpips(row.report, net)
+    return UNAVAILABLE if value is None and row.report.psnr is not None else _fixed(4)(value)
+
+
 def _difference(title: str, rank: int, measure: Measure, digits: int) -> Column:
     """Signed difference from the baseline; nothing for the baseline itself."""
 
@@ -145,8 +152,8 @@ def _size_ratio(row: Row) -> str:
     return f"{row.report.bytes_raw / row.baseline.bytes_raw:.2f}"
 
 
-def _fixed(digits: int, missing: str = MISSING) -> Callable[[Value], str]:
-    return lambda value: missing if value is None else f"{value:.{digits}f}"
+def _fixed(digits: int) -> Callable[[Value], str]:
+    return lambda value: MISSING if value is None else f"{value:.{digits}f}"
 
 
 def _megabytes(count: Value) -> str:
