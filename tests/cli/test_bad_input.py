@@ -311,8 +311,28 @@ def test_a_run_without_a_checkpoint(run_folder: Path, ringlight: Command) -> Non
 
 def test_a_scene_that_has_moved(run_folder: Path, tmp_path: Path, ringlight: Command) -> None:
     edit_json(run_folder / "recipe.json", lambda record: record.update(scene=str(tmp_path / "gone")))
-    refused(ringlight("eval", run_folder), 1, tmp_path / "gone")
     refused(ringlight("train", "--resume", run_folder), 1, tmp_path / "gone")
+
+
+def test_a_scene_that_has_moved_may_be_named_by_every_command_that_takes_it(
+    run_folder: Path, scene_copy: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    run = Path(shutil.copytree(run_folder, tmp_path / "my run"))
+    edit_json(run / "recipe.json", lambda record: record.update(scene=str(tmp_path / "gone")))
+    out, quiet = tmp_path / "small.safetensors", ("--quiet", "--lpips")
+    ways = {
+        "eval": (f"ringlight eval '{run}' FOLDER", ("eval", run, scene_copy, *quiet)),
+        "render": (f"ringlight render '{run}' --scene FOLDER", ("render", run, "--scene", scene_copy, "--quiet")),
+        "compress": (f"ringlight compress '{run}' {out} FOLDER", ("compress", run, out, scene_copy, "--overwrite")),
+    }
+    for verb, (way, words) in ways.items():
+        said = ringlight(verb, run, *(out,) * (verb == "compress")).err
+        for part in (tmp_path / "gone", f'put it back, correct "scene" in {run / "recipe.json"}, or', way):
+            assert str(part) in said, verb
+        assert ringlight(*words).code == 0, "the remedy works"
+    refused(ringlight("render", run), 1, "--path orbit needs no photographs")
+    assert ringlight("render", run, "--path", "orbit", "--frames", "1", "--quiet").code == 0
+    assert "recipe.json" not in refused(ringlight("eval", out), 1, f"ringlight eval {out} FOLDER")
 
 
 @pytest.mark.parametrize("options", [3, "colmap", [], {"format": "colour"}, {"zoom": 2}, {"downscale": 0}])

@@ -13,6 +13,7 @@ from ringlight.cli.loading import tell_warnings
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.command_line import command
 from ringlight.data.options import ReadingOptions, SceneOptions
 from ringlight.errors import RecipeError, RunError, SceneError
 
@@ -74,7 +75,7 @@ def _scene(asked: CompressArguments, opened: "Opened") -> "Scene | None":
     options = SceneOptions(**vars(asked.options))
     asks = asked.scene is not None or options != SceneOptions()
     try:
-        scene = scene_of(opened, asked.scene, options)
+        scene = scene_of(opened, asked.scene, options, command("compress", asked.model, asked.out, "FOLDER"))
         tell_warnings(scene)
         return scene
     except (RunError, RecipeError, SceneError) as error:

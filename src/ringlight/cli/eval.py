@@ -16,6 +16,7 @@ from ringlight.cli.loading import tell_warnings
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import StageLine, stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.command_line import command
 from ringlight.data.options import ReadingOptions, SceneOptions
 from ringlight.errors import RunError
 
@@ -96,7 +97,7 @@ def _measure_and_keep(asked: EvalArguments, run: "RunFolder | None", line: Stage
     from ringlight.runs.opened import open_model, scene_of
 
     opened = open_model(asked.model, asked.device)
-    scene = scene_of(opened, asked.scene, SceneOptions(**vars(asked.options)))
+    scene = scene_of(opened, asked.scene, SceneOptions(**vars(asked.options)), command("eval", asked.model, "FOLDER"))
     tell_warnings(scene)
     facts, cameras = known_facts(opened), opened.stored.cameras
     kept = run if asked.out is None else RunFolder(empty_folder(asked.out))

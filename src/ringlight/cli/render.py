@@ -17,6 +17,7 @@ from ringlight.cli.main import is_out_of_memory
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.stages import StageLine, stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.command_line import command
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
@@ -184,7 +185,8 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
         film, words = film_of_orbit(opened, wish, frames, asked.zoom)
         return film.resized(asked.width, asked.scale), f"the orbit is: {words}\n", fps
     if asked.path == "test":
-        film = film_of_views(scene_of(opened, asked.scene, SceneOptions(), " by --scene"))
+        again = f"{command('render', asked.model, '--scene', 'FOLDER')}; --path orbit needs no photographs"
+        film = film_of_views(scene_of(opened, asked.scene, SceneOptions(), again))
     elif asked.path in PATHS:
         film = film_from_training(opened, asked.path, frames)
     else:

@@ -50,10 +50,10 @@ def open_model(path: Path, device: str | None = None) -> Opened:
     return Opened(file, run, load_model(file, rasterizer_for(device) if device else host_rasterizer()))
 
 
-def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, how: str = "") -> Scene:
+def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, again: str = "") -> Scene:
     """The scene at ``asked``, or without it the one that the model was trained on, read as it was read then.
 
-    ``how`` says in a refusal by which flag the folder is named, where it is by one. A model knows its background: black
+    ``again`` is the command that names the folder, for a refusal where none is ``asked``. A model knows its background: black
     stays black unless ``options`` say otherwise. Raises RecipeError for ``options`` without ``asked``, RunError if
     there is no scene to go by, SceneError if it cannot be read.
     """
@@ -63,12 +63,14 @@ def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, how: str
         return load_scene(asked, options)
     named = opened.file if opened.run is None else opened.run.path
     if options != SceneOptions():
-        raise RecipeError(f"{named}: its scene is read as in training; to read it otherwise name its folder")
+        raise RecipeError(f"{named}: its scene is read as in training; to read it otherwise name its folder: {again}")
     place, recorded = recorded_scene(opened)
     if opened.stored.header.step == 0 and place.suffix.lower() == PLY:
-        raise RunError(f"{named}: was imported from a PLY, which has no photographs; name their folder{how}")
+        raise RunError(f"{named}: was imported from a PLY, which has no photographs; name their folder: {again}")
     if not place.is_dir():
-        raise RunError(f"{place}: the scene of {named} is gone; name the folder where it is now{how}")
+        record = "" if opened.run is None else f', correct "scene" in {opened.run.path / RECORD_NAME}'
+        remedy = f"put it back{record}, or name the folder where it is now: {again}"
+        raise RunError(f"{place}: the scene of {named} is gone; {remedy}")
     keeper = None if opened.run is None else UndistortedFolder(opened.run.undistorted)
     return load_scene(place, recorded, keeper)
 
