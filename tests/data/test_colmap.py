@@ -368,7 +368,7 @@ def test_a_binary_file_cut_at_any_byte_is_one_sentence(tmp_path: Path, file: str
             load_scene(folder)
         assert "\n" not in str(caught.value)
     path.write_bytes(whole + b"\0")
-    with pytest.raises(SceneError, match="1 bytes follow"):
+    with pytest.raises(SceneError, match="1 byte too many"):
         load_scene(folder)
 
 

@@ -36,7 +36,7 @@ def test_one_pass_is_timed_however_slow(monkeypatch):
     render = Counter()
     rate = frames_per_second(render, [CAMERA])
     assert render.calls == 3
-    assert "1 passes" in rate.note
+    assert "1 pass " in rate.note
 
 
 def test_the_machine_has_some_speed():

@@ -38,7 +38,7 @@ def test_photographs_that_exif_turns_are_taken_as_they_were_held(tag: int, quart
     stored[::2] = rotations[::2]  # half of them in landscape
     up = find_up(stored, centers, [1, tag] * 6)
     assert degrees_between(up.direction, np.array([0, 0, 1.0])) < 0.01
-    assert "6 photographs are turned by their EXIF" in up.reason
+    assert "6 photographs turned by the EXIF orientation" in up.reason
 
 
 def test_cameras_that_all_look_one_way_take_the_mean_of_their_up_axes():

@@ -12,6 +12,7 @@ from ringlight.bench.stopwatch import Stopwatch
 from ringlight.bench.timing import Budget, Contestant, Timing, interleaved
 from ringlight.bench.workload import Size, workload, workload_scene
 from ringlight.core.gaussians import GEOMETRY
+from ringlight.core.words import counted
 from ringlight.data.batches import ImageBatch
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
@@ -113,7 +114,7 @@ def subject_of_scene(
     if steps:
         recipe = dataclasses.replace(recipe, steps=steps)
     if after >= recipe.steps:
-        raise RecipeError(f"--after is {after}; the run has {recipe.steps} steps: give less")
+        raise RecipeError(f"--after is {after}; the run has {counted(recipe.steps, 'step')}: give less")
     scene = load_scene(photographs, SceneOptions())
     settled, _ = recipe.settled(scene, rasterize, seed)
     if gaussians:
@@ -124,10 +125,10 @@ def subject_of_scene(
     count = len(splats_of(training, method))
     if gaussians and count > gaussians:
         raise RecipeError(
-            f"{method} has {count:,} Gaussians after {after} steps, more than --gaussians {gaussians}; "
-            "give a later --after, or more"
+            f"{method} has {counted(count, 'Gaussian')} after {counted(after, 'step')}, more than --gaussians "
+            f"{gaussians}; give a later --after, or more"
         )
-    return Subject(method, f"{scene.name} after {after} steps of {recipe.steps}", training)
+    return Subject(method, f"{scene.name} after {counted(after, 'step')} of {recipe.steps:,}", training)
 
 
 def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) -> StepBench:

@@ -13,6 +13,7 @@ from ringlight.bench.raster import Passes, RasterBench
 from ringlight.bench.record import Circumstances
 from ringlight.bench.step import StepBench, StepRow
 from ringlight.bench.timing import SHORTEST_MS, Timing
+from ringlight.core.words import counted
 
 Record = RasterBench | PartsBench | StepBench | FpsBench
 Block = Table | Text
@@ -146,7 +147,8 @@ def _times(timing: Timing, first: Timing) -> tuple[str, str]:
 def _head(title: str, now: Circumstances) -> Iterator[Text]:
     yield Text(title, style="bold")
     machine, source = now.machine, (now.commit or "installed copy")[:COMMIT_DIGITS]
-    yield Text(f"{machine.cpu}: {machine.cores} cores, {machine.threads} threads, {machine.isa}; {source}", style="dim")
+    size = f"{counted(machine.cores, 'core')}, {counted(machine.threads, 'thread')}"
+    yield Text(f"{machine.cpu}: {size}, {machine.isa}; {source}", style="dim")
     peaks = f"multiply-adds {now.fma_gflops:.0f}, matrix product {now.matrix_gflops:.0f} GFLOP/s"
     yield Text(f"peaks in this run: {peaks}, copy {now.copy_gbs:.0f} GB/s", style="dim")
     if now.is_busy:

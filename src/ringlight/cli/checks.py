@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from ringlight import __version__
+from ringlight.core.words import counted
 from ringlight.errors import RinglightError
 
 OLDEST_TORCH = (2, 5)
@@ -54,7 +55,7 @@ def _kernels() -> Finding:
     try:
         kernels = importlib.import_module("ringlight._kernels")
         isa = kernels.isa()
-        detail = f"{isa}, {kernels.threads()} threads on {cores} cores ({platform.machine()})"
+        detail = f"{isa}, {counted(kernels.threads(), 'thread')} on {counted(cores, 'core')} ({platform.machine()})"
     except ImportError as error:
         remedy = 'build it again with "pip install ringlight", which needs a C++20 compiler'
         return Finding("kernels", "problem", f"the compiled module cannot be loaded: {error}", remedy, essential=True)
@@ -73,7 +74,7 @@ def _torch() -> Finding:
     gpu = f"CUDA {torch.version.cuda}" if torch.version.cuda else "CPU build"
     if torch.version.cuda:
         gpu += f", {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ", no GPU found"
-    detail = f"{torch.__version__}, {gpu}, {torch.get_num_threads()} threads"
+    detail = f"{torch.__version__}, {gpu}, {counted(torch.get_num_threads(), 'thread')}"
     if tuple(int(part) for part in torch.__version__.split(".")[:2]) < OLDEST_TORCH:
         oldest = ".".join(map(str, OLDEST_TORCH))
         return Finding("torch", "problem", detail, f'pip install --upgrade "torch>={oldest}"', essential=True)

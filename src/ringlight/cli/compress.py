@@ -14,6 +14,7 @@ from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
 from ringlight.core.command_line import command
+from ringlight.core.words import counted, numbered
 from ringlight.data.options import ReadingOptions, SceneOptions
 from ringlight.errors import RecipeError, RunError, SceneError
 
@@ -90,19 +91,19 @@ def _sentences(compressed: "Compressed") -> str:
     losses = compressed.losses
     ratio = losses.bytes_before / max(losses.bytes_after, 1)
     lines = [
-        f"{compressed.file}: {compressed.counted:,} {compressed.noun}, {compressed.bytes_file / 1e6:.3f} MB instead of "
-        f"{compressed.bytes_file_before / 1e6:.3f} MB",
+        f"{compressed.file}: {numbered(compressed.counted, compressed.noun)}, {compressed.bytes_file / 1e6:.3f} MB "
+        f"instead of {compressed.bytes_file_before / 1e6:.3f} MB",
         f"  what rendering needs: {losses.bytes_after:,} of {losses.bytes_before:,} bytes, {ratio:.2f} times smaller",
     ]
     if losses.picture_psnr is not None:
         lines.append(
-            f"  its pictures against the model's, from {losses.pictures} training cameras: "
+            f"  its pictures against the model's, from {counted(losses.pictures, 'training camera')}: "
             f"{losses.picture_psnr:.1f} dB PSNR"
         )
     if losses.psnr_before is not None and losses.psnr_after is not None:
         lines.append(
-            f"  on {losses.views} test views: {losses.psnr_after:.3f} dB instead of {losses.psnr_before:.3f}, "
-            f"{losses.psnr_after - losses.psnr_before:+.3f} dB"
+            f"  on {counted(losses.views, 'test view')}: {losses.psnr_after:.3f} dB instead of "
+            f"{losses.psnr_before:.3f}, {losses.psnr_after - losses.psnr_before:+.3f} dB"
         )
     else:
         lines.append("  not measured on photographs: name a scene's folder that has test views for that")

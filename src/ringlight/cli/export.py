@@ -11,6 +11,7 @@ from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.words import numbered
 from ringlight.errors import RecipeError
 from ringlight.files.formats.table import WRITERS
 
@@ -65,7 +66,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _sentences(exported: "Exported") -> str:
-    lines = [f"{exported.file}: {exported.counted:,} {exported.noun}, {exported.bytes_file / 1e6:.2f} MB"]
+    lines = [f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / 1e6:.2f} MB"]
     loss = exported.loss
     if loss is not None:
         fitted = f" ({loss.unfitted_picture_psnr:.1f} before {loss.fitted} steps of fitting)" if loss.fitted else ""

@@ -3,6 +3,8 @@
 import importlib.util
 import sys
 
+from ringlight.core.words import counted
+
 
 def tell_of_build(device: str) -> None:
     """Say on standard error that the first picture on a GPU takes minutes, where ``device`` leads to one.
@@ -16,6 +18,6 @@ def tell_of_build(device: str) -> None:
 
     if has_gpu() and not is_built():
         sys.stderr.write(
-            f"building gsplat's kernels for this GPU, {safe_jobs()} compilers at a time: once, and it takes minutes; "
-            "if it fails, 'ringlight doctor' says what is missing\n"
+            f"building gsplat's kernels for this GPU, {counted(safe_jobs(), 'compiler')} at a time: once, and it takes "
+            "minutes; if it fails, 'ringlight doctor' says what is missing\n"
         )

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from ringlight.cli.checks import Finding
 from ringlight.cli.gpu_facts import GpuFacts, Version
+from ringlight.core.words import counted
 from ringlight.rasterize.gsplat_build import JOB_BYTES, MOST_JOBS, OLDEST_GSPLAT, version_of
 
 NEWEST_GCC = {(11, 8): 11, (12, 0): 12, (12, 1): 12, (12, 4): 13, (12, 8): 14, (13, 0): 15}
@@ -116,7 +117,7 @@ def _memory(facts: GpuFacts) -> Finding:
     if fits < 1:
         detail = f"{free}, one compiler of gsplat's kernels takes up to {JOB_BYTES >> 30} GB"
         return Finding("build memory", "problem", detail, "end other programs while it builds")
-    return Finding("build memory", "ok", f"{free}: {min(fits, MOST_JOBS)} compilers at a time")
+    return Finding("build memory", "ok", f"{free}: {counted(min(fits, MOST_JOBS), 'compiler')} at a time")
 
 
 def _dots(version: Version | None) -> str:

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ def settings_without_effect(asked: SceneOptions, session: "Session") -> list[str
         return []
     begins = session.training.model.counted()
     if session.scene.points.measured:
-        reason = f"the scene brings {len(session.scene.points.positions):,} points"
+        reason = f"the scene brings {counted(len(session.scene.points.positions), 'point')}"
     elif begins.number != len(session.scene.points.positions):
         reason = f"the run begins with {begins} on a surface carved from the photographs"
     else:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
+from ringlight.core.words import counted, numbered
 
 if TYPE_CHECKING:
     from ringlight.runs.facts import ModelFacts, RunFacts
@@ -123,13 +124,16 @@ def _tensor_lines(facts: "ModelFacts") -> Iterator[str]:
     yield ""
     for part, count in facts.bytes_by_part.items():
         yield f"{part:{widths[0]}}  {_size(count)}"
-    yield f"{'rendering needs':{widths[0]}}  {_size(facts.bytes_raw)}, {facts.header.counted:,} {facts.header.noun}"
-    yield f"{'file':{widths[0]}}  {_size(facts.bytes_file)}, with {facts.n_cameras} training cameras"
+    made_of = numbered(facts.header.counted, facts.header.noun)
+    yield f"{'rendering needs':{widths[0]}}  {_size(facts.bytes_raw)}, {made_of}"
+    yield f"{'file':{widths[0]}}  {_size(facts.bytes_file)}, with {counted(facts.n_cameras, 'training camera')}"
 
 
 def _size(count: int) -> str:
     """Megabytes, or bytes where those would read as nothing."""
-    return f"{count / MEGABYTE:9.3f} MB" if count >= MEGABYTE / 1000 else f"{count:9} bytes"
+    if count >= MEGABYTE / 1000:
+        return f"{count / MEGABYTE:9.3f} MB"
+    return f"{count:9} {'byte' if count == 1 else 'bytes'}"
 
 
 def _line(label: str, text: str) -> str:
@@ -147,7 +151,8 @@ def _storage(storage: dict[str, Any]) -> str:
         texts.append(f"{facts['bytes_after']:,} of {facts['bytes_before']:,} bytes")
     if {"psnr_before", "psnr_after"} <= facts.keys():
         change = facts["psnr_after"] - facts["psnr_before"]
-        views = f"on {facts.get('views', 'the')} test views ({facts['psnr_before']:.3f} dB before)"
+        on = counted(int(facts["views"]), "test view") if "views" in facts else "the test views"
+        views = f"on {on} ({facts['psnr_before']:.3f} dB before)"
         texts.append(f"{change:+.3f} dB {views}")
     if "picture_psnr" in facts:
         texts.append(f"pictures within {facts['picture_psnr']:.1f} dB PSNR of the model's")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ringlight.core.scene import Scene
     from ringlight.runs.session import Loaded
+from ringlight.core.words import counted
 
 BACKGROUNDS = {"photograph": "background as photographed"}
 """Words for those whose name in files says less."""
@@ -32,7 +33,8 @@ def _tell(quiet: bool, preset: str, scene: "Scene") -> None:
     camera = scene.train[0].camera
     background = BACKGROUNDS.get(scene.background, f"{scene.background} background")
     lines = [
-        f"{preset} on {scene.name} ({scene.format}): {len(scene.train)} training and {len(scene.test)} test views, "
+        f"{preset} on {scene.name} ({scene.format}): {len(scene.train)} training and "
+        f"{counted(len(scene.test), 'test view')}, "
         f"{camera.width}x{camera.height}, {background}",
         *(f"  {note}" for note in scene.notes if not note.startswith(WARNING)),
     ]

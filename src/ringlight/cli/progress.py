@@ -50,7 +50,7 @@ def announce(session: Session, quiet: bool) -> None:
         *([session.decided] if session.decided else []),
         *begun,
         f"{counted(training.steps, 'step')}{added}, seed {session.record.seed}, {training.model.counted()} {place}; "
-        f"{training.model.renderer}, {_kernels.isa()}, {_kernels.threads()} threads",
+        f"{training.model.renderer}, {_kernels.isa()}, {counted(_kernels.threads(), 'thread')}",
         f"writing to {session.folder.path}",
     ]
     sys.stderr.write("\n".join(lines) + "\n")

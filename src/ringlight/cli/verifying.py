@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ringlight.cli.loading import tell_warnings
 from ringlight.cli.main import WRONG_INPUT
+from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe
@@ -21,7 +22,7 @@ def verify_run(
     Raises RecipeError for a number of steps that cannot be compared.
     """
     if not 2 <= steps <= recipe.steps:
-        raise RecipeError(f"--verify is {steps}; give 2 to {recipe.steps} steps, which is how many this run has")
+        raise RecipeError(f"--verify is {steps}; give 2 to {counted(recipe.steps, 'step')}, as many as this run has")
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene
     from ringlight.measure.json_record import to_json
@@ -55,4 +56,4 @@ def verify_run(
 def _where(step: int | None, differing: tuple[str, ...]) -> str:
     loss = "losses agree" if step is None else f"the first loss that differs is that of step {step}"
     names = ", ".join(differing[:MOST_NAMED]) + ", ..." * (len(differing) > MOST_NAMED)
-    return f"{loss}; {len(differing)} tensors differ at the end" + (f": {names}" if differing else "")
+    return f"{loss}; other at the end: {counted(len(differing), 'tensor')}" + (f", {names}" if differing else "")

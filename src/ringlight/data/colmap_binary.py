@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ringlight.core.scene import PointCloud
+from ringlight.core.words import counted
 from ringlight.data.colmap_model import CAMERA_MODELS, ColmapCamera, ColmapImage, cloud_of
 from ringlight.data.folder import read_bytes
 from ringlight.errors import SceneError
@@ -38,21 +39,25 @@ class BinaryFile:
     def skip(self, size: int) -> None:
         """Pass over ``size`` bytes; SceneError where the file is shorter."""
         if size > len(self.data) - self.place:
-            raise SceneError(f"{self.path}: cut after {len(self.data)} bytes, within a record; copy the file again")
+            raise SceneError(
+                f"{self.path}: cut after {counted(len(self.data), 'byte')}, within a record; copy the file again"
+            )
         self.place += size
 
     def count(self, smallest: int) -> int:
         """The number of records that follow, each of at least ``smallest`` bytes."""
         (count,) = self.take(COUNT)
         if count * smallest > len(self.data) - self.place:
-            raise SceneError(f"{self.path}: promises {count} records and is too short for them; copy the file again")
+            raise SceneError(f"{self.path}: promises {counted(count, 'record')} and is too short; copy the file again")
         return count
 
     def name(self) -> str:
         """Text up to a zero byte."""
         end = self.data.find(b"\0", self.place)
         if end < 0:
-            raise SceneError(f"{self.path}: cut after {len(self.data)} bytes, within a name; copy the file again")
+            raise SceneError(
+                f"{self.path}: cut after {counted(len(self.data), 'byte')}, within a name; copy the file again"
+            )
         text = self.data[self.place : end]
         self.place = end + 1
         try:
@@ -64,7 +69,9 @@ class BinaryFile:
         """Check that nothing is left."""
         left = len(self.data) - self.place
         if left:
-            raise SceneError(f"{self.path}: {left} bytes follow the last record; copy or export the file again")
+            raise SceneError(
+                f"{self.path}: {counted(left, 'byte')} too many behind the last record; copy or export the file again"
+            )
 
 
 def read_cameras(path: Path) -> dict[int, ColmapCamera]:

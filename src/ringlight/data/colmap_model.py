@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float
 
 from ringlight.core.scene import PointCloud
+from ringlight.core.words import counted
 from ringlight.data.folder import shown
 from ringlight.data.intrinsics import Intrinsics, checked_intrinsics, checked_lens
 from ringlight.data.poses import MAX_COORDINATE
@@ -87,7 +88,7 @@ def intrinsics_of(camera: ColmapCamera, where: str, remedy: str) -> Intrinsics:
     if model is None:
         raise SceneError(f"{where} has the camera model {shown(camera.model)}, which is not known; {remedy}")
     if len(camera.parameters) != model.parameters:
-        counts = f"{len(camera.parameters)} parameters where {model.name} has {model.parameters}"
+        counts = f"{counted(len(camera.parameters), 'parameter')} where {model.name} has {model.parameters}"
         raise SceneError(f"{where} has {counts}; copy the model again")
     focal, center = camera.parameters[: model.focals], camera.parameters[model.focals : model.focals + 2]
     distortion = camera.parameters[model.focals + 2 :]

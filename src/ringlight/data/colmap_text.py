@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from ringlight.core.scene import PointCloud
+from ringlight.core.words import counted
 from ringlight.data.colmap_model import ColmapCamera, ColmapImage, cloud_of
 from ringlight.data.folder import read_bytes
 from ringlight.errors import SceneError
@@ -76,5 +77,7 @@ def _records(path: Path, parse: Callable[[str], Record], lines_each: int = 1) ->
             pass_over = lines_each - 1
     stated = STATED_COUNT.search(text)
     if stated is not None and int(stated[1]) != len(records):
-        raise SceneError(f"{path}: says that it holds {stated[1]} records but holds {len(records)}; copy it again")
+        raise SceneError(
+            f"{path}: says that it holds {counted(int(stated[1]), 'record')} but holds {len(records)}; copy it again"
+        )
     return records

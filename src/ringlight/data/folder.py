@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ringlight.core.lost_disk import what_helps
+from ringlight.core.words import counted
 from ringlight.errors import SceneError
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".webp", ".tif", ".tiff", ".heic", ".HEIC", ".avif")
@@ -83,6 +84,6 @@ def require_none_missing(missing: Sequence[tuple[str, str]], total: int, base: P
         return
     where, name = missing[0]
     raise SceneError(
-        f"{where} names the image {shown(name)}, which does not exist below {base} ({len(missing)} of {total} images "
-        "missing); copy the missing images there, or remove their entries"
+        f"{where} names the image {shown(name)}, which does not exist below {base} ({len(missing)} of "
+        f"{counted(total, 'image')} missing); copy the missing images there, or remove their entries"
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
+from ringlight.core.words import counted
 from ringlight.data.folder import IMAGE_SUFFIXES, file_inside, shown
 from ringlight.data.frame import Frame
 from ringlight.data.mask_files import MaskFile
@@ -68,7 +69,7 @@ def with_masks(frames: Sequence[Frame], folder: Path, options: ReadingOptions) -
     for frame in masked:
         _check_size(frame, folder)
     inverted = ", inverted" if options.invert_masks else ""
-    note = f"masks: {label} ({found} of {len(frames)} photographs{inverted})"
+    note = f"masks: {label} ({found} of {counted(len(frames), 'photograph')}{inverted})"
     if found < len(frames):
         first = next(frame.name for frame, mask in zip(frames, masks, strict=True) if mask is None)
         note = f"warning: {note}; the others, as {first}, count as all subject"

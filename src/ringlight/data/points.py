@@ -17,6 +17,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.scene import SMALLEST_EXTENT, PointCloud, camera_extent
+from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 
 POINTS_SHARE = 0.9
@@ -84,9 +85,10 @@ def starting_points(
     count = options.initial_points or default_count(cameras)
     points = random_points(sphere.cube(POINTS_SHARE), count, options.points_seed)
     place = ", ".join(f"{round(value, 3) + 0.0:g}" for value in sphere.center)  # + 0.0: no minus before zero
+    brought = "no points" if sfm is None else counted(len(sfm.positions), "point")
     note = (
         f"initial points: {count} random in a cube of half side {POINTS_SHARE * sphere.radius:.3g} around ({place}), "
-        f"seed {options.points_seed}, since the scene brings {'no' if sfm is None else len(sfm.positions)} points; "
+        f"seed {options.points_seed}, since the scene brings {brought}; "
         "none where a first surface is carved from masks or an even background"
     )
     return points, sphere.cube(BOX_SHARE), note

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ringlight.core.words import counted
 from ringlight.data.folder import read_bytes, shown
 from ringlight.data.frame import Frame
 from ringlight.data.options import ReadingOptions
@@ -103,7 +104,7 @@ def _by_names(ordered: list[Frame], names: Sequence[str], source: Path) -> Split
     held = {_named(ordered, name, source).path for name in names}
     train = [frame for frame in ordered if frame.path not in held]
     test = [frame for frame in ordered if frame.path in held]
-    return Split(train, test, f"split: --holdout names {len(test)} test images")
+    return Split(train, test, f"split: --holdout names {counted(len(test), 'test image')}")
 
 
 def _named(frames: Sequence[Frame], name: str, source: Path) -> Frame:

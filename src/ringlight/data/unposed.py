@@ -3,6 +3,8 @@
 import shlex
 from pathlib import Path
 
+from ringlight.core.words import counted
+
 PHOTOGRAPHS = frozenset([".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".heic", ".heif", ".avif"])
 FILMS = frozenset([".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts"])
 """Suffixes, in lower case, of what Pillow and PyAV read, with their plugins."""
@@ -22,8 +24,9 @@ def remedy_without_cameras(path: Path) -> str | None:
         photographs = path / name
         count = sum(file.suffix.lower() in PHOTOGRAPHS for file in photographs.iterdir()) if photographs.is_dir() else 0
         if count:
-            noun = "photograph" if count == 1 else "photographs"
-            return f"it holds {count} {noun} without cameras; find these with: {_and_train(photographs)}"
+            return (
+                f"it holds {counted(count, 'photograph')} without cameras; find these with: {_and_train(photographs)}"
+            )
     film = next((file for file in sorted(path.iterdir()) if file.suffix.lower() in FILMS), None)
     return None if film is None else _of_film(film)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ringlight.core.words import counted
 from ringlight.data.ply_points import TYPES
 from ringlight.errors import ModelFileError
 
@@ -59,11 +60,13 @@ def read_ply_header(path: Path) -> PlyTable:
     end = begin + vertex.rows * vertex.dtype.itemsize
     if end > size:
         raise ModelFileError(
-            f"{path}: the file is cut short or its count is wrong: {vertex.rows} vertices need {end} bytes, "
-            f"the file has {size}; {REMEDY}"
+            f"{path}: the file is cut short or its number of vertices, {vertex.rows}, is wrong: they need "
+            f"{counted(end, 'byte')}, the file has {size:,}; {REMEDY}"
         )
     if end < size and index == len(elements) - 1:
-        raise ModelFileError(f"{path}: the file is damaged: {size - end} bytes follow the last vertex; {REMEDY}")
+        raise ModelFileError(
+            f"{path}: the file is damaged: {counted(size - end, 'byte')} too many behind the last vertex; {REMEDY}"
+        )
     comments = tuple(line[8:] for line in lines if line.startswith("comment "))
     return PlyTable(vertex.dtype, vertex.rows, begin, comments)
 

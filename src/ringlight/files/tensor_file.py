@@ -24,6 +24,7 @@ from torch import Tensor
 
 from ringlight.core.command_line import command
 from ringlight.core.lost_disk import what_helps
+from ringlight.core.words import counted
 from ringlight.errors import ModelFileError
 from ringlight.files.atomic import written_atomically
 
@@ -258,7 +259,7 @@ def _checked(path: Path, places: dict[str, _Place], data_bytes: int) -> dict[str
             raise ModelFileError(f"{path}: the file is damaged: tensor {name!r} overlaps or leaves a gap; {REMEDY}")
         reached = place.end
     if reached > data_bytes:
-        raise ModelFileError(f"{path}: the file is cut short: {reached - data_bytes} bytes are missing; {REMEDY}")
+        raise ModelFileError(f"{path}: the file is cut short by {counted(reached - data_bytes, 'byte')}; {REMEDY}")
     if reached < data_bytes:
-        raise ModelFileError(f"{path}: the file is damaged: {data_bytes - reached} bytes too many; {REMEDY}")
+        raise ModelFileError(f"{path}: the file is damaged: {counted(data_bytes - reached, 'byte')} too many; {REMEDY}")
     return ordered

@@ -15,6 +15,7 @@ from ringlight.core.finite import first_not_finite
 from ringlight.core.gradients import Gradient, dense
 from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
+from ringlight.core.words import counted
 from ringlight.errors import BackendError, DivergedError
 from ringlight.models.contract import Model
 
@@ -84,5 +85,5 @@ def bad_gradient(gradients: Mapping[str, Gradient], left: int) -> str:
     """Why ``left`` elements were left as they were."""
     broken = first_not_finite({name: dense(gradient) for name, gradient in gradients.items()})
     if broken is not None:
-        return f"the gradient of {broken} ({left} elements left as they were)"
-    return f"gradients too large to be squared ({left} elements left as they were)"
+        return f"the gradient of {broken} ({counted(left, 'element')} left as before)"
+    return f"gradients too large to be squared ({counted(left, 'element')} left as before)"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
+from ringlight.core.words import numbered
 from ringlight.measure.report import Report
 
 Value = float | int | None
@@ -124,7 +125,7 @@ def _optional(
 def _counted(nouns: Collection[str]) -> Column:
     if len(nouns) == 1:
         return _measured(next(iter(nouns)), 10, lambda report: report.counted, "less", "{:,.0f}".format)
-    return Column("made of", 10, lambda row: f"{row.report.counted:,} {row.report.noun}")
+    return Column("made of", 10, lambda row: numbered(row.report.counted, row.report.noun))
 
 
 def _written_lpips(net: str | None, row: Row) -> str:

@@ -12,6 +12,7 @@ import torch
 from ringlight import _kernels
 from ringlight.core.camera import Camera, picture_sizes
 from ringlight.core.rendering import Rendering
+from ringlight.core.words import counted
 
 MATRIX_SIDE = 1024
 """2 GFLOP a product: milliseconds on any machine, and long enough to reach full speed."""
@@ -51,8 +52,8 @@ def frames_per_second(render: Callable[[Camera], Rendering], cameras: Sequence[C
         while not times or (len(times) < PASSES and time.perf_counter() - begun < MAX_SECONDS):
             times.append(_one_pass(render, cameras, device))
     note = (
-        f"render call only, {len(cameras)} views of {picture_sizes(cameras, ' to ')}, one at a time, "
-        f"median of {len(times)} passes after 1 to warm up, on {device_name(device)}"
+        f"render call only, {counted(len(cameras), 'view')} of {picture_sizes(cameras, ' to ')}, one at a time, "
+        f"median of {len(times)} {'pass' if len(times) == 1 else 'passes'} after 1 to warm up, on {device_name(device)}"
     )
     return FrameRate(len(cameras) / median(times), note)
 
@@ -111,7 +112,7 @@ def device_name(device: torch.device) -> str:
     """As a reader would call it, with the kernels' threads."""
     if device.type == "cuda":
         return torch.cuda.get_device_name(device)
-    return f"the CPU ({_kernels.threads()} threads)"
+    return f"the CPU ({counted(_kernels.threads(), 'thread')})"
 
 
 def _best_seconds(work: Callable[[], object]) -> float:

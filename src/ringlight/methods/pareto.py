@@ -6,6 +6,7 @@ trained at five lengths without a bound on its size, and at five sizes in a run 
 
 from dataclasses import replace
 
+from ringlight.core.words import counted
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
@@ -48,8 +49,8 @@ def _lengths(series: str, method: str, recipe: SplatRecipe) -> tuple[Variant, ..
     curve = (Curve(series, "length"),)
     return tuple(
         Variant(
-            _name(series, "steps", steps), _preset(series, method), replace(recipe, steps=steps), f"{steps} steps",
-            curves=curve,
+            _name(series, "steps", steps), _preset(series, method), replace(recipe, steps=steps),
+            counted(steps, "step"), curves=curve,
         )
         for steps in lengths
     )  # fmt: skip

@@ -11,6 +11,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.light_features import LightFeatures
 from ringlight.core.rendering import Channels, Rendering
 from ringlight.core.want import Want
+from ringlight.core.words import numbered
 
 if TYPE_CHECKING:
     from ringlight.models.splats import SplatModel
@@ -23,7 +24,7 @@ class Count(NamedTuple):
     noun: str
 
     def __str__(self) -> str:
-        return f"{self.number:,} {self.noun}"
+        return numbered(self.number, self.noun)
 
 
 @runtime_checkable

@@ -11,6 +11,7 @@ from torch import Tensor
 from ringlight.color.contract import ColorModel
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.scene import PointCloud
+from ringlight.core.words import counted
 from ringlight.errors import SceneError
 
 NEIGHBOURS = 3
@@ -37,7 +38,9 @@ def gaussians_from_points(points: PointCloud, color: ColorModel, opacity: float 
     """
     count = len(points.positions)
     if count <= NEIGHBOURS:
-        raise SceneError(f"only {count} points to start from; ask for random ones with --initial-points 50000")
+        raise SceneError(
+            f"only {counted(count, 'point')} to start from; ask for random ones with --initial-points 50000"
+        )
     distances, _ = cKDTree(points.positions.numpy()).query(points.positions.numpy(), k=NEIGHBOURS + 1)
     squared = np.maximum((distances[:, 1:] ** 2).mean(1), SMALLEST_SQUARED_DISTANCE)
     log_scales = torch.from_numpy(0.5 * np.log(squared)).float()[:, None].repeat(1, 3)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
+from ringlight.core.words import counted
 from ringlight.errors import SceneError
 from ringlight.files.atomic import written_atomically
 from ringlight.files.video import video_library
@@ -149,7 +150,9 @@ def _why_too_few(looks: list[Look]) -> str:
     if not looks:
         return "has no frames"
     if max(look.sharpness for look in looks) < PLAIN:
-        return f"shows nothing in any of its {len(looks)} frames"
+        return f"shows nothing in any of its {counted(len(looks), 'frame')}"
+    if len(looks) == 1:
+        return "has a single frame"
     return f"hardly moves in its {len(looks)} frames, so that no two of them show the subject from different sides"
 
 

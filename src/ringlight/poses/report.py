@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ringlight.core.words import counted
 from ringlight.poses.database import Matches
 
 FEW_FEATURES = 50
@@ -46,8 +47,10 @@ class PosesReport:
         """For a person."""
         said = [
             f"{self.registered} of {self.photographs} photographs have cameras, mean reprojection error "
-            f"{self.reprojection_error:.2f} pixels, {self.points} points seen {self.track_length:.1f} times each",
-            f"{self.mapper} mapping, {self.pairs} pairs compared ({self.matching}); lens {'; '.join(self.lenses)}",
+            f"{self.reprojection_error:.2f} pixels, {counted(self.points, 'point')} seen {self.track_length:.1f} times "
+            "each",
+            f"{self.mapper} mapping, {counted(self.pairs, 'pair')} compared ({self.matching}); lens "
+            + "; ".join(self.lenses),
             f"up: {self.up}",
         ]
         if len(self.models) > 1:
@@ -71,12 +74,12 @@ def why_not(
     if own:
         reason = f"belongs to another model, of {len(models[own])} photographs"
     elif count < FEW_FEATURES:
-        reason = f"shows too little to recognise ({count} features); it may be blurred, dark or plain"
+        reason = f"shows too little to recognise ({counted(count, 'feature')}); it may be blurred, dark or plain"
     elif not found.photographs:
         reason = "overlaps with no other photograph"
     else:
-        others = "photograph" if found.photographs == 1 else "photographs"
-        reason = f"overlaps too little: {found.most} common points at most, with {found.photographs} {others}"
+        most, others = counted(found.most, "common point"), counted(found.photographs, "photograph")
+        reason = f"overlaps too little: {most} at most, with {others}"
     return Failure(name, reason)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ringlight.core.words import counted
 from ringlight.data.colmap_binary import read_images, read_points
 from ringlight.data.poses import world_to_camera_from_quaternion
 from ringlight.data.unposed import FILMS
@@ -66,7 +67,7 @@ def find_poses(source: Path, out: Path, options: PosesOptions, threads: int, wat
         raise SceneError(f"{source}: is neither a folder nor a film ({' '.join(sorted(FILMS))}); give one of these")
     files = [source] if is_film else photographs_in(source)
     if not is_film and len(files) < FEWEST:
-        raise SceneError(f"{source}: {len(files)} photographs are too few to find cameras; take at least 20")
+        raise SceneError(f"{source}: {counted(len(files), 'photograph')}, too few to find cameras; take at least 20")
     asked = Asked(str(source.resolve()), _states(files), {key: str(value) for key, value in asdict(options).items()})
     ended = _claim(out, asked)
     if ended is not None:
@@ -137,7 +138,7 @@ def _report(work: Work, answer: dict[str, Any]) -> PosesReport:
     picture = work.folders.scene / PICTURE_NAME
     total = len(work.taken) + len(work.failed)
     with written_atomically(picture) as file:
-        title = f"{len(found)} of {total} photographs, {answer['points']} points"
+        title = f"{len(found)} of {counted(total, 'photograph')}, {counted(answer['points'], 'point')}"
         draw_cameras(_cameras_and_points(work.folders.model), title).save(file, "PNG")
     return PosesReport(
         scene=str(work.folders.scene),

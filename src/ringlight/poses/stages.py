@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ringlight.core.words import counted
 from ringlight.errors import SceneError
 from ringlight.files.atomic import sweep, write_text
 from ringlight.poses.database import FeatureDatabase
@@ -88,8 +89,8 @@ def take_photographs(work: Work, source: Path, files: Sequence[Path]) -> None:
             tell(index + 1, len(files))
     if len(work.taken) < FEWEST:
         raise SceneError(
-            f"{source}: only {len(work.taken)} of {len(files)} photographs can be read; {work.failed[0].name}: "
-            f"{work.failed[0].reason}"
+            f"{source}: only {len(work.taken)} of {counted(len(files), 'photograph')} can be read; "
+            f"{work.failed[0].name}: {work.failed[0].reason}"
         )
 
 

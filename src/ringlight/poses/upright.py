@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from ringlight.core.words import counted
+
 ROTATION_BY_EXIF = {1: 0, 2: 0, 3: 2, 4: 2, 5: 1, 6: 1, 7: 3, 8: 3}
 """Quarter turns, clockwise, that show a stored picture as it was held (TIFF 6.0, tag Orientation); mirrored ones as
 their unmirrored neighbours, since no camera mirrors."""
@@ -40,7 +42,7 @@ def find_up(
     right, up = held_axes(camera_from_world, orientations)
     mean_up = _unit(up.mean(0))
     turned = sum(ROTATION_BY_EXIF.get(tag, 0) != 0 for tag in orientations)
-    by_exif = f"; {turned} photographs are turned by their EXIF orientation" if turned else ""
+    by_exif = f"; {counted(turned, 'photograph')} turned by the EXIF orientation" if turned else ""
     shares, axes = np.linalg.eigh(right.T @ right / len(right))
     if shares[0] < LEVEL and shares[1] > SPREAD:
         return Up(_towards(axes[:, 0], mean_up), f"the cameras were held level{by_exif}")

@@ -16,6 +16,7 @@ from ringlight.core.raw_bytes import bytes_by_part
 from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene, View
 from ringlight.core.want import Want
+from ringlight.core.words import counted
 from ringlight.errors import ModelFileError, OutputError, RunError, SceneError
 from ringlight.files.atomic import write_text
 from ringlight.files.tensor_file import read_metadata
@@ -230,7 +231,7 @@ def _report(scene: Scene, facts: TrainingFacts, scores: Scores, model: Model, sp
         commit=source_commit(),
         dataset=scene.format,
         scene=scene.name,
-        split=f"{len(scene.train)} training, {len(scene.test)} test views",
+        split=f"{len(scene.train)} training, {counted(len(scene.test), 'test view')}",
         background=scene.background,
         notes=scene.notes,
         counted=number,

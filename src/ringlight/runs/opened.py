@@ -53,9 +53,9 @@ def open_model(path: Path, device: str | None = None) -> Opened:
 def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, again: str = "") -> Scene:
     """The scene at ``asked``, or without it the one that the model was trained on, read as it was read then.
 
-    ``again`` is the command that names the folder, for a refusal where none is ``asked``. A model knows its background: black
-    stays black unless ``options`` say otherwise. Raises RecipeError for ``options`` without ``asked``, RunError if
-    there is no scene to go by, SceneError if it cannot be read.
+    ``again`` is the command that names the folder, for a refusal where none is ``asked``. A model knows its background:
+    black stays black unless ``options`` say otherwise. Raises RecipeError for ``options`` without ``asked``, RunError
+    if there is no scene to go by, SceneError if it cannot be read.
     """
     if asked is not None:
         if options.background == "auto" and opened.stored.header.scene.background == "black":

@@ -9,6 +9,7 @@ import ringlight
 from ringlight.core.command_line import command
 from ringlight.core.finite import first_not_finite
 from ringlight.core.scene import Scene
+from ringlight.core.words import counted
 from ringlight.data.decode_check import DecodeCheck
 from ringlight.data.file_marks import change_since, marks_of
 from ringlight.data.load import kept_options, load_scene, with_absent_masks_left_out
@@ -161,8 +162,8 @@ class Session:
             ) from None
         if views != len(scene.train):
             raise RunError(
-                f"{record.scene}: has {len(scene.train)} training views where {path} began with {views}; put the "
-                "photographs back as they were, or start again with --out NEW"
+                f"{record.scene}: has {counted(len(scene.train), 'training view')} where {path} began with {views}; "
+                "put the photographs back as they were, or start again with --out NEW"
             )
         session.warnings += change_since(stored.metadata.get("photographs", ""), scene.train)
         return session._extended(extended)

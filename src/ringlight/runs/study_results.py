@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from ringlight.core.words import counted
 from ringlight.files.atomic import write_text
 from ringlight.measure.curves import Chart, Dot, Line, draw_charts
 from ringlight.measure.json_record import to_json
@@ -34,7 +35,7 @@ def write_results(out: Path, study: str, base: str, runs: Sequence[StudyRun], ta
     texts = {"md": table.markdown(), "csv": table.csv(), "json": to_json(record)}
     for suffix, text in texts.items():
         write_text(out / f"{study}.{suffix}", text)
-    title, variants = f"{study}: {base}, {steps} steps", tuple(dict.fromkeys(run.variant for run in runs))
+    title, variants = f"{study}: {base}, {counted(steps, 'step')}", tuple(dict.fromkeys(run.variant for run in runs))
     with_curves = any(variant.curves for variant in variants)
     picture = (
         pareto_picture(variants, table.rows, title) if with_curves else draw_charts(study_charts(table.rows), title)

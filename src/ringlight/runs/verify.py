@@ -12,6 +12,7 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
+from ringlight.core.words import counted
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.fit.train import Training, train
 from ringlight.methods.recipe import Recipe
@@ -60,11 +61,11 @@ def verify(
     threads = _kernels.threads()
     others = 1 if threads > 1 else 2
     first = _finish(begin(), steps)
-    yield Trial(f"{steps} steps, {_count(threads)}", digest_of(first.state))
+    yield Trial(f"{counted(steps, 'step')}, {counted(threads, 'thread')}", digest_of(first.state))
     yield _compared("once more", _finish(begin(), steps), first)
     use_threads(others)
     try:
-        yield _compared(f"with {_count(others)}", _finish(begin(), steps), first)
+        yield _compared(f"with {counted(others, 'thread')}", _finish(begin(), steps), first)
     finally:
         use_threads(threads)
     yield _compared(
@@ -81,10 +82,6 @@ def digest_of(state: Mapping[str, Tensor]) -> str:
         summed.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
         summed.update(tensor.detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().data)
     return summed.hexdigest()
-
-
-def _count(threads: int) -> str:
-    return f"{threads} thread{'s' * (threads > 1)}"
 
 
 def _finish(training: Training, steps: int, after_step: Callable[[], object] = lambda: None) -> _Outcome:

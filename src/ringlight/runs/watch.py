@@ -9,6 +9,7 @@ from typing import Any
 import torch
 
 from ringlight.core.want import Want
+from ringlight.core.words import counted
 from ringlight.errors import BackendError, OutputError, RunError
 from ringlight.files.video import save_image
 from ringlight.fit.train import Progress
@@ -38,7 +39,7 @@ class Watch:
             return ""
         kind = "test" if self.session.scene.test else "training"
         folder = self.session.folder.path / PREVIEWS
-        return f"a preview every {self.preview} steps: {kind} view {self.view.name}, in {folder}"
+        return f"a preview every {counted(self.preview, 'step')}: {kind} view {self.view.name}, in {folder}"
 
     @property
     def words(self) -> str:
