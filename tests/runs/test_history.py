@@ -1,4 +1,6 @@
-"""A training's curve: about a hundred points, the same however often it is stopped, and without what was undone."""
+"""A training's curve: a hundred points at most, the same however often it is stopped, and without what was undone."""
+
+import json
 
 import pytest
 import torch
@@ -33,6 +35,34 @@ def test_a_run_has_about_a_hundred_points(steps: int) -> None:
     assert min(steps, MOST_POINTS // 2) <= len(found) <= MOST_POINTS
     assert [point.seconds for point in found] == [point.step / 10 for point in found]
     assert [point.counted for point in found] == [point.step * 2 for point in found]
+
+
+def extended(steps: int, more: int, stops: tuple[int, ...] = ()) -> History:
+    """A run of ``steps`` with ``more`` behind them, which goes on from a checkpoint after each of ``stops``."""
+    history = History(steps)
+    for number in range(1, steps + more + 1):
+        history.note(step(number), number / 10, number * 2)
+        if number in stops:
+            again = History(steps)
+            again.go_on_from({"history": history.to_text()})
+            history = again
+    return history
+
+
+@settings(max_examples=10)
+@given(steps=st.integers(1, 150), more=st.integers(1, 400), stops=st.tuples(st.integers(1, 550), st.integers(1, 550)))
+def test_a_run_that_is_extended_far_has_no_more_points(steps: int, more: int, stops: tuple[int, ...]) -> None:
+    found = extended(steps, more)
+    assert len(found.points) <= MOST_POINTS
+    assert [point.step for point in found.points] == list(range(found.every, steps + more + 1, found.every))
+    assert extended(steps, more, stops).points == found.points
+
+
+def test_a_checkpoint_with_too_many_points_is_thinned() -> None:
+    points = [[number, 1.0, 20.0, 5] for number in range(1, 451)]
+    history = History(60)
+    history.go_on_from({"history": json.dumps({"points": points, "sum": 0, "count": 0})})
+    assert [point.step for point in history.points] == list(range(8, 451, 8))
 
 
 def test_a_point_is_the_mean_over_the_last_photographs() -> None:
@@ -76,7 +106,17 @@ def test_a_photograph_that_was_not_finite_counts_not() -> None:
     assert history.points == []
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"points": 3}', '{"points": [[1]], "sum": 0, "count": 0}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"points": 3}',
+        '{"points": [[1]], "sum": 0, "count": 0}',
+        '{"points": [], "sum": 0, "count": 0, "every": 0}',
+    ],
+)
 def test_damage_is_a_value_error(text: str) -> None:
     with pytest.raises(ValueError, match="history"):
         History(10).go_on_from({"history": text})
