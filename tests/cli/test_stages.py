@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from cli_session import QUICK
 from command import Command
+from PIL import Image
 from scenes_on_disk import write_tiny_scene
 
 from ringlight.cli import stages as module
@@ -245,13 +246,43 @@ def test_settings_without_effect_are_said_even_quietly(masked: Path, tmp_path: P
     assert "has no effect" not in random.err
 
 
+def test_a_start_on_the_hull_that_cannot_be_is_said(
+    masked: Path, tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    words = ("--steps", "3", "--lpips", "--quiet", "--initial-points", "300", "--start.points", "300")
+    few = ringlight("train", tiny, "3dgs", *words, "--out", tmp_path / "few")
+    assert "--start.points 300 has no effect: a surface is carved from 12 photographs or more" in few.err
+    bare = _without_alpha(masked, tmp_path / "bare")
+    said = ringlight("train", bare, "3dgs", *words, "--start.opacity", "0.4", "--out", tmp_path / "none").err
+    for flag in ("--start.points 300", "--start.opacity 0.4"):
+        assert f"warning: {flag} has no effect: a surface is carved from masks" in said
+    again = ("--from", trained["3dgs"], "--out", tmp_path / "from")
+    said = ringlight("train", masked, "3dgs", *words, *again).err
+    for flag in ("--start.points 300", "--initial-points 300"):
+        assert f"{flag} has no effect: the run starts from {trained['3dgs']}" in said
+    carved = ringlight("train", masked, "3dgs", *words, "--out", tmp_path / "carved")
+    assert carved.code == 0
+    assert "--start.points" not in carved.err, "though there are as many random points"
+    usual = ringlight("train", bare, "3dgs", *words[:-2], "--out", tmp_path / "usual")
+    assert "has no effect" not in usual.err, "nothing was asked for"
+
+
+def _without_alpha(scene: Path, copy: Path) -> Path:
+    shutil.copytree(scene, copy)
+    for path in copy.glob("*/*.png"):
+        with Image.open(path) as photograph:
+            opaque = photograph.convert("RGB")
+        opaque.save(path)
+    return copy
+
+
 def test_points_of_a_scene_take_the_effect_of_both_flags(trained: dict[str, Path]) -> None:
     session = Session.resume(trained["3dgs"])
     scene = session.scene
     object.__setattr__(scene, "points", type(scene.points)(scene.points.positions, scene.points.colors))
-    said = settings_without_effect(SceneOptions(initial_points=5, points_seed=2), session)
+    said = settings_without_effect(SceneOptions(initial_points=5, points_seed=2), session.record.recipe, session)
     assert [sentence.split(" has no effect: the scene brings")[0] for sentence in said] == [
         "--initial-points 5",
         "--points-seed 2",
     ]
-    assert settings_without_effect(SceneOptions(), session) == []
+    assert settings_without_effect(SceneOptions(), session.record.recipe, session) == []

@@ -4,17 +4,25 @@ from typing import TYPE_CHECKING
 
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
+from ringlight.methods.recipe import Recipe
+from ringlight.methods.surface_start import FEWEST_VIEWS, SurfaceStart
 
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
 
 
-def settings_without_effect(asked: SceneOptions, session: "Session") -> list[str]:
+def settings_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
     """A sentence on each, of what a new run was asked for and how it begins."""
+    return [*_of_random_points(asked, session), *_of_surface(recipe, session)]
+
+
+def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
     if asked.initial_points is None and asked.points_seed == SceneOptions.points_seed:
         return []
     begins = session.training.model.counted()
-    if session.scene.points.measured:
+    if session.record.start is not None:
+        reason = f"the run starts from {session.record.start}"
+    elif session.scene.points.measured:
         reason = f"the scene brings {counted(len(session.scene.points.positions), 'point')}"
     elif begins.number != len(session.scene.points.positions):
         reason = f"the run begins with {begins} on a surface carved from the photographs"
@@ -22,3 +30,33 @@ def settings_without_effect(asked: SceneOptions, session: "Session") -> list[str
         return []
     flags = {"--initial-points": asked.initial_points, "--points-seed": asked.points_seed or None}
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
+
+
+def _of_surface(recipe: Recipe, session: "Session") -> list[str]:
+    """Of a method that starts on the hull of masks where the scene has some."""
+    start, usual = getattr(recipe, "start", None), SurfaceStart()
+    if not isinstance(start, SurfaceStart) or not _begins_elsewhere(session):
+        return []
+    opacity = None if start.opacity == usual.opacity else start.opacity
+    flags, reason = {"--start.points": start.points or None, "--start.opacity": opacity}, _why_not_carved(session)
+    return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
+
+
+def _begins_elsewhere(session: "Session") -> bool:
+    """Than on the hull."""
+    splats, points = session.training.model.splats(), session.scene.points.positions
+    if session.record.start is not None or splats is None:
+        return True
+    means = splats.gaussians.means.detach().cpu()
+    return means.shape == points.shape and bool((means == points).all())
+
+
+def _why_not_carved(session: "Session") -> str:
+    views = session.scene.train
+    if session.record.start is not None:
+        return f"the run starts from {session.record.start}"
+    if not all(view.has_alpha for view in views):
+        return "a surface is carved from masks, which not all photographs have"
+    if len(views) < FEWEST_VIEWS:
+        return f"a surface is carved from {FEWEST_VIEWS} photographs or more, and {len(views)} are to train on"
+    return "the masks leave no surface"

@@ -132,7 +132,7 @@ def _start(arguments: list[str]) -> int:
         session = Session.start(
             out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded
         )
-    for sentence in settings_without_effect(asked.options, session):
+    for sentence in settings_without_effect(asked.options, recipe, session):
         sys.stderr.write(f"warning: {sentence}\n")
     return _train(session, asked.running)
 
