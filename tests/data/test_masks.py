@@ -119,6 +119,23 @@ def test_nerfstudio_names_masks_in_its_frames(tmp_path: Path):
     assert not load_scene(tmp_path, SceneOptions(masks="none")).train[0].has_alpha
 
 
+def test_a_frame_whose_mask_path_is_null_has_no_mask(tmp_path: Path):
+    document = nerfstudio_document()
+    document["mask_path"] = "keep.png"
+    write_mask(tmp_path / "keep.png")
+    document["frames"][2]["mask_path"] = None
+    scene = load_scene(write_nerfstudio(tmp_path, document))
+    note = "warning: masks: mask_path (8 of 9 photographs); the others, as images/0002.png, count as all subject"
+    assert note in scene.notes
+    opaque = [view.name for view in views(scene) if (view.load()[..., 3] == 255).all()]
+    assert opaque == ["images/0002.png"]
+    for frame in document["frames"]:
+        frame["mask_path"] = None
+    bare = load_scene(write_nerfstudio(tmp_path, document))
+    assert not bare.train[0].has_alpha
+    assert not any("masks" in note for note in bare.notes if not note.startswith("initial points"))
+
+
 def test_a_mask_outside_the_folder_is_refused(tmp_path: Path):
     document = nerfstudio_document()
     write_mask(tmp_path / "secret.png")
@@ -231,7 +248,7 @@ def test_a_damaged_mask_is_named(tmp_path: Path):
         [view.load() for view in views(load_scene(tmp_path))]
 
 
-@pytest.mark.parametrize("name", [7, "", None, "a\0b"])
+@pytest.mark.parametrize("name", [7, "", "a\0b"])
 def test_a_mask_path_that_is_no_name_is_refused(tmp_path: Path, name: object):
     document = nerfstudio_document()
     document["frames"][1]["mask_path"] = name

@@ -70,8 +70,9 @@ def _frame(fields: Fields, path: Path, base: Path, where: str) -> Frame:
 
 
 def _mask(fields: Fields, base: Path, where: str) -> MaskFile | None:
-    """nerfstudio's ``mask_path``; a file that is missing is refused where masks are wanted."""
-    name = text(fields, "mask_path", where)
+    """nerfstudio's ``mask_path``, null where the frame has none; a file that is missing is refused where masks are
+    wanted."""
+    name = None if fields.get("mask_path") is None else text(fields, "mask_path", where)
     return None if name is None else MaskFile(image_inside(base, name, where) or base / name)
 
 
