@@ -48,6 +48,16 @@ def test_a_camera_far_from_all_others_is_named(tmp_path: Path):
     assert warnings(tmp_path) == []
 
 
+def test_random_points_that_no_camera_sees_are_no_doubt(tmp_path: Path):
+    document = nerfstudio_document()
+    for frame in document["frames"]:  # all from one place, each another way
+        for row in range(3):
+            frame["transform_matrix"][row][3] = 0.0
+    document["camera_angle_x"] = 0.05
+    assert load_scene(write_nerfstudio(tmp_path, document)).points.measured is False
+    assert warnings(tmp_path) == []
+
+
 @pytest.mark.parametrize("write", [write_blender, write_colmap, write_nerfstudio])
 def test_plain_scenes_raise_no_doubts(tmp_path: Path, write):
     assert warnings(write(tmp_path)) == []

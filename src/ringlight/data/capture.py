@@ -57,7 +57,7 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions, keeper: Ke
     points, box, points_note = starting_points(capture.points, cameras, options)
     lens = undistortion_note([frame.undistortion for frame in masked.frames])
     about = (*lens, _size_note(split.train, train), f"background: {background}", points_note)
-    odd = doubts(points.positions, [view.name for view in train], cameras)
+    odd = doubts(points, [view.name for view in train], cameras)
     notes = (*capture.notes, *split_notes, *capture.split.warnings, *repeated, *masked.notes, *about, *odd)
     name = folder.resolve().name or "scene"  # the root of a file system has no name
     extent, source = scene_extent(cameras, box), str(folder.resolve())

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
+from ringlight.core.scene import PointCloud
 
 SAMPLES = 2000
 """Points that are looked for in the photographs, evenly chosen."""
@@ -22,9 +23,15 @@ CLOSE = 1e-6
 """Spread of points over their distance from the cameras below which all lie in one place."""
 
 
-def doubts(points: Float[Tensor, "P 3"], names: Sequence[str], cameras: Sequence[Camera]) -> Iterator[str]:
-    """Warnings. ``names`` are those of the cameras' photographs."""
+def doubts(points: PointCloud, names: Sequence[str], cameras: Sequence[Camera]) -> Iterator[str]:
+    """Warnings. ``names`` are those of the cameras' photographs. Random points are nobody's mistake: many lie where no
+    camera looks."""
     yield from _about_cameras(names, cameras)
+    if points.measured:
+        yield from _about_points(points.positions, cameras)
+
+
+def _about_points(points: Float[Tensor, "P 3"], cameras: Sequence[Camera]) -> Iterator[str]:
     chosen = points[torch.arange(min(len(points), SAMPLES)) * len(points) // min(len(points), SAMPLES)]
     seen = torch.zeros(len(chosen), dtype=torch.bool)
     for camera in cameras:
