@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from ringlight.errors import ModelFileError
+from ringlight.errors import ModelFileError, OutputError
 from ringlight.files.model_file import (
     FORMAT,
     ModelHeader,
@@ -54,6 +54,43 @@ def test_write_then_read_gives_the_same(tmp_path: Path) -> None:
     assert found.header == header
     assert found.tensors.keys() == TENSORS.keys()
     assert all(torch.equal(found.tensors[name], tensor) for name, tensor in TENSORS.items())
+
+
+def test_the_header_is_json_for_every_reader(tmp_path: Path) -> None:
+    path, lost = tmp_path / "model.safetensors", replace(HEADER, storage={"picture_psnr": math.inf, "worst": math.nan})
+    write_model_file(path, TENSORS, lost)
+    for text in read_tensors(path).metadata.values():
+        assert "Infinity" not in text
+        assert "NaN" not in text
+    storage = read_model_file(path).header.storage
+    assert storage["picture_psnr"] == math.inf
+    assert math.isnan(storage["worst"])
+
+
+@pytest.mark.parametrize(
+    ("name", "header"),
+    [
+        ("recipe", replace(HEADER, recipe={"rates": {"means": math.nan}})),
+        ("scene", replace(HEADER, scene=replace(SCENE, extent=math.inf))),
+    ],
+)
+def test_settings_that_are_not_finite_are_not_written(tmp_path: Path, name: str, header: ModelHeader) -> None:
+    with pytest.raises(OutputError, match=f"model.safetensors: cannot be written: its '{name}' .*; correct"):
+        write_model_file(tmp_path / "model.safetensors", TENSORS, header)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity"])
+def test_words_that_are_no_json_are_refused(tmp_path: Path, word: str) -> None:
+    path = tmp_path / "model.safetensors"
+    for name in ("recipe", "scene", "metrics", "storage"):
+        with_metadata(path, **{name: f'{{"a":{word}}}'})
+        with pytest.raises(ModelFileError, match=f"'{name}' in its header"):
+            read_model_file(path)
+    header = f'{{"a":{word}}}'.encode()
+    path.write_bytes(len(header).to_bytes(8, "little") + header)
+    with pytest.raises(ModelFileError, match="its header is not JSON"):
+        read_tensors(path)
 
 
 def test_equal_models_give_equal_bytes(tmp_path: Path) -> None:

@@ -84,6 +84,18 @@ def test_a_history_goes_on_from_a_checkpoint(steps: int, share: float) -> None:
     assert again.points == noted(steps).points
 
 
+def test_a_perfect_picture_is_kept_as_json() -> None:
+    history = History(1)
+    perfect = torch.zeros(2, 2, 3)
+    history.note(Progress(1, {}, Photograph(), Rendering(perfect, torch.ones(2, 2, 1), {}), perfect), 0.1, 1)
+    text = history.to_text()
+    assert "Infinity" not in text
+    again = History(1)
+    again.go_on_from({"history": text})
+    assert again.points == history.points
+    assert again.points[0].psnr == float("inf")
+
+
 def test_what_was_undone_is_forgotten() -> None:
     history = noted(300)
     for number in range(151, 301):

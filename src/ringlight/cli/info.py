@@ -151,7 +151,7 @@ def _storage(storage: dict[str, Any]) -> str:
         texts.append(f"{facts['bytes_after']:,} of {facts['bytes_before']:,} bytes")
     if {"psnr_before", "psnr_after"} <= facts.keys():
         change = facts["psnr_after"] - facts["psnr_before"]
-        on = counted(int(facts["views"]), "test view") if "views" in facts else "the test views"
+        on = counted(facts["views"], "test view") if "views" in facts else "the test views"
         views = f"on {on} ({facts['psnr_before']:.3f} dB before)"
         texts.append(f"{change:+.3f} dB {views}")
     if "picture_psnr" in facts:

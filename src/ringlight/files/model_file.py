@@ -2,7 +2,8 @@
 
 Metadata of the safetensors file, all strings: ``program`` "ringlight", ``format`` a number, ``method``, ``preset``,
 ``step``, ``counted``, ``noun``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``, ``packing``:
-how each packed tensor is stored, by name, and ``storage``: what packing cost.
+how each packed tensor is stored, by name, and ``storage``: what packing cost. Of ``metrics`` and ``storage`` numbers
+may be infinite or NaN, as ``core/json_numbers.py`` spells them.
 """
 
 import json
@@ -13,7 +14,8 @@ from pathlib import Path
 
 from torch import Tensor
 
-from ringlight.errors import ModelFileError
+from ringlight.core.json_numbers import read_back, refuse_constant, spelled
+from ringlight.errors import ModelFileError, OutputError
 from ringlight.files.packed import Packed, unpack_tensors
 from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
 
@@ -77,9 +79,10 @@ class ModelFile:
 
 
 def write_model_file(path: Path, tensors: Mapping[str, Tensor] | Packed, header: ModelHeader) -> None:
-    """Write all or nothing; equal content gives equal bytes. Raises OutputError."""
+    """Write all or nothing; equal content gives equal bytes. Raises OutputError, also for a header with a
+    number that JSON has not."""
     packed = tensors if isinstance(tensors, Packed) else Packed(dict(tensors), {})
-    write_tensors(path, packed.tensors, _metadata_from(header, packed.packing))
+    write_tensors(path, packed.tensors, _metadata_from(path, header, packed.packing))
 
 
 def read_model_file(path: Path) -> ModelFile:
@@ -102,13 +105,18 @@ def read_model_file(path: Path) -> ModelFile:
     return ModelFile(tensors, header, stored)
 
 
-def _metadata_from(header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
-    facts = {name: value if isinstance(value, str) else _json(value) for name, value in asdict(header).items()}
-    return {"program": PROGRAM, "format": str(FORMAT), "packing": _json(dict(packing))} | facts
+def _metadata_from(path: Path, header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
+    facts = asdict(header) | {"metrics": spelled(header.metrics), "storage": spelled(header.storage)}
+    texts = {name: value if isinstance(value, str) else _json(path, name, value) for name, value in facts.items()}
+    return {"program": PROGRAM, "format": str(FORMAT), "packing": _json(path, "packing", dict(packing))} | texts
 
 
-def _json(value: object) -> str:
-    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+def _json(path: Path, name: str, value: object) -> str:
+    try:
+        return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        sentence = f"{path}: cannot be written: its {name!r} has a number that is not finite; correct it and save again"
+        raise OutputError(sentence) from None
 
 
 def _refuse_newer(path: Path, metadata: dict[str, str]) -> None:
@@ -132,12 +140,12 @@ def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
         recipe=_object(path, metadata, "recipe"),
         step=_number(path, metadata, "step"),
         scene=_scene_from(path, _object(path, metadata, "scene")),
-        metrics=_object(path, metadata, "metrics"),
+        metrics=_measures(path, metadata, "metrics"),
         versions={name: str(version) for name, version in _object(path, metadata, "versions").items()},
         created=_text(path, metadata, "created"),
         counted=_number(path, metadata, "counted"),
         noun=_text(path, metadata, "noun"),
-        storage=_object(path, metadata, "storage"),
+        storage=_measures(path, metadata, "storage"),
     )
 
 
@@ -182,12 +190,16 @@ def _number(path: Path, metadata: dict[str, str], name: str) -> int:
 
 def _object(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
     try:
-        value = json.loads(_text(path, metadata, name))
+        value = json.loads(_text(path, metadata, name), parse_constant=refuse_constant)
     except (ValueError, RecursionError) as error:
         raise _damaged(path, name) from error
     if not isinstance(value, dict):
         raise _damaged(path, name)
     return value
+
+
+def _measures(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
+    return {key: read_back(value) for key, value in _object(path, metadata, name).items()}
 
 
 def _damaged(path: Path, name: str) -> ModelFileError:

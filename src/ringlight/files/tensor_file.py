@@ -24,6 +24,7 @@ from torch import Tensor
 
 from ringlight.core.command_line import command
 from ringlight.core.lost_disk import what_helps
+from ringlight.core.json_numbers import refuse_constant
 from ringlight.core.words import counted
 from ringlight.errors import ModelFileError
 from ringlight.files.atomic import written_atomically
@@ -97,7 +98,7 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[s
         end = begin + tensor.numel() * tensor.element_size()
         header[name] = {"dtype": NAMES[tensor.dtype], "shape": list(tensor.shape), "data_offsets": [begin, end]}
         begin = end
-    encoded = json.dumps(header, separators=(",", ":")).encode()
+    encoded = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     encoded += b" " * (-len(encoded) % ALIGNMENT)
     values = [_bytes_of(tensor.detach().cpu().contiguous()) for _, tensor in ordered]
     with written_atomically(path) as file, ThreadPoolExecutor(1) as another:
@@ -217,7 +218,7 @@ def _is_text(value: object) -> bool:
 
 def _parse(path: Path, encoded: bytes) -> dict[str, object]:
     try:
-        header = json.loads(encoded.decode())
+        header = json.loads(encoded.decode(), parse_constant=refuse_constant)
     # ValueError covers bad UTF-8, bad JSON and absurd numbers; deep nesting ends in a RecursionError.
     except (ValueError, RecursionError) as error:
         raise ModelFileError(f"{path}: the file is damaged: its header is not JSON; {REMEDY}") from error

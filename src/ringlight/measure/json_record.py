@@ -1,29 +1,25 @@
 """Frozen dataclasses as JSON and back, strictly: a wrong or missing field is one sentence, an unknown one is skipped.
 
-JSON has no infinity and no NaN, and both occur in honest measurements (the PSNR of a perfect picture is infinite).
-They are written as the strings "inf", "-inf" and "nan"; null means that something was not measured.
+Infinity and NaN are written as the strings "inf", "-inf" and "nan"; null means that something was not measured.
 """
 
 import json
-import math
 import types
 from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from ringlight.core.json_numbers import NON_FINITE, refuse_constant, spelled
 from ringlight.errors import RunError
 
 Record = TypeVar("Record")
 
 REMEDY = "measure the run again with 'ringlight eval'"
 
-NON_FINITE = ("inf", "-inf", "nan")
-"""As Python writes and reads them."""
-
 
 def to_json(record: object) -> str:
     """The record as valid, indented JSON in ASCII, with the fields in the order of their declaration."""
-    return json.dumps(_encode(record), indent=2, allow_nan=False) + "\n"
+    return json.dumps(spelled(record), indent=2, allow_nan=False) + "\n"
 
 
 def from_json(kind: type[Record], text: str, source: str) -> Record:
@@ -33,27 +29,11 @@ def from_json(kind: type[Record], text: str, source: str) -> Record:
         RunError: not JSON, a field without default is missing, or a field has another type; ``source`` names the file.
     """
     try:
-        data = json.loads(text, parse_constant=_refuse_constant)
+        data = json.loads(text, parse_constant=refuse_constant)
     except (ValueError, RecursionError) as error:
         raise RunError(f"{source}: not valid JSON ({error}); {REMEDY}") from None
     result: Record = _decode(kind, data, "the record", source)
     return result
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not JSON")
-
-
-def _encode(value: Any) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _encode(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
-        return {key: _encode(item) for key, item in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [_encode(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value
 
 
 def _decode(kind: Any, value: Any, name: str, source: str) -> Any:

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 
+from ringlight.core.json_numbers import spelled
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
 from ringlight.measure.report import CurvePoint
@@ -46,7 +47,8 @@ class History:
     def to_text(self) -> str:
         """For a checkpoint."""
         points = [[point.step, point.seconds, point.psnr, point.counted] for point in self.points]
-        return json.dumps({"points": points, "sum": self._sum, "count": self._count, "every": self.every})
+        kept = {"points": points, "sum": self._sum, "count": self._count, "every": self.every}
+        return json.dumps(spelled(kept), allow_nan=False)
 
     def go_on_from(self, facts: Mapping[str, str]) -> None:
         """From a checkpoint's facts; one of an earlier version has no history, or one that was not thinned. Raises

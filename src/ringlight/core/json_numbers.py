@@ -1,0 +1,35 @@
+"""Numbers that JSON has not: infinity and NaN are spelled as strings where they are honest, and refused elsewhere.
+
+Both occur in honest measurements: the PSNR of a perfect picture is infinite. Python writes them as bare words, which
+other readers call damage.
+"""
+
+import math
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+NON_FINITE = ("inf", "-inf", "nan")
+"""As Python writes and reads them."""
+
+
+def spelled(value: Any) -> Any:
+    """The same without a float that JSON has not; dataclasses become objects, with fields in their order."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: spelled(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, dict):
+        return {key: spelled(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [spelled(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
+
+
+def read_back(value: Any) -> Any:
+    """The float that :func:`spelled` wrote as a string; anything else as it is."""
+    return float(value) if isinstance(value, str) and value in NON_FINITE else value
+
+
+def refuse_constant(name: str) -> float:
+    """For json's ``parse_constant``. Raises ValueError: NaN and Infinity are no JSON."""
+    raise ValueError(f"{name} is not JSON")
