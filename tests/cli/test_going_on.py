@@ -5,7 +5,6 @@ import json
 import shutil
 import signal
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from refusal import QUIET, refused, snapshot
 from ringlight.errors import OutputError
 from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
 from ringlight.files.tensor_file import read_tensors
-from ringlight.fit.train import Progress
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.session import Session
@@ -29,16 +27,8 @@ def finished(trained: dict[str, Path], tmp_path: Path) -> Path:
     return Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
 
 
-def stop_after(step: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = Session.steps
-
-    def pressed(session: Session) -> Iterator[Progress]:
-        for progress in steps(session):
-            if progress.step == step:
-                signal.raise_signal(signal.SIGINT)
-            yield progress
-
-    monkeypatch.setattr(Session, "steps", pressed)
+def pressed(session: Session) -> None:
+    signal.raise_signal(signal.SIGINT)
 
 
 def state(run: Path) -> dict[str, torch.Tensor]:
@@ -73,15 +63,14 @@ def test_a_finished_run_is_extended(finished: Path, ringlight: Command) -> None:
 
 
 def test_a_run_is_extended_twice_and_stopped_in_between_with_the_same_bits(
-    trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
 ) -> None:
     whole, stopped = (Path(shutil.copytree(trained["3dgs"], tmp_path / name)) for name in ("whole", "stopped"))
     for more in (10, 15):
         assert ringlight("train", "--resume", whole, "--steps", more, *QUIET).code == 0
     for more, at in ((10, 44), (15, 57)):
-        with monkeypatch.context() as patched:
-            stop_after(at, patched)
-            assert ringlight("train", "--resume", stopped, "--steps", more, *QUIET).code == 130
+        at_step(at, pressed)
+        assert ringlight("train", "--resume", stopped, "--steps", more, *QUIET).code == 130
         assert int(state(stopped)["step"]) == at
         assert ringlight("train", "--resume", stopped, *QUIET).code == 0
     assert int(state(stopped)["step"]) == 65
@@ -90,12 +79,11 @@ def test_a_run_is_extended_twice_and_stopped_in_between_with_the_same_bits(
 
 
 def test_a_run_that_was_stopped_is_extended_behind_its_end(
-    tiny: Path, finished: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+    tiny: Path, finished: Path, tmp_path: Path, ringlight: Command, at_step
 ) -> None:
     run = tmp_path / "new"
-    with monkeypatch.context() as patched:
-        stop_after(15, patched)
-        assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 130
+    at_step(15, pressed)
+    assert ringlight("train", tiny, "3dgs", "--out", run, *QUICK).code == 130
     assert ringlight("train", "--resume", run, "--steps", "10", *QUIET).code == 0
     assert ringlight("train", "--resume", finished, "--steps", "10", *QUIET).code == 0
     assert same_state(run, finished)
@@ -236,14 +224,19 @@ def test_a_chooser_goes_on_with_the_method_of_the_model(
 
 
 def test_a_run_that_started_from_a_model_resumes_without_it(
-    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+    tiny: Path,
+    trained: dict[str, Path],
+    tmp_path: Path,
+    ringlight: Command,
+    at_step,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     source = Path(shutil.copytree(trained["ringlight-ring"], tmp_path / "source"))
     words = ("train", tiny, "ringlight-ring", "--from", source, *SMALL_LIGHT, *SHORT)
     assert ringlight(*words, "--out", tmp_path / "whole").code == 0
-    with monkeypatch.context() as patched:
-        stop_after(3, patched)
-        assert ringlight(*words, "--out", tmp_path / "stopped").code == 130
+    at_step(3, pressed)
+    assert ringlight(*words, "--out", tmp_path / "stopped").code == 130
+    monkeypatch.undo()
     with monkeypatch.context() as patched:  # killed before its first step
         patched.setattr(Session, "steps", lambda session: 1 / 0)
         with pytest.raises(ZeroDivisionError):

@@ -3,7 +3,6 @@
 import json
 import shutil
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from scenes_on_disk import picture
 from ringlight.cli import checks
 from ringlight.cli.progress import announce
 from ringlight.files.ply import read_gaussian_ply
-from ringlight.fit.train import Progress
 from ringlight.measure.lpips import tensor_shapes
 from ringlight.measure.picture_names import picture_name
 from ringlight.methods.store import load_model
@@ -72,20 +70,11 @@ def test_train_prints_a_table_or_json_and_nothing_else_on_standard_output(
 
 
 def test_an_interrupted_run_goes_on_to_the_same_bits(
-    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
 ) -> None:
-    steps = Session.steps
-
-    def pressed_at_fifteen(session: Session) -> Iterator[Progress]:
-        for progress in steps(session):
-            if progress.step == 15:
-                signal.raise_signal(signal.SIGINT)
-            yield progress
-
     run = tmp_path / "run"
-    with monkeypatch.context() as patched:
-        patched.setattr(Session, "steps", pressed_at_fifteen)
-        stopped = ringlight("train", tiny, "ringlight-ring", "--out", run, *QUICK, *SMALL_LIGHT)
+    at_step(15, lambda session: signal.raise_signal(signal.SIGINT))
+    stopped = ringlight("train", tiny, "ringlight-ring", "--out", run, *QUICK, *SMALL_LIGHT)
     assert stopped.code == 130
     resume = f"ringlight train --resume {run}"
     assert resume in stopped.err
