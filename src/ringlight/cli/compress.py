@@ -102,7 +102,7 @@ def _sentences(compressed: "Compressed") -> str:
         )
     if losses.psnr_before is not None and losses.psnr_after is not None:
         lines.append(
-            f"  on {counted(losses.views, 'test view')}: {losses.psnr_after:.3f} dB instead of "
+            f"  on {counted(losses.views or 0, 'test view')}: {losses.psnr_after:.3f} dB instead of "
             f"{losses.psnr_before:.3f}, {losses.psnr_after - losses.psnr_before:+.3f} dB"
         )
     else:

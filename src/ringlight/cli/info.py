@@ -145,7 +145,7 @@ def _line(label: str, text: str) -> str:
 
 def _storage(storage: dict[str, Any]) -> str:
     """What packing saved and cost; a field that is missing or no number is left out."""
-    facts = {name: value for name, value in storage.items() if isinstance(value, (int, float))}
+    facts: dict[str, Any] = {name: value for name, value in storage.items() if isinstance(value, (int, float))}
     texts = []
     if {"bytes_before", "bytes_after"} <= facts.keys():
         texts.append(f"{facts['bytes_after']:,} of {facts['bytes_before']:,} bytes")
