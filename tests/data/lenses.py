@@ -45,12 +45,14 @@ def undistorted(camera: Any) -> Any:
 
 
 @st.composite
-def cameras(draw: st.DrawFn) -> tuple[str, tuple[float, ...]]:
-    """A model and parameters: half angles to the corner of 25 to 45 degrees, coefficients as calibrations give them."""
-    model = MODELS_BY_NAME[draw(st.sampled_from(sorted(REAL)))]
+def cameras(draw: st.DrawFn, strong: bool = False) -> tuple[str, tuple[float, ...]]:
+    """A model and parameters: half angles to the corner of 25 to 45 degrees, coefficients as calibrations give them,
+    or ``strong`` ones of lenses that are no fisheyes, which may fold something over."""
+    names = [name for name in sorted(REAL) if not (strong and "FISHEYE" in name)]
+    model = MODELS_BY_NAME[draw(st.sampled_from(names))]
     focals = [draw(st.floats(240.0, 400.0)) for _ in range(model.focals)]
     center = [draw(st.floats(0.42, 0.58)) * WIDTH, draw(st.floats(0.42, 0.58)) * HEIGHT]
-    spread = {"k1": 0.06, "p1": 0.004, "p2": 0.004}
+    spread = {"k1": 0.6 if strong else 0.06, "k2": 0.3 if strong else 0.02, "p1": 0.004, "p2": 0.004}
     names = (model.coefficients or "").split()
     return model.name, (*focals, *center, *(draw(st.floats(-s, s)) for s in (spread.get(n, 0.02) for n in names)))
 

@@ -147,6 +147,8 @@ def test_what_moves_no_pixel_is_ignored(share: float, bent: bool):
     ("model", "parameters"),
     [
         ("SIMPLE_RADIAL", (300.0, 160.0, 120.0, -1.0)),  # folds within the photograph
+        ("SIMPLE_RADIAL", (300.0, 160.0, 120.0, -0.5)),  # folds within COLMAP's picture
+        ("SIMPLE_RADIAL", (300.0, 160.0, 120.0, -0.53)),  # shows no pixel of its left side
         ("SIMPLE_RADIAL", (300.0, 160.0, 120.0, 1e6)),
         ("OPENCV", (300.0, 300.0, 160.0, 120.0, 0.0, 0.0, 3.0, 0.0)),
         ("FULL_OPENCV", (300.0, 300.0, 160.0, 120.0, *[0.0] * 5, 30.0, 0.0, 0.0)),
@@ -160,6 +162,36 @@ def test_a_lens_that_no_pinhole_can_stand_in_for_is_refused(model: str, paramete
         SceneError, match=rf"^camera 1 has a lens \({model}\) that no pinhole .*; find the cameras again"
     ):
         undistortion_of(read(model, parameters), "camera 1")
+
+
+FOLDED_CORNERS = {
+    "SIMPLE_RADIAL": (300.0, 160.0, 120.0, -0.42),
+    "RADIAL": (300.0, 158.0, 123.0, -0.45, 0.04),
+    "OPENCV": (290.0, 295.0, 162.0, 117.0, -0.45, 0.06, 0.002, -0.003),
+}
+"""Lenses that fold the photograph's corners over, and nothing that the picture shows."""
+
+
+@pytest.mark.parametrize("model", FOLDED_CORNERS)
+def test_a_lens_that_folds_only_what_is_cropped_is_taken_as_colmap_takes_it(model: str):
+    photograph = read(model, FOLDED_CORNERS[model])
+    corner = -np.array(photograph.center)[None] / photograph.focal
+    assert np.isnan(photograph.lens.straightened(corner)).any(), "no ray is shown there"
+    agrees(model, FOLDED_CORNERS[model])
+    made = made_of(model, FOLDED_CORNERS[model])
+    corners = [(x, y) for x in (0, made.pinhole.width) for y in (0, made.pinhole.height)]
+    rays = (np.array(corners) - made.pinhole.center) / made.pinhole.focal
+    assert np.linalg.norm(rays, axis=1).max() < made.photograph.lens.fold
+
+
+@given(cameras(strong=True))
+def test_any_strong_lens_that_is_taken_gets_the_camera_that_colmap_gives_it(camera: tuple[str, tuple[float, ...]]):
+    try:
+        made = undistortion_of(read(*camera), "camera 1")
+    except SceneError:
+        return
+    if made is not None:
+        agrees(*camera)
 
 
 @pytest.mark.parametrize("focal", [130.0, 100.0, 80.0])

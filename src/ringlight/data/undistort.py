@@ -119,15 +119,17 @@ def _undistortion(photograph: Intrinsics) -> Undistortion | None:
 
 
 def _pinhole(photograph: Intrinsics) -> Intrinsics | None:
-    """None where the lens shows no ray at a pixel of the photograph's border, unless that is because the rays are too
-    far from the axis for any pinhole: such a pixel stays where it is, as in COLMAP."""
+    """None where the lens shows no ray at all at a side of the photograph. As in COLMAP a pixel there that shows none
+    is left out, for a picture may do without corners that the lens folds over; but it stays where it is if that is
+    because the rays are too far from the axis for any pinhole."""
     sides = []
     for side in _borders(photograph.width, photograph.height):
         bent = (side - photograph.center) / photograph.focal
         rays = photograph.lens.straightened(bent)
-        if not photograph.lens.by_angle and not np.isfinite(rays).all():
+        found = np.isfinite(rays).all(-1)
+        if not photograph.lens.by_angle and not found.any():
             return None
-        rays = np.where(np.isfinite(rays), rays, bent)
+        rays = np.where(np.isfinite(rays), rays, bent) if photograph.lens.by_angle else rays[found]
         sides.append(rays * photograph.focal + photograph.center)
     left, right, top, bottom = sides
     width, x = _cropped(photograph.width, photograph.center[0], left[:, 0].max(), right[:, 0].min())
