@@ -14,12 +14,15 @@ from safetensors.torch import save_file
 from scenes_on_disk import picture
 
 from ringlight.cli import checks
+from ringlight.cli.export import _sentences
 from ringlight.cli.progress import announce
 from ringlight.files.ply import read_gaussian_ply
 from ringlight.measure.lpips import tensor_shapes
 from ringlight.measure.picture_names import picture_name
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.as_harmonics import BakingLoss
+from ringlight.runs.export import Exported
 from ringlight.runs.session import Session
 
 METHODS = ("3dgs", "ringlight-ring")
@@ -303,12 +306,24 @@ def test_harmonics_are_exported_exactly(trained: dict[str, Path], tmp_path: Path
     assert torch.equal(found.means, model.gaussians.means)
 
 
+@pytest.mark.parametrize(
+    ("decibels", "said"), [(54.7, "40 or more are hardly seen"), (31.4, "are softer"), (24.2, "reflections are lost")]
+)
+def test_an_export_says_what_its_number_means(decibels: float, said: str) -> None:
+    told = _sentences(Exported("a.ply", 1, "Gaussians", 1, BakingLoss(50, 0.02, 34.0, 0.04, 5, decibels, 200, 20.0)))
+    assert f"{decibels} dB PSNR from pictures of the model (20.0 before 200 steps of fitting)" in told
+    assert said in told
+    assert "5 of 50 training cameras" in told
+    assert "other viewers show" in _sentences(Exported("a.ply", 1, "Gaussians", 1, None))
+
+
 def test_a_neural_colour_is_baked_and_the_error_printed(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:
     done = ringlight("export", trained["ringlight-ring"], tmp_path / "a.ply")
     assert done.code == 0
     assert "rmse" in done.out
+    assert "pictures of the file are" in done.out
     again = ringlight("export", trained["ringlight-ring"], tmp_path / "a.ply", "--overwrite", "--json")
     told = json.loads(again.out)
     loss = told["loss"]

@@ -11,7 +11,7 @@ from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
-from ringlight.core.words import numbered
+from ringlight.core.words import counted, numbered
 from ringlight.errors import RecipeError
 from ringlight.files.formats.table import WRITERS
 
@@ -65,18 +65,32 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
+ALIKE, CLOSE = 40.0, 30.0
+"""dB of pictures against each other above which a difference is hardly seen, and reflections are kept though softer. A
+ring's light has 55, mirrors 24 to 31 (docs/experiments/export.md)."""
+
+
 def _sentences(exported: "Exported") -> str:
-    lines = [f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / 1e6:.2f} MB"]
+    size = f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / 1e6:.2f} MB"
     loss = exported.loss
-    if loss is not None:
-        fitted = f" ({loss.unfitted_picture_psnr:.1f} before {loss.fitted} steps of fitting)" if loss.fitted else ""
-        lines += [
-            f"colour baked to spherical harmonics of degree 3 from {loss.cameras} training cameras",
-            f"  pictures of the file against the model's, from {loss.pictures} of them: "
-            f"{loss.picture_psnr:.1f} dB PSNR{fitted}",
-            f"  colour of single Gaussians{', before' if loss.fitted else ''}, 0 to 1, over the directions of "
-            f"those cameras: rmse {loss.rmse:.4f} ({loss.psnr:.1f} dB), {loss.worst:.3f} for the worst",
-        ]
-    else:
-        lines += ["colour is written as the model has it: exact"]
+    if loss is None:
+        return f"{size}\nother viewers show the colours as the model has them: exact\n"
+    before = f" ({loss.unfitted_picture_psnr:.1f} before {counted(loss.fitted, 'step')} of fitting)" * bool(loss.fitted)
+    when = " before fitting" if loss.fitted else ""
+    lines = [
+        size,
+        "other viewers show spherical harmonics of degree 3 in place of the model's light, which is more",
+        f"  pictures of the file are {loss.picture_psnr:.1f} dB PSNR from pictures of the model{before}: "
+        f"{_verdict(loss.picture_psnr)}; compared from {loss.pictures} of {counted(loss.cameras, 'training camera')}",
+        f"  the colour of a Gaussian, from 0 to 1, was off by {loss.rmse:.4f} (rmse){when}, of the worst by "
+        f"{loss.worst:.3f}",
+    ]
     return "\n".join(lines) + "\n"
+
+
+def _verdict(picture_psnr: float) -> str:
+    if picture_psnr >= ALIKE:
+        return f"{ALIKE:.0f} or more are hardly seen"
+    if picture_psnr >= CLOSE:
+        return f"reflections are softer (from {ALIKE:.0f} on it is hardly seen)"
+    return f"reflections are lost (they are kept from about {CLOSE:.0f} on)"
