@@ -2,8 +2,10 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import Command
 from refusal import refused
@@ -47,6 +49,97 @@ def test_a_nerfstudio_path_shows_what_its_cameras_see(
     wide = ringlight("render", run, "--path", file, "--out", tmp_path / "wide", "--width", "30", "--frames", "1")
     assert wide.code == 0
     assert picture(tmp_path / "wide" / "color" / "0000.png").shape == (30, 30, 3)
+
+
+def turned(axis: int, degrees: float) -> np.ndarray:
+    """A rotation of the space about one of its axes."""
+    sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    matrix, (one, other) = np.eye(4), [row for row in range(3) if row != axis]
+    matrix[[one, one, other, other], [one, other, one, other]] = cosine, -sine, sine, cosine
+    return matrix
+
+
+ORIENTED = turned(0, 35.0) @ turned(2, -70.0)
+ORIENTED[:3, 3] = [0.4, -1.5, 0.25]
+APPLIED = turned(0, -90.0)
+APPLIED[:3, 3] = [0.0, 0.5, 0.0]
+
+
+def moved_by_nerfstudio(document: dict, scale: float) -> dict:
+    """The path as nerfstudio's viewer writes it: poses turned and shifted, then their places scaled."""
+    document = json.loads(json.dumps(document))  # its frames may be one object
+    for frame in document["camera_path"]:
+        pose = ORIENTED @ np.array(frame["camera_to_world"]).reshape(4, 4)
+        pose[:3, 3] *= scale
+        frame["camera_to_world"] = pose.ravel().tolist()
+    return document
+
+
+def as_nerfstudio(scene: Path, folder: Path) -> Path:
+    """The tiny scene as one of nerfstudio's that was turned when it was made, and scaled by 4."""
+    shutil.copytree(scene, folder)
+    document = json.loads((folder / "transforms_train.json").read_text())
+    for frame in document["frames"]:
+        frame["file_path"] += ".png"
+    for name in ("train", "test"):
+        (folder / f"transforms_{name}.json").unlink()
+    facts = {"applied_transform": APPLIED[:3].tolist(), "applied_scale": 4.0}
+    (folder / "transforms.json").write_text(json.dumps(document | facts))
+    return folder
+
+
+@pytest.mark.parametrize("of_nerfstudio", [False, True])
+def test_a_path_in_nerfstudios_own_world_is_brought_back(
+    of_nerfstudio: bool, run: Path, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    flights, scene = tmp_path / "flights", tiny
+    flights.mkdir()
+    file, beside = flights / "flight.json", flights / "dataparser_transforms.json"
+    file.write_text(json.dumps(moved_by_nerfstudio(path_of_first_test_view(tiny), 0.125)))
+    told = {"transform": ORIENTED[:3].tolist(), "scale": 0.125}
+    if of_nerfstudio:  # whose file says the whole way, from the world before the scene's own was turned and scaled
+        scene = as_nerfstudio(tiny, tmp_path / "scene")
+        told = {"transform": (ORIENTED @ APPLIED)[:3].tolist(), "scale": 0.125 * 4.0}
+    beside.write_text(json.dumps(told))
+    done = ringlight("render", run, "--path", file, "--out", tmp_path / "out", "--scene", scene)
+    assert done.code == 0, done.err
+    assert f"cameras brought back into the scene's world by {beside}" in done.err
+    shown = picture(tmp_path / "out" / "color" / "0001.png").astype(int)
+    measured = picture(next((run / "images" / "test").glob("*r_0*"))).astype(int)
+    assert abs(shown - measured).max() <= 1
+    beside.unlink()
+    assert ringlight("render", run, "--path", file, "--out", tmp_path / "elsewhere", "--quiet").code == 0
+    elsewhere = picture(tmp_path / "elsewhere" / "color" / "0001.png").astype(int)
+    assert abs(elsewhere - measured).max() > 5
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"transform": [[1, 2], [3, 4]]},
+        {"transform": np.zeros((3, 4)).tolist()},
+        {"transform": [[1e200, 0, 0, 0], [0, 1e200, 0, 0], [0, 0, 1e200, 0]]},
+        {"scale": 0},
+        {"scale": "x"},
+    ],
+)
+def test_a_damaged_frame_of_nerfstudio_is_one_sentence(
+    damage: dict, run: Path, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    file, beside = tmp_path / "flight.json", tmp_path / "dataparser_transforms.json"
+    file.write_text(json.dumps(path_of_first_test_view(tiny)))
+    beside.write_text(json.dumps({"transform": np.eye(4)[:3].tolist(), "scale": 1.0} | damage))
+    refused(ringlight("render", run, "--path", file), 1, beside, *damage)
+
+
+def test_a_moved_path_wants_the_scene_that_was_moved(run: Path, tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    gone = Path(shutil.copytree(run, tmp_path / "run"))
+    edit_json(gone / "recipe.json", lambda record: record.update(scene=str(tmp_path / "gone")))
+    file, beside = tmp_path / "flight.json", tmp_path / "dataparser_transforms.json"
+    file.write_text(json.dumps(path_of_first_test_view(tiny)))
+    beside.write_text(json.dumps({"transform": np.eye(4)[:3].tolist(), "scale": 1.0}))
+    refused(ringlight("render", gone, "--path", file), 1, beside, f"--path {file} --scene FOLDER")
+    assert ringlight("render", gone, "--path", file, "--scene", tiny, "--quiet").code == 0
 
 
 def test_a_film_of_a_nerfstudio_path_is_as_fast_as_the_file_says(

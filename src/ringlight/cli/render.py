@@ -43,8 +43,9 @@ class RenderArguments:
     model: ModelPath
     """Run folder or model file."""
     path: Annotated[str, tyro.conf.arg(metavar="{test,train,orbit,interpolated}|FILE.json")] = "test"
-    """Where the camera goes; FILE.json is a camera_path.json of nerfstudio, in the scene's own world. Only test needs
-    photographs besides the model file."""
+    """Where the camera goes; FILE.json is a camera_path.json of nerfstudio, in the scene's own world, or beside
+    nerfstudio's dataparser_transforms.json in the one that it trained in. Only test needs photographs
+    besides the model file."""
     scene: MaybeFolder = None
     """Folder of photographs with the test views, and with the training cameras that a path goes by; by default the
     model's own."""
@@ -172,12 +173,14 @@ def _refuse_unknown_path(path: str) -> None:
 
 def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]":
     """The cameras, a line on what was chosen, and frames a second."""
+    from ringlight.files.nerfstudio_frame import FRAME_NAME, UNMOVED
     from ringlight.files.nerfstudio_path import read_nerfstudio_path
     from ringlight.files.orbit import OrbitWish
     from ringlight.runs.film import film_from_training, film_of_file, film_of_orbit, film_of_views
+    from ringlight.runs.nerfstudio_world import scene_was_moved
     from ringlight.runs.opened import scene_of, with_cameras_of
 
-    fps, frames = asked.fps or FPS, asked.frames or FRAMES
+    fps, frames, taken = asked.fps or FPS, asked.frames or FRAMES, ""
     if asked.scene is not None and asked.path in PATHS and asked.path != "test":
         opened = with_cameras_of(opened, asked.scene)
     if asked.path == "orbit":
@@ -190,10 +193,14 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
     elif asked.path in PATHS:
         film = film_from_training(opened, asked.path, frames)
     else:
-        read = read_nerfstudio_path(Path(asked.path), MOST_FRAMES)
+        again = command("render", asked.model, "--path", asked.path, "--scene", "FOLDER")
+        moved = scene_was_moved(Path(asked.path), opened, asked.scene, again)
+        read = read_nerfstudio_path(Path(asked.path), MOST_FRAMES, moved)
         film, fps = film_of_file(read), asked.fps or read.fps or FPS
+        if moved is not UNMOVED:
+            taken = f"cameras brought back into the scene's world by {Path(asked.path).with_name(FRAME_NAME)}\n"
     film = film.thinned(asked.frames or len(film.cameras)).zoomed(asked.zoom or 1.0)
-    return film.resized(asked.width, asked.scale), "", fps
+    return film.resized(asked.width, asked.scale), taken, fps
 
 
 def _background(asked: RenderArguments, opened: "Opened") -> "Tensor":

@@ -81,13 +81,18 @@ def pose_matrix(fields: Fields, where: str) -> Float[np.ndarray, "4 4"]:
     Raises:
         SceneError: absent, of another shape, or with an entry that is not a finite number.
     """
-    what = f"{where}: 'transform_matrix'"
-    rows = fields.get("transform_matrix")
+    return matrix_of(fields, "transform_matrix", where, "export the cameras again, or remove the frame")
+
+
+def matrix_of(fields: Fields, name: str, where: str, remedy: str) -> Float[np.ndarray, "4 4"]:
+    """The matrix called ``name``, as :func:`pose_matrix` reads one."""
+    what = f"{where}: {name!r}"
+    rows = fields.get(name)
     if not isinstance(rows, list) or len(rows) not in (3, 4):
-        raise SceneError(f"{what} is not a matrix of 4 rows; export the cameras again, or remove the frame")
+        raise SceneError(f"{what} is not a matrix of 4 rows; {remedy}")
     matrix = np.eye(4)
     for index, row in enumerate(rows):
         if not isinstance(row, list) or len(row) != 4:
-            raise SceneError(f"{what} has a row without 4 numbers; export the cameras again, or remove the frame")
-        matrix[index] = [finite(value, f"{where}: an entry of 'transform_matrix'") for value in row]
+            raise SceneError(f"{what} has a row without 4 numbers; {remedy}")
+        matrix[index] = [finite(value, f"{where}: an entry of {name!r}") for value in row]
     return matrix

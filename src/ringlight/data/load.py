@@ -77,6 +77,12 @@ def has_cameras(folder: Path) -> bool:
     return folder.is_dir() and any(module.recognises(folder) for module in FORMATS.values())
 
 
+def format_of(folder: Path, options: SceneOptions) -> str:
+    """The name of the format as which the folder is read. Raises SceneError where it is none."""
+    module = _format_of(folder, options)
+    return next(name for name, known in FORMATS.items() if known is module)
+
+
 def _format_of(folder: Path, options: SceneOptions) -> ModuleType:
     asked = FORMATS if options.format == "auto" else {options.format: FORMATS[options.format]}
     for module in asked.values():

@@ -20,6 +20,7 @@ from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
 from ringlight.data.json_fields import Fields, finite, number, read_object, text
 from ringlight.data.poses import world_to_camera_from_opengl
 from ringlight.errors import SceneError
+from ringlight.files.nerfstudio_frame import UNMOVED, Moved
 
 NARROWEST, WIDEST = 1e-3, 179.0
 """Degrees of a pinhole's view: beyond these its focal length is no number of pixels."""
@@ -30,15 +31,17 @@ FASTEST = 1000.0
 
 @dataclass(frozen=True)
 class NerfstudioPath:
-    """Cameras in the file's order, in the file's world; ``fps`` frames a second, None where it does not say."""
+    """Cameras in the file's order, in the scene's world; ``fps`` frames a second, None where it does not say."""
 
     cameras: tuple[Camera, ...]
     fps: float | None
 
 
-def read_nerfstudio_path(path: Path, most: int) -> NerfstudioPath:
-    """The path in a file. Raises SceneError for a file that is damaged, of another kind of camera, or of more than
-    ``most`` cameras."""
+def read_nerfstudio_path(path: Path, most: int, moved: Moved = UNMOVED) -> NerfstudioPath:
+    """The path in a file, of a scene that nerfstudio had ``moved``.
+
+    Raises SceneError for a file that is damaged, of another kind of camera, or of more than ``most`` cameras.
+    """
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file; give a camera_path.json of nerfstudio")
     document = read_object(path)
@@ -54,7 +57,7 @@ def read_nerfstudio_path(path: Path, most: int) -> NerfstudioPath:
     fps = number(document, "fps", str(path), None)
     if fps is not None and not 0 < fps <= FASTEST:
         raise SceneError(f"{path}: 'fps' is {fps:g}; give above 0 and at most {FASTEST:g}")
-    cameras = tuple(_camera(frame, size, f"{path}: camera {index}") for index, frame in enumerate(frames))
+    cameras = tuple(_camera(frame, size, moved, f"{path}: camera {index}") for index, frame in enumerate(frames))
     return NerfstudioPath(cameras, fps)
 
 
@@ -65,7 +68,7 @@ def _side(document: Fields, name: str, path: Path) -> int:
     return int(side)
 
 
-def _camera(frame: Any, size: tuple[int, int], where: str) -> Camera:
+def _camera(frame: Any, size: tuple[int, int], moved: Moved, where: str) -> Camera:
     if not isinstance(frame, dict):
         raise SceneError(f"{where} is not an object with 'camera_to_world'; export the path again")
     fov = finite(frame.get("fov"), f"{where}: 'fov'")
@@ -75,7 +78,7 @@ def _camera(frame: Any, size: tuple[int, int], where: str) -> Camera:
     if len(numbers) != 16:
         raise SceneError(f"{where}: 'camera_to_world' is not 16 numbers; export the path again")
     entries = [finite(value, f"{where}: an entry of 'camera_to_world'") for value in numbers]
-    matrix = world_to_camera_from_opengl(np.array(entries).reshape(4, 4), where)
+    matrix = world_to_camera_from_opengl(moved.undone(np.array(entries).reshape(4, 4)), where)
     width, height = size
     focal = height / 2 / math.tan(math.radians(fov) / 2)
     return Camera(torch.from_numpy(matrix.astype(np.float32)), (focal, focal), (width / 2, height / 2), width, height)
