@@ -2,7 +2,8 @@
 
 It turns, centres and scales what a scene's file says: x in nerfstudio = ``scale`` * ``transform`` x. ``transform``
 [3 4] begins at the world before the scene's own ``applied_transform``, ``scale`` before its ``applied_scale``; a scene
-read from ``transforms.json`` lies behind these. nerfstudio's viewer writes camera paths in the world in which it trained.
+read from ``transforms.json`` lies behind these. nerfstudio's viewer writes camera paths in the world in which it
+trained.
 Source: docs.nerf.studio, "Data conventions".
 """
 
