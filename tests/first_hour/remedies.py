@@ -66,7 +66,11 @@ def _(it: Tried) -> Outcome:
     return it.train(scene, "--max-width", "9000", "--quiet").refuses("--downscale")
 
 
-@finding("L7h", "a scene that moved", f"{HERE}::test_remedies_fit_what_went_wrong")
+@finding(
+    "L7h",
+    "a scene that moved",
+    "cli/test_bad_input.py::test_a_scene_that_has_moved_may_be_named_by_every_command_that_takes_it",
+)
 def _(it: Tried) -> Outcome:
     edit_json(it.trained() / "recipe.json", lambda record: record.update(scene=str(it.folder / "gone")))
     return it("render", it.folder / "run", "--quiet").refuses("--scene")

@@ -207,7 +207,7 @@ def test_without_pycolmap_the_extra_is_named(tmp_path: Path, monkeypatch: pytest
 
 def test_too_few_photographs(tmp_path: Path):
     save_photographs(tmp_path / "few", 2)
-    with pytest.raises(SceneError, match="2 photographs are too few"):
+    with pytest.raises(SceneError, match="2 photographs, too few to find cameras"):
         found(tmp_path / "few", tmp_path / "out")
     for name in ("shot_00.png", "shot_01.png", "b.png"):
         (tmp_path / "few" / name).write_bytes(b"no picture")
