@@ -23,8 +23,8 @@ import torch
 from torch import Tensor
 
 from ringlight.core.command_line import command
-from ringlight.core.lost_disk import what_helps
 from ringlight.core.json_numbers import refuse_constant
+from ringlight.core.lost_disk import what_helps
 from ringlight.core.words import counted
 from ringlight.errors import ModelFileError
 from ringlight.files.atomic import written_atomically
