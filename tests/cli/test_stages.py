@@ -3,6 +3,7 @@
 import os
 import pty
 import re
+import select
 import shutil
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from ringlight.cli.stages import StageLine, stages
 from ringlight.cli.streams import Lasting
 from ringlight.data.options import SceneOptions
 from ringlight.runs import limits
-from ringlight.runs.session import Session
+from ringlight.runs.resume import resume_run
 
 TALKATIVE = tuple(word for word in QUICK if word != "--quiet")
 
@@ -175,9 +176,10 @@ def terminal() -> Iterator[tuple[Lasting, int]]:
 
 
 def shown_until(text: str, ours: int) -> str:
-    """All that is shown until ``text`` comes."""
+    """All that is shown until ``text`` comes, which it must within a minute."""
     shown = ""
     while text not in shown:
+        assert select.select([ours], [], [], 60)[0], f"shows {shown!r} and no more"
         shown += os.read(ours, 65536).decode()
     return shown
 
@@ -190,6 +192,7 @@ def test_what_cannot_be_counted_shows_how_long_it_takes(
     with stages(quiet=False) as line:
         line("loading")
         shown_until("loading  0 s", terminal[1])
+        shown_until("loading  0 s", terminal[1])
         line("counting", 1, 5)
         line("writing")
         assert "counting  0 s" not in shown_until("writing  0 s", terminal[1])
@@ -198,10 +201,13 @@ def test_what_cannot_be_counted_shows_how_long_it_takes(
 def test_the_clock_leaves_alone_what_was_written(terminal: tuple[Lasting, int]) -> None:
     stream, ours = terminal
     stream.draw("loading")
+    assert stream.redraw("loading", "loading  1 s")
     stream.write("a warning\n")
-    stream.redraw("loading  1 s")
+    assert not stream.redraw("loading  1 s", "loading  2 s")
+    stream.draw("another's")
+    assert not stream.redraw("loading  1 s", "loading  2 s")
     stream.write("the end\n")
-    assert shown_until("the end\r\n", ours).endswith("a warning\r\nthe end\r\n")
+    assert shown_until("the end\r\n", ours).endswith("a warning\r\nanother's\r\x1b[2Kthe end\r\n")
 
 
 def test_help_keeps_its_colours_on_a_terminal() -> None:
@@ -277,7 +283,7 @@ def _without_alpha(scene: Path, copy: Path) -> Path:
 
 
 def test_points_of_a_scene_take_the_effect_of_both_flags(trained: dict[str, Path]) -> None:
-    session = Session.resume(trained["3dgs"])
+    session = resume_run(trained["3dgs"])
     scene = session.scene
     object.__setattr__(scene, "points", type(scene.points)(scene.points.positions, scene.points.colors))
     said = settings_without_effect(SceneOptions(initial_points=5, points_seed=2), session.record.recipe, session)

@@ -36,18 +36,19 @@ class StageLine:
         self._quiet = quiet
         self._stage = ""
         self._shown = self._began = -math.inf
-        self._counted = False
+        self._drawn = ""
         self._over = threading.Event()
 
     def __call__(self, stage: str, done: int = 0, total: int = 0) -> None:
         now = time.monotonic()
         if stage != self._stage:
             self._began = now
-        self._counted = bool(done or total)
         if self._quiet or now - self._shown < self._pause(stage):
             return
         if self._screen is not None:
-            self._screen.draw(_cut(f"{stage}  {_bar(done, total)}" if total else f"{stage}  {done or ''}".rstrip()))
+            text = _cut(f"{stage}  {_bar(done, total)}" if total else f"{stage}  {done or ''}".rstrip())
+            self._screen.draw(text)
+            self._drawn = "" if done or total else text
         else:
             amount = f": {done}/{total}" if total else f": {done}" if done else ""
             sys.stderr.write(f"{stage}{amount}\n")
@@ -57,9 +58,9 @@ class StageLine:
     def tick(self) -> None:
         """On a terminal: show every second how long a stage that cannot be counted has taken, until it is over."""
         while not self._over.wait(TICK_SECONDS):
-            seconds = time.monotonic() - self._began
-            if self._screen is not None and not self._counted and seconds >= TICK_SECONDS:
-                self._screen.redraw(_cut(f"{self._stage}  {seconds:.0f} s"))
+            before, text = self._drawn, _cut(f"{self._stage}  {time.monotonic() - self._began:.0f} s")
+            if self._screen is not None and self._screen.redraw(before, text) and self._drawn == before:
+                self._drawn = text
 
     @property
     def is_live(self) -> bool:
@@ -72,10 +73,14 @@ class StageLine:
         return LOG_SECONDS if stage == self._stage else BETWEEN_SECONDS
 
     def wiped(self) -> None:
-        """Nothing is under way any more."""
-        self._over.set()
+        """Nothing is under way any more, or something that shows itself."""
         if self._screen is not None:
             self._screen.draw("")
+
+    def end(self) -> None:
+        """Wiped, and its clock stopped."""
+        self._over.set()
+        self.wiped()
 
 
 @contextmanager
@@ -88,7 +93,7 @@ def stages(quiet: bool) -> Iterator[StageLine]:
         with heard_by(line):
             yield line
     finally:
-        line.wiped()
+        line.end()
 
 
 @contextmanager

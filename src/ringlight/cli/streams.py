@@ -47,7 +47,7 @@ class Lasting:
 
     def __init__(self, stream: TextIO, essential: bool = True):
         self._stream, self._essential = stream, essential
-        self._has_line = False
+        self._line = ""  # that was drawn and stands there
         self._one_at_a_time = threading.RLock()  # a clock may draw beside the command
 
     def __getattr__(self, name: str) -> Any:
@@ -64,18 +64,20 @@ class Lasting:
         """Show ``line``, which is printable, in place of the one drawn before; what is written next replaces it."""
         with self._one_at_a_time:
             self._put(line)
-            self._has_line = bool(line)
+            self._line = line
             self.flush()
 
-    def redraw(self, line: str) -> None:
-        """The same, where a drawn line is what was written last; nothing else."""
+    def redraw(self, before: str, line: str) -> bool:
+        """The same where the line ``before`` still stands there; whether it does."""
         with self._one_at_a_time:
-            if self._has_line:
+            stands = bool(before) and self._line == before
+            if stands:
                 self.draw(line)
+            return stands
 
     def _put(self, text: str) -> int:
         with self._one_at_a_time:
-            wipe, self._has_line = WIPE if self._has_line else "", False
+            wipe, self._line = WIPE if self._line else "", ""
             try:
                 return self._stream.write(wipe + text)
             except OSError as error:
