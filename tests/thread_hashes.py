@@ -15,7 +15,7 @@ from ringlight.cli.threads import use_threads
 from ringlight.data.bundled import bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.methods.table import METHODS
-from ringlight.runs.session import Session
+from ringlight.runs.start import start_run
 
 SCENE, THREADS = "toaster", (1, 2, 4)
 
@@ -25,7 +25,7 @@ def model_hash(method: str, steps: int, threads: int) -> tuple[str, int]:
     use_threads(threads)
     recipe = replace(METHODS[method], steps=steps)
     with tempfile.TemporaryDirectory(prefix="ringlight-") as folder:
-        session = Session.start(
+        session = start_run(
             Path(folder) / "run", bundled_scene(SCENE), method, recipe, SceneOptions(), seed=0, device="cpu"
         )
         for _ in session.steps():

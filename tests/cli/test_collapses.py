@@ -12,6 +12,7 @@ from command import Command
 from ringlight.fit import guard
 from ringlight.fit.guard import MOST_UNDONE
 from ringlight.fit.train import Progress
+from ringlight.runs.resume import resume_run
 from ringlight.runs.session import Session
 
 FAR_TOO_FAST = (*QUICK, *SMALL_LIGHT, "--field-rate", "10")
@@ -73,7 +74,7 @@ def test_a_run_that_is_stopped_as_it_goes_back_is_saved_there(
         patched.setattr(Session, "steps", stopped)
         often = ("--save-every", "0.0001")
         assert ringlight("train", tiny, "ringlight-ring", "--out", halves, *FAR_TOO_FAST, *often).code == 143
-    assert len(Session.resume(halves).training.guard.collapses) == times
+    assert len(resume_run(halves).training.guard.collapses) == times
     assert ringlight("train", "--resume", halves, "--quiet", "--lpips").code == 0
     assert (halves / "model.safetensors").read_bytes() == (whole / "model.safetensors").read_bytes()
     assert report_of(halves)["collapses"] == report_of(whole)["collapses"]

@@ -12,7 +12,7 @@ from ringlight.files.ply import read_gaussian_ply
 from ringlight.files.tensor_file import read_tensors
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.session import Session
+from ringlight.runs.resume import resume_run
 
 GEOMETRY_AND_BASE = 14
 """Numbers a Gaussian has without a view: centre 3, scales 3, quaternion 4, opacity 1, constant coefficient 3."""
@@ -32,7 +32,7 @@ def test_a_low_degree_goes_through_all_commands(
     assert report["counted"] != 300, "density control was at work"
     assert report["bytes_raw"] == report["counted"] * 4 * (GEOMETRY_AND_BASE + rest) + DEGREE_BYTES
 
-    resumed = Session.resume(run).training.model.state_dict()
+    resumed = resume_run(run).training.model.state_dict()
     stored = read_tensors(run / "model.safetensors").tensors
     assert all(torch.equal(resumed[name], stored[name]) for name in resumed)
 

@@ -77,11 +77,11 @@ def test_info_says_what_the_file_holds(ringlight: Command, voxels: Path):
 def test_a_stopped_run_resumes_with_the_same_bits(ringlight: Command, voxels: Path, tiny: Path, tmp_path: Path):
     """Stopped by a report of an earlier step: the run's own checkpoint of halfway."""
     from ringlight.data.options import SceneOptions
-    from ringlight.runs.session import Session
+    from ringlight.runs.start import start_run
 
     recipe = VoxelRecipe(steps=60, side=12, rays=256)
     options = SceneOptions()
-    session = Session.start(tmp_path / "half", tiny, "voxels", recipe, options, 0, "auto")
+    session = start_run(tmp_path / "half", tiny, "voxels", recipe, options, 0, "auto")
     steps = session.steps()
     for _ in range(31):
         next(steps)

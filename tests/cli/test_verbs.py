@@ -23,7 +23,7 @@ from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.as_harmonics import BakingLoss
 from ringlight.runs.export import Exported
-from ringlight.runs.session import Session
+from ringlight.runs.resume import resume_run
 
 METHODS = ("3dgs", "ringlight-ring")
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
@@ -106,7 +106,7 @@ def test_a_run_stopped_while_it_is_measured_says_how_to_go_on(
 
 
 def test_a_resumed_run_says_where_it_goes_on(trained: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    session = Session.resume(trained["3dgs"])
+    session = resume_run(trained["3dgs"])
     announce(session, quiet=False)
     assert "Gaussians and no step left to do" in capsys.readouterr().err
     session.training.step = 30
@@ -132,7 +132,7 @@ def test_a_complete_run_is_measured_again_only_where_its_report_is_gone(run_fold
 def test_progress_counts_as_the_report_does(trained: dict[str, Path]) -> None:
     for run in trained.values():
         report = json.loads((run / "report.json").read_text())
-        count, size = Session.resume(run).training.model.rendering_size()
+        count, size = resume_run(run).training.model.rendering_size()
         assert (*count, size) == (report["counted"], "Gaussians", report["bytes_raw"])
 
 

@@ -176,7 +176,7 @@ def checkpoint() -> Target:
     def restore(kind: int, content: bytes) -> None:
         folder.checkpoint.write_bytes(content)
         stored = read_checkpoint(folder)[0] if kind == 0 else read_tensors(folder.checkpoint)
-        with contextlib.suppress(KeyError, RuntimeError, ValueError):  # as Session.resume
+        with contextlib.suppress(KeyError, RuntimeError, ValueError):  # as resume_run
             refuse_misfits(stored.tensors, fresh)
             training.restore(stored.tensors)
 

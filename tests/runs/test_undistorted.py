@@ -24,7 +24,9 @@ from ringlight.data.options import SceneOptions
 from ringlight.files.atomic import BEGUN, HALF_DONE
 from ringlight.runs import undistorted
 from ringlight.runs.opened import open_model, scene_of
+from ringlight.runs.resume import resume_run
 from ringlight.runs.session import Session
+from ringlight.runs.start import start_run
 from ringlight.runs.undistorted import UndistortedFolder
 from small_recipes import small
 
@@ -222,7 +224,7 @@ def test_it_goes_to_other_processes(tmp_path: Path, scene: Path):
 
 def trained(run: Path, scene: Path) -> Session:
     """A session of two steps that has decoded its training views, and written what was to be written."""
-    session = Session.start(run, scene, "3dgs", replace(small("3dgs", steps=2), steps=2), SceneOptions(), 0, "cpu")
+    session = start_run(run, scene, "3dgs", replace(small("3dgs", steps=2), steps=2), SceneOptions(), 0, "cpu")
     session.photographs.wait()
     session.save()
     session.lock.release()
@@ -244,7 +246,7 @@ def test_a_run_keeps_them_and_later_commands_read_them(tmp_path: Path, scene: Pa
 
     left = session.folder.undistorted / f"{BEGUN}0123456789ab{HALF_DONE}"
     left.write_bytes(b"of a killed writer")
-    resumed = Session.resume(run)
+    resumed = resume_run(run)
     resumed.lock.release()
     assert same(made, pixels(resumed.scene))
     assert files(session.folder.undistorted) == kept

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ringlight.core.scene import Scene
-    from ringlight.runs.session import Loaded
+    from ringlight.runs.start import Loaded
 from ringlight.core.words import counted
 
 BACKGROUNDS = {"photograph": "background as photographed"}

@@ -115,7 +115,7 @@ def _start(arguments: list[str]) -> int:
     with stages(asked.running.quiet) as line:
         line(f"reading {scene}")  # before torch is loaded, which takes seconds
         from ringlight.runs.folder import free_folder
-        from ringlight.runs.session import Session
+        from ringlight.runs.start import start_run
 
         check_events(asked.running)
         use_threads(asked.running.threads)
@@ -129,9 +129,7 @@ def _start(arguments: list[str]) -> int:
             return verify_run(scene, asked.options, recipe, asked.seed, asked.device, asked.verify, asked.running.json)
         out = asked.out or free_folder(Path("runs") / f"{scene.resolve().name}-{preset}")
         loaded = telling_of_scenes(asked.running.quiet)
-        session = Session.start(
-            out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded
-        )
+        session = start_run(out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded)
     for sentence in settings_without_effect(asked.options, recipe, session):
         sys.stderr.write(f"warning: {sentence}\n")
     return _train(session, asked.running)
@@ -151,7 +149,7 @@ def _resume(arguments: list[str]) -> int:
         from ringlight.runs.finish import complete_report
         from ringlight.runs.folder import RunFolder
         from ringlight.runs.record import RunRecord
-        from ringlight.runs.session import Session
+        from ringlight.runs.resume import resume_run
 
         use_threads(wish.running.threads)
         if "--steps" in flags_in(arguments) and wish.steps < 1:
@@ -160,7 +158,7 @@ def _resume(arguments: list[str]) -> int:
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
         check_steps(wish.running, record.steps + wish.steps)
         check_events(wish.running)
-        session = Session.resume(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
+        session = resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
         report = complete_report(session)
     if report is None:
         return _train(session, wish.running)

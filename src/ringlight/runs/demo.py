@@ -12,7 +12,9 @@ from ringlight.measure.report import REPORT_NAME, read_report
 from ringlight.methods.table import method_named
 from ringlight.runs.folder import empty_folder
 from ringlight.runs.record import RECORD_NAME
-from ringlight.runs.session import Loaded, Session, nobody
+from ringlight.runs.resume import resume_run
+from ringlight.runs.session import Session
+from ringlight.runs.start import Loaded, nobody, start_run
 
 METHODS_SHOWN = ("3dgs", "ringlight")
 """In the order in which they are trained and shown: the yardstick first."""
@@ -75,10 +77,10 @@ class Demo:
         if (folder / REPORT_NAME).exists() and read_report(folder).iterations == self.steps:
             return None
         if (folder / RECORD_NAME).exists():
-            return Session.resume(folder, loaded=loaded)
+            return resume_run(folder, loaded=loaded)
         recipe = replace(method_named(method), steps=self.steps)
         scene = bundled_scene(self.scene)
-        session = Session.start(folder, scene, method, recipe, SceneOptions(), self.seed, "auto", loaded=loaded)
+        session = start_run(folder, scene, method, recipe, SceneOptions(), self.seed, "auto", loaded=loaded)
         # From here on there is something to resume from, whatever happens.
         session.save()
         return session

@@ -22,7 +22,9 @@ from ringlight.methods.variant import Variant
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
-from ringlight.runs.session import Loaded, Session, nobody
+from ringlight.runs.resume import resume_run
+from ringlight.runs.session import Session
+from ringlight.runs.start import Loaded, nobody, start_run
 from ringlight.runs.starting_points import with_points_of
 
 State = Literal["finished", "started", "to do"]
@@ -71,11 +73,11 @@ class StudyRun:
         """
         self.checked()
         if RunFolder(self.folder).recorded:
-            return Session.resume(self.folder, loaded=loaded)
+            return resume_run(self.folder, loaded=loaded)
         self.folder.parent.mkdir(parents=True, exist_ok=True)
         recipe = self._bounded_recipe()
         preset = self.variant.preset
-        session = Session.start(self.folder, self.scene, preset, recipe, self.options, self.seed, device, loaded=loaded)
+        session = start_run(self.folder, self.scene, preset, recipe, self.options, self.seed, device, loaded=loaded)
         # From here on there is something to resume from, whatever happens.
         session.save()
         return session
