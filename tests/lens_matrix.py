@@ -57,7 +57,10 @@ def main() -> None:
         "--record", type=Path, default=Path("lens-matrix.json"), help="JSON file to write and go on from"
     )
     asked = parser.parse_args()
-    found: dict[str, dict[str, Any]] = json.loads(asked.record.read_text())["psnr"] if asked.record.exists() else {}
+    known = json.loads(asked.record.read_text()) if asked.record.exists() else {"steps": asked.steps, "psnr": {}}
+    if known["steps"] != asked.steps:
+        parser.error(f"{asked.record} is of {known['steps']} steps; name another --record")
+    found: dict[str, dict[str, Any]] = known["psnr"]
     for scene in asked.scenes:
         for model in COEFFICIENTS:
             cells = {seed: found.setdefault(f"{scene.name} {model} {seed}", {}) for seed in range(asked.seeds)}

@@ -7,6 +7,9 @@ import pytest
 
 TESTS = Path(__file__).parent
 DOCUMENTS = sorted((TESTS.parent / "docs").rglob("*.md"))
+HERE = "cli/test_first_hour.py"
+"""What the trials call so."""
+
 NAMED = re.compile(r"([\w/]+\.py)::(\w+)")
 
 
@@ -19,8 +22,7 @@ def test_it_is_there(document: Path) -> None:
 
 def test_every_finding_of_the_first_hour_names_one() -> None:
     trials = [file.read_text(encoding="utf-8") for file in sorted((TESTS / "first_hour").glob("*.py"))]
-    here = 'HERE = "cli/test_first_hour.py"'
-    named = [found for text in trials for found in NAMED.findall(text.replace("{HERE}", here.split('"')[1]))]
+    named = [found for text in trials for found in NAMED.findall(text.replace("{HERE}", HERE))]
     assert len(named) > 50
     for file, name in named:
         if file != "FILE.py":

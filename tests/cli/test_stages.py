@@ -116,7 +116,7 @@ def test_every_verb_that_takes_long_says_how_far_it_is(
     stages = {
         "export": "fitting colours to the model's pictures",
         "compress": "packing",
-        "eval": "measuring test views",
+        "eval": "measuring views",
     }
     done = ringlight(*words)
     assert done.code == 0, done.err
@@ -266,6 +266,11 @@ def test_a_start_on_the_hull_that_cannot_be_is_said(
     said = ringlight("train", masked, "3dgs", *words, *again).err
     for flag in ("--start.points 300", "--initial-points 300"):
         assert f"{flag} has no effect: the run starts from {trained['3dgs']}" in said
+    random = ("--start.points", "0", "--start.opacity", "0.4", "--out", tmp_path / "random")
+    assert (
+        "--start.opacity 0.4 has no effect: --start.points is 0"
+        in ringlight("train", masked, "3dgs", *words, *random).err
+    )
     carved = ringlight("train", masked, "3dgs", *words, "--out", tmp_path / "carved")
     assert carved.code == 0
     assert "--start.points" not in carved.err, "though there are as many random points"

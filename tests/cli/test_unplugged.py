@@ -276,7 +276,7 @@ def test_photographs_that_were_exchanged_are_said_when_a_run_goes_on(
     shutil.copy(first, second)
     resumed = ringlight("train", "--resume", run, "--quiet", "--lpips")
     assert resumed.code == 0
-    assert "warning: 1 training photograph (train/r_2.png) or their masks changed since the run was" in resumed.err
+    assert "warning: 1 training photograph (train/r_2.png) or its mask changed since the run was" in resumed.err
     assert ringlight("train", "--resume", run, "--quiet", "--lpips").err.count("changed") == 0, "said once"
 
 

@@ -50,7 +50,7 @@ def test_the_progress_line_names_the_last_preview(
     done = ringlight("train", tiny, "3dgs", "--out", tmp_path / "run", "--preview", "15", *words)
     lines = {int(line.split()[1].split("/")[0]): line for line in done.err.splitlines() if line.startswith("step ")}
     assert "previews" not in lines[14]
-    assert lines[16].endswith("previews/step-000015.png")
+    assert "  previews/step-000015.png  " in lines[16]
     assert lines[40].endswith("previews/step-000040.png")
 
 

@@ -14,7 +14,7 @@ def test_the_same_photographs_have_the_same_marks_wherever_they_lie(tmp_path: Pa
     one, other = (load_scene(write_colmap(tmp_path / name)).train for name in ("one", "other"))
     assert marks_of(one) == marks_of(other)
     assert len(set(marks_of(one).split())) == len(one)
-    assert change_since(marks_of(one), other) == ()
+    assert change_since(marks_of(one), marks_of(other), other) == ()
 
 
 @pytest.mark.parametrize("of_mask", [False, True])
@@ -28,8 +28,9 @@ def test_a_photograph_or_mask_that_changed_is_named(tmp_path: Path, of_mask: boo
         write_mask(tmp_path / "masks" / f"{names[3]}.png", kept=False)
     else:
         write_image(tmp_path / "images" / names[3], seed=99)
-    [sentence] = change_since(before, load_scene(tmp_path).train)
-    assert sentence.startswith(f"1 training photograph ({names[3]}) or their masks changed since the run was saved")
+    now = load_scene(tmp_path).train
+    [sentence] = change_since(before, marks_of(now), now)
+    assert sentence.startswith(f"1 training photograph ({names[3]}) or its mask changed since the run was saved")
 
 
 @pytest.mark.parametrize("place", [0, 5 * PIECE, -1])
@@ -53,4 +54,4 @@ def test_what_lies_in_no_file_is_never_said_to_have_changed(tmp_path: Path):
     views = tiny_scene(views=3, size=8).train
     assert marks_of(views) == "- - -"
     for before in ("- - -", "01234567 89abcdef 01234567", "", "1"):
-        assert change_since(before, views) == ()
+        assert change_since(before, marks_of(views), views) == ()

@@ -6,6 +6,7 @@ checkout.
 
 import os
 import pty
+import select
 import shutil
 import signal
 import subprocess
@@ -90,6 +91,15 @@ def finding(
     return add
 
 
+def ended(process: "subprocess.Popen[bytes]") -> int:
+    """The exit code; a process that does not end is killed."""
+    try:
+        return process.wait(PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
+
+
 class Tried:
     """A version of the command, by the interpreter that has it, with a folder to try one finding in."""
 
@@ -138,15 +148,18 @@ class Tried:
 
     @staticmethod
     def wait_for(happened: Callable[[], bool]) -> None:
+        """Raises TimeoutError."""
         until = time.monotonic() + PATIENCE
-        while time.monotonic() < until and not happened():
+        while not happened():
+            if time.monotonic() > until:
+                raise TimeoutError(f"nothing happened in {PATIENCE} s")
             time.sleep(0.01)
 
     def ended_by(self, number: signal.Signals, run: Path, scene: object) -> int:
         """The exit code of a training that got the signal in its first second, as a shell sees it."""
         process = self.begun("train", scene, "3dgs", *LIVELY, "--out", run)
         process.send_signal(number)
-        code = process.wait(PATIENCE)
+        code = ended(process)
         return code if code >= 0 else 128 - code
 
     def on_a_terminal(self, *words: object) -> list[tuple[float, str]]:
@@ -160,11 +173,11 @@ class Tried:
         os.close(theirs)
         shown = []
         try:
-            while part := os.read(ours, 65536):
+            while select.select([ours], [], [], PATIENCE)[0] and (part := os.read(ours, 65536)):
                 shown.append((time.monotonic() - begun, part.decode(errors="replace")))
         except OSError:  # the last one has closed it
             pass
-        process.wait(PATIENCE)
+        ended(process)
         os.close(ours)
         return shown
 

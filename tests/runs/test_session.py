@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from scene_folders import colmap_names, write_colmap, write_mask
 
 from ringlight.data.options import FOUND, UNUSED, SceneOptions
+from ringlight.errors import OutputError
+from ringlight.runs import session
 from ringlight.runs.resume import resume_run
 from ringlight.runs.start import start_run
 from small_recipes import small
@@ -20,11 +23,30 @@ def test_masks_that_come_later_are_not_for_a_run_that_began_without(tmp_path: Pa
         for mask in masks:
             write_mask(mask)
     recipe = replace(small("3dgs", steps=2), steps=2)
-    session = start_run(tmp_path / "run", scene, "3dgs", recipe, SceneOptions(), 0, "cpu")
-    assert session.record.options.masks == (FOUND if has_masks else UNUSED)
-    session.lock.release()
+    first = start_run(tmp_path / "run", scene, "3dgs", recipe, SceneOptions(), 0, "cpu")
+    assert first.record.options.masks == (FOUND if has_masks else UNUSED)
+    first.lock.release()
     for mask in masks:
         write_mask(mask)
     again = resume_run(tmp_path / "run")
-    assert again.scene.background == session.scene.background
+    assert again.scene.background == first.scene.background
     assert all(view.has_alpha == has_masks for view in again.scene.train)
+
+
+def test_undistorted_photographs_make_room_for_a_checkpoint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    recipe = replace(small("3dgs", steps=2), steps=2)
+    run = start_run(tmp_path / "run", write_colmap(tmp_path / "scene"), "3dgs", recipe, SceneOptions(), 0, "cpu")
+    kept = run.folder.undistorted
+    kept.mkdir()
+    (kept / "a.safetensors").write_bytes(b"large")
+    write = session.write_checkpoint
+
+    def written_where_there_is_room(*given: Any) -> None:
+        if kept.exists():
+            raise OutputError("checkpoint.safetensors: cannot be written: your disk quota is used up")
+        write(*given)
+
+    monkeypatch.setattr(session, "write_checkpoint", written_where_there_is_room)
+    run.save()
+    assert run.folder.checkpoint.is_file()
+    assert not kept.exists()

@@ -64,7 +64,7 @@ def main(arguments: list[str]) -> int:
         use_threads(asked.threads)
         opened = open_model(asked.model)
         scene = _scene(asked, opened)
-        compressed = compress(opened, asked.out, scene, partial(line, "measuring test views"))
+        compressed = compress(opened, asked.out, scene, partial(line, "measuring views"))
     sys.stdout.write(to_json(compressed) if asked.json else _sentences(compressed))
     return 0
 

@@ -107,7 +107,7 @@ def _measure_and_keep(asked: EvalArguments, run: "RunFolder | None", line: Stage
     if asked.images is not None:
         chosen = empty_folder(asked.images)
         pictures = KeptPictures(chosen / "test", chosen / "truth")
-    tell = partial(line, "measuring test views")
+    tell = partial(line, "measuring views")
     report = measure(opened.stored.model, scene, facts, pictures, asked.lpips, tell, cameras)
     line.wiped()
     _show(report, asked.json)  # before anything is written that may not be

@@ -90,7 +90,7 @@ def _sentences(exported: "Exported") -> str:
 
 def _verdict(picture_psnr: float) -> str:
     if picture_psnr >= ALIKE:
-        return f"{ALIKE:.0f} or more are hardly seen"
+        return f"from {ALIKE:.0f} dB on a difference is hardly seen"
     if picture_psnr >= CLOSE:
-        return f"reflections are softer (from {ALIKE:.0f} on it is hardly seen)"
-    return f"reflections are lost (they are kept from about {CLOSE:.0f} on)"
+        return f"reflections are softer; from {ALIKE:.0f} dB on a difference is hardly seen"
+    return f"reflections are lost; from about {CLOSE:.0f} dB on they are kept"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
-from ringlight.methods.surface_start import FEWEST_VIEWS, SurfaceStart
+from ringlight.methods.surface_start import FEWEST_VIEWS, LONGEST, SurfaceStart
 
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
@@ -38,7 +38,8 @@ def _of_surface(recipe: Recipe, session: "Session") -> list[str]:
     if not isinstance(start, SurfaceStart) or not _begins_elsewhere(session):
         return []
     opacity = None if start.opacity == usual.opacity else start.opacity
-    flags, reason = {"--start.points": start.points or None, "--start.opacity": opacity}, _why_not_carved(session)
+    flags = {"--start.points": start.points or None, "--start.opacity": opacity}
+    reason = _why_not_carved(session, start, recipe.steps)
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
 
 
@@ -51,10 +52,14 @@ def _begins_elsewhere(session: "Session") -> bool:
     return means.shape == points.shape and bool((means == points).all())
 
 
-def _why_not_carved(session: "Session") -> str:
+def _why_not_carved(session: "Session", start: SurfaceStart, steps: int) -> str:
     views = session.scene.train
     if session.record.start is not None:
         return f"the run starts from {session.record.start}"
+    if start.points == 0:
+        return "--start.points is 0"
+    if not start.at_length(steps).points:
+        return f"runs of more than {LONGEST:,} steps carve no surface unless --start.points asks for it"
     if not all(view.has_alpha for view in views):
         return "a surface is carved from masks, which not all photographs have"
     if len(views) < FEWEST_VIEWS:

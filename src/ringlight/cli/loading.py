@@ -4,10 +4,11 @@ import sys
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ringlight.core.words import counted
+
 if TYPE_CHECKING:
     from ringlight.core.scene import Scene
     from ringlight.runs.start import Loaded
-from ringlight.core.words import counted
 
 BACKGROUNDS = {"photograph": "background as photographed"}
 """Words for those whose name in files says less."""

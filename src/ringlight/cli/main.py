@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 from ringlight import __version__
 from ringlight.cli.streams import Lasting, lasting_streams, what_flushing_met
-from ringlight.core.lost_disk import LOST_DISK, what_helps
+from ringlight.core.lost_disk import LOST_DISK, MOUNT_AGAIN, what_helps
 from ringlight.errors import FallbackWarning, RinglightError, RunError
 
 WRONG_INPUT, WRONG_USAGE = 1, 2
@@ -166,6 +166,8 @@ def _system_refused(error: OSError) -> int:
     """A full or lost disk or a missing permission is the user's to mend; anything else is a bug and raised again."""
     if error.errno not in {errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS} | LOST_DISK:
         raise error
+    if error.filename is None and error.errno in LOST_DISK:  # a descriptor's, of one file or another
+        return _complain(f"a file cannot be read or written ({error.strerror}); {MOUNT_AGAIN}", WRONG_INPUT)
     if error.filename is None:  # a stream's
         return _complain(f"standard output: {error.strerror}; free some space, or send it to another file", WRONG_INPUT)
     choose = what_helps(error, "choose another place with --out")

@@ -11,7 +11,7 @@ from ringlight.cli.deferred_end import ended_in_order
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.core.command_line import command
-from ringlight.errors import RecipeError
+from ringlight.errors import RecipeError, SceneError
 from ringlight.poses.options import PosesOptions
 
 if TYPE_CHECKING:
@@ -48,8 +48,17 @@ class PosesArguments:
 def main(arguments: list[str]) -> int:
     """Find cameras; returns the exit code."""
     asked = parse(PosesArguments, "poses", arguments)
-    from ringlight.data.unposed import scene_beside
+    if not asked.photos.exists():
+        raise SceneError(f"{asked.photos}: no such folder or film; check the path")
+    with stages(asked.quiet) as line:
+        line(f"reading {asked.photos}")  # before libraries are loaded, which takes seconds
+        from ringlight.data.load import has_cameras
+        from ringlight.data.unposed import scene_beside
 
+        known = has_cameras(asked.photos)
+    if known:
+        train = command("train", asked.photos, "ringlight")
+        sys.stderr.write(f"warning: {asked.photos} has cameras, which are found anew here; to use its own: {train}\n")
     out = asked.out or scene_beside(asked.photos)
     report = poses_with_progress(asked.photos, out, asked.options, asked.threads, asked.quiet)
     _print(report, asked.json)

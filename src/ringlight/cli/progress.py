@@ -73,9 +73,8 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
             bar.update(task, completed=session.training.step)
             unseen = watch.see(progress)
             if now - shown >= every or progress.step in options.eval_at:
-                _show(
-                    bar, task, meter.line(progress, room(console) if live else None) + watch.words, live, options.quiet
-                )
+                line = meter.line(progress, watch.words, room(console) if live else None)
+                _show(bar, task, line, live, options.quiet)
                 shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
                 _show_test_views(console, session, progress.step, watch)
@@ -83,6 +82,7 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
                 console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
             if stopping:
+                bar.update(task, visible=False)  # what it says of the time left is over
                 return
         bar.update(task, facts=fitting(meter.facts(), f"took {spoken(session.clock.wall)}", room(console)))
 
@@ -105,14 +105,15 @@ class _Meter:
         self.mark = (session.training.step, session.clock.wall)
         self.decibels = self.rate = math.nan
 
-    def line(self, progress: Progress, room: int | None) -> str:
-        """In at most ``room`` characters, or in full."""
+    def line(self, progress: Progress, preview: str, room: int | None) -> str:
+        """In at most ``room`` characters, or in full; the last ``preview``, if there is one, before the size."""
         now = psnr(progress.prediction.color.clamp(0, 1), progress.truth)
         smoothed = SMOOTHING * self.decibels + (1 - SMOOTHING) * now
         self.decibels = smoothed if math.isfinite(self.decibels) else now
         self._time(progress.step, self.session.clock.wall)
         left = (self.session.training.steps - progress.step) / max(self.rate, 1e-9)
-        return fitting(self.facts(), f"about {spoken(left)} left", room)
+        *facts, size = self.facts()
+        return fitting([*facts, *filter(None, [preview]), size], f"about {spoken(left)} left", room)
 
     def facts(self) -> list[str]:
         """Of the last step that was looked at; a short run may have looked at none."""

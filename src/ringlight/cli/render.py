@@ -188,7 +188,8 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
         film, words = film_of_orbit(opened, wish, frames, asked.zoom)
         return film.resized(asked.width, asked.scale), f"the orbit is: {words}\n", fps
     if asked.path == "test":
-        again = f"{command('render', asked.model, '--scene', 'FOLDER')}; --path orbit needs no photographs"
+        again = command("render", asked.model, "--scene", "FOLDER")
+        again += "; --path orbit needs no photographs" if opened.stored.cameras else ""
         film = film_of_views(scene_of(opened, asked.scene, SceneOptions(), again))
     elif asked.path in PATHS:
         film = film_from_training(opened, asked.path, frames)

@@ -106,7 +106,7 @@ def _train_save_measure(session: "Session", options: RunOptions, resume_with: st
     if session.training.step < session.training.steps:
         sys.stderr.write(f"stopped after step {session.training.step} and saved; go on with: {resume_with}\n")
         raise Stopped(next(iter(stopping), signal.SIGINT))
-    with _saved_all_the_same(session), counting("measuring test views", options.quiet) as tell:
+    with _saved_all_the_same(session), counting("measuring views", options.quiet) as tell:
         return measure_session(session, options.lpips, tell)
 
 

@@ -46,6 +46,7 @@ class StageLine:
         if self._quiet or now - self._shown < self._pause(stage):
             return
         if self._screen is not None:
+            self._drawn = ""  # so that the clock waits meanwhile
             text = _cut(f"{stage}  {_bar(done, total)}" if total else f"{stage}  {done or ''}".rstrip())
             self._screen.draw(text)
             self._drawn = "" if done or total else text

@@ -56,4 +56,4 @@ def verify_run(
 def _where(step: int | None, differing: tuple[str, ...]) -> str:
     loss = "losses agree" if step is None else f"the first loss that differs is that of step {step}"
     names = ", ".join(differing[:MOST_NAMED]) + ", ..." * (len(differing) > MOST_NAMED)
-    return f"{loss}; other at the end: {counted(len(differing), 'tensor')}" + (f", {names}" if differing else "")
+    return loss + (f"; other at the end: {counted(len(differing), 'tensor')}, {names}" if differing else "")

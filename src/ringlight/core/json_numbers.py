@@ -26,7 +26,11 @@ def spelled(value: Any) -> Any:
 
 
 def read_back(value: Any) -> Any:
-    """The float that :func:`spelled` wrote as a string; anything else as it is."""
+    """What :func:`spelled` made of measures or settings, whose strings are none of these words."""
+    if isinstance(value, dict):
+        return {key: read_back(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [read_back(item) for item in value]
     return float(value) if isinstance(value, str) and value in NON_FINITE else value
 
 

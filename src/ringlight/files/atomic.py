@@ -29,11 +29,11 @@ BEGUN, HALF_DONE = ".ringlight-", ".part"
 
 
 @contextmanager
-def written_atomically(path: Path) -> Iterator[BinaryIO]:
+def written_atomically(path: Path, flushed: bool = True) -> Iterator[BinaryIO]:
     """A file to write and seek in, which takes the name ``path`` only when the block has ended well.
 
     The bytes go to a temporary name in the same folder (a rename never crosses disks), and both the file and
-    the folder are flushed to the disk. After any failure, an interrupt included, the temporary file is gone and
+    the folder are ``flushed`` to the disk. After any failure, an interrupt included, the temporary file is gone and
     an old file under ``path`` is as it was. A symbolic link is followed. Raises OutputError.
     """
     target = Path(os.path.realpath(path))
@@ -43,10 +43,12 @@ def written_atomically(path: Path) -> Iterator[BinaryIO]:
         try:
             with temporary.open("xb") as file:
                 yield file
-                file.flush()
-                os.fsync(file.fileno())
+                if flushed:
+                    file.flush()
+                    os.fsync(file.fileno())
             temporary.replace(target)
-            flush_folder(target.parent)
+            if flushed:
+                flush_folder(target.parent)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from torch import Tensor
 
-from ringlight.core.json_numbers import read_back, refuse_constant, spelled
-from ringlight.errors import ModelFileError, OutputError
+from ringlight.core.json_numbers import read_back, spelled
+from ringlight.errors import ModelFileError
 from ringlight.files.packed import Packed, unpack_tensors
 from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
 
@@ -82,7 +82,7 @@ def write_model_file(path: Path, tensors: Mapping[str, Tensor] | Packed, header:
     """Write all or nothing; equal content gives equal bytes. Raises OutputError, also for a header with a
     number that JSON has not."""
     packed = tensors if isinstance(tensors, Packed) else Packed(dict(tensors), {})
-    write_tensors(path, packed.tensors, _metadata_from(path, header, packed.packing))
+    write_tensors(path, packed.tensors, _metadata_from(header, packed.packing))
 
 
 def read_model_file(path: Path) -> ModelFile:
@@ -105,18 +105,13 @@ def read_model_file(path: Path) -> ModelFile:
     return ModelFile(tensors, header, stored)
 
 
-def _metadata_from(path: Path, header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
-    facts = asdict(header) | {"metrics": spelled(header.metrics), "storage": spelled(header.storage)}
-    texts = {name: value if isinstance(value, str) else _json(path, name, value) for name, value in facts.items()}
-    return {"program": PROGRAM, "format": str(FORMAT), "packing": _json(path, "packing", dict(packing))} | texts
+def _metadata_from(header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
+    texts = {name: value if isinstance(value, str) else _json(value) for name, value in asdict(header).items()}
+    return {"program": PROGRAM, "format": str(FORMAT), "packing": _json(dict(packing))} | texts
 
 
-def _json(path: Path, name: str, value: object) -> str:
-    try:
-        return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    except ValueError:
-        sentence = f"{path}: cannot be written: its {name!r} has a number that is not finite; correct it and save again"
-        raise OutputError(sentence) from None
+def _json(value: object) -> str:
+    return json.dumps(spelled(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def _refuse_newer(path: Path, metadata: dict[str, str]) -> None:
@@ -137,15 +132,15 @@ def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
     return ModelHeader(
         method=_text(path, metadata, "method"),
         preset=_text(path, metadata, "preset"),
-        recipe=_object(path, metadata, "recipe"),
+        recipe=_settings(path, metadata, "recipe"),
         step=_number(path, metadata, "step"),
         scene=_scene_from(path, _object(path, metadata, "scene")),
-        metrics=_measures(path, metadata, "metrics"),
+        metrics=_settings(path, metadata, "metrics"),
         versions={name: str(version) for name, version in _object(path, metadata, "versions").items()},
         created=_text(path, metadata, "created"),
         counted=_number(path, metadata, "counted"),
         noun=_text(path, metadata, "noun"),
-        storage=_measures(path, metadata, "storage"),
+        storage=_settings(path, metadata, "storage"),
     )
 
 
@@ -190,7 +185,7 @@ def _number(path: Path, metadata: dict[str, str], name: str) -> int:
 
 def _object(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
     try:
-        value = json.loads(_text(path, metadata, name), parse_constant=refuse_constant)
+        value = json.loads(_text(path, metadata, name))  # files of earlier versions have Infinity as a bare word
     except (ValueError, RecursionError) as error:
         raise _damaged(path, name) from error
     if not isinstance(value, dict):
@@ -198,7 +193,8 @@ def _object(path: Path, metadata: dict[str, str], name: str) -> dict[str, object
     return value
 
 
-def _measures(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
+def _settings(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
+    """Settings or measures, which may be infinite."""
     return {key: read_back(value) for key, value in _object(path, metadata, name).items()}
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ringlight.core.lost_disk import what_helps
 from ringlight.core.words import counted
 from ringlight.data.ply_points import TYPES
 from ringlight.errors import ModelFileError
@@ -79,9 +80,8 @@ def _start_of(path: Path) -> tuple[bytes, int]:
     except FileNotFoundError as error:
         raise ModelFileError(f"{path}: there is no such file; check the path") from error
     except OSError as error:
-        raise ModelFileError(
-            f"{path}: cannot be opened: {error.strerror}; check the path and its permissions"
-        ) from error
+        check = what_helps(error, "check the path and its permissions")
+        raise ModelFileError(f"{path}: cannot be opened: {error.strerror}; {check}") from error
 
 
 def _header_lines(path: Path, start: bytes, size: int) -> tuple[list[str], int]:

@@ -88,8 +88,13 @@ class _Place:
     end: int
 
 
-def write_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> None:
-    """Write all or nothing, with a checksum; equal content gives equal bytes. Raises OutputError."""
+def write_tensors(
+    path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[str, str], *, flushed: bool = True
+) -> None:
+    """Write all or nothing, with a checksum; equal content gives equal bytes. Raises OutputError.
+
+    What can be made anew need not be ``flushed``: a power cut may damage it then, which its checksum tells.
+    """
     # Wide types first, then by name: with the aligned start this keeps every tensor aligned to its own type.
     ordered = sorted(tensors.items(), key=lambda item: (-item[1].element_size(), item[0]))
     header: dict[str, object] = {METADATA: {CHECKSUM: BLANK} | dict(sorted(metadata.items()))}
@@ -101,15 +106,16 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: Mapping[s
     encoded = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     encoded += b" " * (-len(encoded) % ALIGNMENT)
     values = [_bytes_of(tensor.detach().cpu().contiguous()) for _, tensor in ordered]
-    with written_atomically(path) as file, ThreadPoolExecutor(1) as another:
+    with written_atomically(path, flushed) as file, ThreadPoolExecutor(1) as another:
         # Bytes are summed while the disk takes them: either alone is half of what a checkpoint costs.
         checksum = another.submit(_checksum, encoded, values)
         file.write(struct.pack("<Q", len(encoded)))
         file.write(encoded)
         for value in values:
             file.write(value)
-        file.flush()
-        os.fsync(file.fileno())
+        if flushed:
+            file.flush()
+            os.fsync(file.fileno())
         file.seek(LENGTH_BYTES)
         file.write(encoded.replace(_stated(BLANK), _stated(checksum.result()), 1))
 

@@ -59,8 +59,9 @@ def lpips(report: Report, net: str | None) -> float | None:
     return value
 
 
-def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]:
-    """All columns from left to right; LPIPS is the one of ``lpips_net``, None if no run has any.
+def columns(lpips_net: str | None, nouns: Collection[str], tested: bool = True) -> tuple[Column, ...]:
+    """All columns from left to right; LPIPS is the one of ``lpips_net``, None if no run has any. Where no run was
+    ``tested`` on views of its scene, training PSNR is never left out.
 
     ``nouns`` are what the models are made of: where they differ the numbers have their nouns, and do not compete.
     """
@@ -73,7 +74,7 @@ def columns(lpips_net: str | None, nouns: Collection[str]) -> tuple[Column, ...]
         Column("scene", 2, lambda row: row.report.scene, is_name=True),
         _measured("PSNR", 0, lambda report: report.psnr, "more", _fixed(2)),
         _difference("dPSNR", 5, lambda report: report.psnr, 2),
-        _optional("PSNR train", 12, lambda report: report.psnr_train, "", _fixed(2)),
+        _optional("PSNR train", 12 if tested else 0, lambda report: report.psnr_train, "", _fixed(2)),
         _optional("PSNR far", 15, lambda report: report.psnr_far, "more", _fixed(2)),
         _measured("SSIM", 4, lambda report: report.ssim_same, "more", _fixed(4)),
         _difference("dSSIM", 13, lambda report: report.ssim_same, 4),

@@ -10,6 +10,7 @@ from PIL import Image
 from torch import Tensor
 
 from ringlight.core.command_line import command
+from ringlight.core.lost_disk import what_helps
 from ringlight.errors import RunError
 from ringlight.measure.picture_names import picture_name
 
@@ -44,7 +45,9 @@ def same_picture(one: Path, other: Path) -> bool:
         if one.read_bytes() == other.read_bytes():
             return True
     except OSError as error:
-        raise RunError(f"{error.filename}: cannot be read ({error.strerror}); {_remedy(one)}") from None
+        raise RunError(
+            f"{error.filename}: cannot be read ({error.strerror}); {what_helps(error, _remedy(one))}"
+        ) from None
     return torch.equal(read_picture(one), read_picture(other))
 
 

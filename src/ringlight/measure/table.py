@@ -81,7 +81,8 @@ class ResultsTable:
     def _grid(self) -> "_Grid":
         baselines = self._baselines()
         reports = [report for _, report in self.runs]
-        shown = columns(_common_lpips(reports), {report.noun for report in reports})
+        tested = any(report.psnr is not None for report in reports)
+        shown = columns(_common_lpips(reports), {report.noun for report in reports}, tested)
         scenes: dict[str, list[Row]] = {}
         for label, report in self.runs:
             scenes.setdefault(report.scene, []).append(Row(label, report, baselines.get(report.scene)))

@@ -1,9 +1,11 @@
 """Where a run keeps its files, and the rule that no run overwrites another."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.core.command_line import command
+from ringlight.core.lost_disk import what_helps
 from ringlight.errors import RunError
 from ringlight.files.atomic import sweep
 from ringlight.measure.picture_names import RENDERS, TRUTHS
@@ -59,6 +61,10 @@ class RunFolder:
         """Folder of photographs that were undistorted; nobody depends on it."""
         return self.path / "undistorted"
 
+    def drop_undistorted(self) -> None:
+        """Remove the photographs that were undistorted, as far as they may be removed."""
+        shutil.rmtree(self.undistorted, ignore_errors=True)
+
     def sweep(self) -> None:
         """Remove what killed writers left half done; nobody may be writing into the run meanwhile."""
         for folder in (self.path, self.undistorted):
@@ -93,7 +99,8 @@ def make_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RunError(f"{path}: cannot be made ({error.strerror}); give another folder with --out") from None
+        give = what_helps(error, "give another folder with --out")
+        raise RunError(f"{path}: cannot be made ({error.strerror}); {give}") from None
     return path
 
 

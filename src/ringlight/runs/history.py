@@ -35,6 +35,8 @@ class History:
             self._sum += psnr(progress.prediction.color, progress.truth)
             self._count += 1
         if left == 0 and self._count:
+            if self.points and self.points[-1].step % self.every:
+                del self.points[-1]  # it was the newest when others were thinned
             self.points.append(CurvePoint(progress.step, seconds, self._sum / self._count, counted))
             self._sum, self._count = 0.0, 0
             self._thin()
@@ -42,7 +44,8 @@ class History:
     def _thin(self) -> None:
         while len(self.points) > MOST_POINTS:
             self.every *= 2
-            self.points = [point for point in self.points if point.step % self.every == 0]
+            *earlier, newest = self.points
+            self.points = [*(point for point in earlier if point.step % self.every == 0), newest]
 
     def to_text(self) -> str:
         """For a checkpoint."""

@@ -5,6 +5,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from ringlight.core.lost_disk import what_helps
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RinglightError, RunError
 from ringlight.files.atomic import write_text
@@ -115,6 +116,9 @@ class RunRecord:
             ) from None
         except RinglightError:
             raise
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except OSError as error:
+            check = what_helps(error, "check its permissions")
+            raise RunError(f"{path}: cannot be read ({error.strerror}); {check}") from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             reason = f"{type(error).__name__}: {error}"
             raise RunError(f"{path}: cannot be understood ({reason}); start the run again with --out NEW") from None

@@ -62,7 +62,7 @@ def resume_run(path: Path, more: int = 0, loaded: Loaded = nobody) -> Session:
             f"{record.scene}: has {counted(len(scene.train), 'training view')} where {path} began with {views}; "
             "put the photographs back as they were, or start again with --out NEW"
         )
-    session.warnings += change_since(stored.metadata.get("photographs", ""), scene.train)
+    session.warnings += change_since(stored.metadata.get("photographs", ""), session.marks, scene.train)
     return _extended(session, extended)
 
 

@@ -4,6 +4,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from torch import Tensor
+
 from ringlight.core.command_line import command
 from ringlight.core.finite import first_not_finite
 from ringlight.core.scene import Scene
@@ -44,11 +46,11 @@ class Session:
     """Step of the last files, the model's among them."""
     history: History = field(init=False)
     """How the training went so far."""
-    _marks: str = field(init=False)
+    marks: str = field(init=False)
     """Of the training photographs, as they are now."""
 
     def __post_init__(self) -> None:
-        self._marks = marks_of(self.scene.train)
+        self.marks = marks_of(self.scene.train)
         self.history = History(self.record.recipe.steps)
 
     def steps(self) -> Iterator[Progress]:
@@ -93,17 +95,26 @@ class Session:
             "choosing_seconds": repr(self.clock.choosing),
             "peak_bytes": str(self.memory.growth() or 0),
             "training_views": str(len(self.scene.train)),
-            "photographs": self._marks,
+            "photographs": self.marks,
             "history": self.history.to_text(),
         }
         try:
-            write_checkpoint(self.folder, state, facts)
-            self._good = self.training.step
-            self.save_model()
-            self._saved_at = self.training.step
+            self._write(state, facts)
         except OutputError as error:
-            raise OutputError(f"{error}; {self.way_on()}") from error
+            if not self.folder.undistorted.is_dir():
+                raise OutputError(f"{error}; {self.way_on()}") from error
+            self.folder.drop_undistorted()  # they can be made again, and may have taken the room
+            try:
+                self._write(state, facts)
+            except OutputError as again:
+                raise OutputError(f"{again}; {self.way_on()}") from again
         self.clock.saving += time.perf_counter() - begun
+
+    def _write(self, state: dict[str, Tensor], facts: dict[str, str]) -> None:
+        write_checkpoint(self.folder, state, facts)
+        self._good = self.training.step
+        self.save_model()
+        self._saved_at = self.training.step
 
     def way_on(self) -> str:
         """What a run that cannot be saved at this step has lost."""

@@ -21,6 +21,9 @@ from ringlight.files.tensor_file import read_tensors, write_tensors
 ROOM_LEFT = 2 << 30
 """Bytes of the disk that are left to the run: three checkpoints of a million Gaussians with 59 numbers each."""
 
+SHARE = 0.25
+"""Of the other bytes that a process may fill: a study has many runs."""
+
 MADE_OF, PIXELS = "made_of", "pixels"
 """What a file holds."""
 
@@ -43,6 +46,7 @@ class UndistortedFolder:
         self._waiting: dict[str, tuple[str, ReferenceType[np.ndarray]]] = {}
         self._thread: Thread | None = None
         self._can_write = True
+        self._room: float | None = None  # bytes; once the folder was made
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[type["UndistortedFolder"], tuple[Path | None]]:
@@ -95,10 +99,14 @@ class UndistortedFolder:
         if not self._can_write:
             return
         try:
-            if shutil.disk_usage(folder.parent).free < ROOM_LEFT + pixels.nbytes:
+            free = shutil.disk_usage(folder.parent).free - ROOM_LEFT
+            room = SHARE * free if self._room is None else min(self._room, free)
+            if room < pixels.nbytes:
                 return
-            folder.mkdir(exist_ok=True)  # and none above it: a run that was deleted stays so
-            write_tensors(_file(folder, name), {PIXELS: torch.from_numpy(pixels)}, {MADE_OF: made_of})
+            if self._room is None:  # once, and no folder above it: what was deleted stays so
+                folder.mkdir(exist_ok=True)
+            self._room = room - pixels.nbytes
+            write_tensors(_file(folder, name), {PIXELS: torch.from_numpy(pixels)}, {MADE_OF: made_of}, flushed=False)
         except NOT_WRITTEN:
             self._can_write = False
 

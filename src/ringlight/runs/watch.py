@@ -44,7 +44,7 @@ class Watch:
     @property
     def words(self) -> str:
         """For the progress line: the last picture."""
-        return "" if self.latest is None else f"  {self.latest.parent.name}/{self.latest.name}"
+        return "" if self.latest is None else f"{self.latest.parent.name}/{self.latest.name}"
 
     def see(self, progress: Progress) -> str | None:
         """After a step. A sentence where a picture cannot be written: then there are no more, and the run goes on."""
