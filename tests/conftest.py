@@ -1,6 +1,7 @@
 """Shapes are checked during tests only; one thread for torch, so that the suite can run in parallel."""
 
 import os
+import signal
 from collections.abc import Iterator
 
 import pytest
@@ -11,6 +12,10 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 from jaxtyping import install_import_hook
 
 install_import_hook("ringlight", "beartype.beartype")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell's job in the background: commands would ignore the signal too, as they do under nohup.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no failure
 settings.load_profile("untimed")
@@ -26,7 +31,9 @@ def all_cores_afterwards() -> Iterator[None]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests marked ``cuda`` say why they do not run."""
+    """Slow tests come first, so that no worker waits for the other's at the end; tests marked ``cuda`` say why they do
+    not run."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
     marked = [item for item in items if item.get_closest_marker("cuda")]
     if not marked:
         return
