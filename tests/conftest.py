@@ -31,9 +31,10 @@ def all_cores_afterwards() -> Iterator[None]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Slow tests come first, so that no worker waits for the other's at the end; tests marked ``cuda`` say why they do
-    not run."""
-    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+    """Files with slow tests come first, so that no worker waits for the other's at the end; tests marked ``cuda`` say
+    why they do not run."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
     marked = [item for item in items if item.get_closest_marker("cuda")]
     if not marked:
         return
