@@ -50,8 +50,8 @@ def test_the_progress_line_names_the_last_preview(
     done = ringlight("train", tiny, "3dgs", "--out", tmp_path / "run", "--preview", "15", *words)
     lines = {int(line.split()[1].split("/")[0]): line for line in done.err.splitlines() if line.startswith("step ")}
     assert "previews" not in lines[14]
-    assert "  previews/step-000015.png  " in lines[16]
-    assert "  previews/step-000040.png  " in lines[40]
+    assert "  preview 15  " in lines[16]
+    assert "  preview 40  " in lines[40]
 
 
 def test_a_preview_that_is_no_number_of_steps_is_refused(tiny: Path, tmp_path: Path, ringlight: Command) -> None:

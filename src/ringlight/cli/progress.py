@@ -106,14 +106,14 @@ class _Meter:
         self.decibels = self.rate = math.nan
 
     def line(self, progress: Progress, preview: str, room: int | None) -> str:
-        """In at most ``room`` characters, or in full; the last ``preview``, if there is one, before the size."""
+        """In at most ``room`` characters, or in full; the last ``preview``, if there is one, before the model."""
         now = psnr(progress.prediction.color.clamp(0, 1), progress.truth)
         smoothed = SMOOTHING * self.decibels + (1 - SMOOTHING) * now
         self.decibels = smoothed if math.isfinite(self.decibels) else now
         self._time(progress.step, self.session.clock.wall)
         left = (self.session.training.steps - progress.step) / max(self.rate, 1e-9)
-        *facts, size = self.facts()
-        return fitting([*facts, *filter(None, [preview]), size], f"about {spoken(left)} left", room)
+        *speed, count, size = self.facts()
+        return fitting([*speed, *filter(None, [preview]), count, size], f"about {spoken(left)} left", room)
 
     def facts(self) -> list[str]:
         """Of the last step that was looked at; a short run may have looked at none."""

@@ -3,7 +3,6 @@
 It looks and never touches: with and without it a run has the same bits.
 """
 
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -29,7 +28,8 @@ class Watch:
     def __init__(self, session: Session, preview: int, tensorboard: bool):
         self.session, self.preview = session, preview
         self.view = (session.scene.test or session.scene.train)[0]
-        self.latest: Path | None = None
+        self.latest: int | None = None
+        """Step of the last picture."""
         self._events = _event_writer(session) if tensorboard else None
 
     @property
@@ -39,12 +39,12 @@ class Watch:
             return ""
         kind = "test" if self.session.scene.test else "training"
         folder = self.session.folder.path / PREVIEWS
-        return f"a preview every {counted(self.preview, 'step')}: {kind} view {self.view.name}, in {folder}"
+        return f"a preview every {counted(self.preview, 'step')}: {kind} view {self.view.name}, in {folder}/step-*.png"
 
     @property
     def words(self) -> str:
         """For the progress line: the last picture."""
-        return "" if self.latest is None else f"{self.latest.parent.name}/{self.latest.name}"
+        return "" if self.latest is None else f"preview {self.latest}"
 
     def see(self, progress: Progress) -> str | None:
         """After a step. A sentence where a picture cannot be written: then there are no more, and the run goes on."""
@@ -79,7 +79,7 @@ class Watch:
         picture = model.render(self.view.camera, background, Want.PICTURE).color.cpu().clamp(0, 1)
         path = make_folder(self.session.folder.path / PREVIEWS) / f"step-{step:06d}.png"
         save_image(path, picture)
-        self.latest = path
+        self.latest = step
         if self._events is not None:
             self._events.add_image("preview", picture, step, dataformats="HWC")
 
