@@ -71,6 +71,7 @@ class VoxelRecipe:
     side: int = 4
     most = None
     random_points = 0
+    start = None
 
     def settled(self, scene, rasterize, seed):
         return self, None

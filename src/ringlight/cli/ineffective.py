@@ -34,8 +34,8 @@ def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
 
 def _of_surface(recipe: Recipe, session: "Session") -> list[str]:
     """Of a method that starts on the hull of masks where the scene has some."""
-    start, usual = getattr(recipe, "start", None), SurfaceStart()
-    if not isinstance(start, SurfaceStart) or not _begins_elsewhere(session):
+    start, usual = recipe.start, SurfaceStart()
+    if start is None or not _begins_elsewhere(session):
         return []
     opacity = None if start.opacity == usual.opacity else start.opacity
     flags = {"--start.points": start.points or None, "--start.opacity": opacity}

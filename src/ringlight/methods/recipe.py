@@ -27,14 +27,15 @@ if TYPE_CHECKING:
 
     from ringlight.core.scene import Scene
     from ringlight.fit.train import Training
+    from ringlight.methods.surface_start import SurfaceStart
     from ringlight.models.contract import Model
     from ringlight.rasterize.contract import Rasterizer
 
 
 @runtime_checkable
 class Recipe(Protocol):
-    """One paper's settings, a frozen dataclass. Nobody asks what kind it is, nor for a setting but ``steps`` and
-    ``random_points``."""
+    """One paper's settings, a frozen dataclass. Nobody asks what kind it is, nor for a setting but ``steps``,
+    ``random_points`` and ``start``."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
@@ -46,6 +47,11 @@ class Recipe(Protocol):
     @property
     def random_points(self) -> int:
         """Random points that it starts from where a scene brings none; 0 where the photographs' size decides."""
+        ...
+
+    @property
+    def start(self) -> "SurfaceStart | None":
+        """Where it starts if masks cut the subject out; None where that is no setting."""
         ...
 
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[Recipe, str | None]":

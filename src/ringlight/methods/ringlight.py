@@ -95,6 +95,10 @@ class RingLightRecipe:
         raise RecipeError("ringlight chooses a method by the scene; a model is of that method")
 
     @property
+    def start(self) -> None:
+        """Left to the method that it chooses."""
+
+    @property
     def random_points(self) -> int:
         """As the photographs' size says, whichever method is chosen."""
         return 0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import GaussianRates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.surface_start import SurfaceStart
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -31,6 +32,7 @@ class SplatRecipe(ABC):
     antialiased: bool = False
     visible_only: bool = False
     random_points: int = 0
+    start: SurfaceStart | None = None
     rates: GaussianRates
     densify: DensifySettings
     loss: PhotometricLoss
