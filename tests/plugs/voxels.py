@@ -209,6 +209,10 @@ class VoxelRecipe:
     def settled(self, scene: Scene, rasterize: "Rasterizer", seed: int) -> "tuple[VoxelRecipe, None]":
         return self, None
 
+    @property
+    def start(self) -> None:
+        """It starts from no points."""
+
     def ending_with(self, most: int | None, dropping: bool = True) -> "VoxelRecipe":
         return self
 
