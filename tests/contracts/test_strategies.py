@@ -1,6 +1,8 @@
 """What every strategy must do, parametrised over all of them and the plug."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
 
 import pytest
 import torch
@@ -24,9 +26,16 @@ STEPS, HALF = 30, 13
 SETTINGS = DensifySettings(**GROWING)
 DROPPING = DensifySettings(begin=0, every=2, stop=0.4, drop_share=0.5, drop_until=0.8)
 
+
+def dropping(scene: Scene, by: Literal["weights", "effects"]) -> DropLeast:
+    cameras = [view.camera for view in scene.train]
+    return DropLeast(replace(DROPPING, drop_by=by), cameras, STEPS, scene.background_color, 3)
+
+
 STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
     "densify": lambda scene: Densify(SETTINGS, scene.extent, STEPS, 3, white=True),
-    "drop least": lambda scene: DropLeast(DROPPING, [view.camera for view in scene.train], STEPS),
+    "drop least": lambda scene: dropping(scene, "weights"),
+    "drop what changes least": lambda scene: dropping(scene, "effects"),
     "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),
     "unlock": lambda scene: Unlock("color.active_degree", {5: 1, 12: 2, 20: 3}),
     "plug: relocate": lambda scene: Relocate(every=4, noise=1e-3, seed=3),

@@ -40,7 +40,7 @@ def model_of(depths: list[float], opacities: list[float]) -> SplatModel:
 
 def drop(model: SplatModel, settings: DensifySettings, steps: int) -> list[int]:
     """The numbers of rows after each step."""
-    strategy = DropLeast(settings, [AHEAD], steps)
+    strategy = DropLeast(settings, [AHEAD], steps, torch.ones(3), 0)
     optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.0))}, steps=steps)
     counts = []
     for step in range(1, steps + 1):
@@ -86,7 +86,7 @@ def test_all_is_dropped_between_the_end_of_density_control_and_the_given_share()
 @given(most=st.integers(1, 10_000_000), share=st.floats(0, 0.99), stop=st.floats(0, 1))
 def test_the_bound_holds_once_all_are_dropped(most: int, share: float, stop: float):
     settings = DensifySettings(begin=0, max_gaussians=most, drop_share=share, stop=stop)
-    strategy = DropLeast(settings, [], steps=1000)
+    strategy = DropLeast(settings, [], 1000, torch.ones(3), 0)
     count = settings.most_growing(1000)
     assert count >= most * (1 - 1e-9)
     for _ in [step for step in strategy.rounds if step <= 1000]:

@@ -1,5 +1,7 @@
 """When the loss of a run rises for good reasons."""
 
+import torch
+
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.drop_least import DropLeast
@@ -13,7 +15,8 @@ STEPS = 8000
 
 
 def steps_of(densify: DensifySettings, course: Course, white: bool = False) -> frozenset[int]:
-    growing, dropping = Densify(densify, 1.0, STEPS, 0, white=white), DropLeast(densify, (), STEPS)
+    growing = Densify(densify, 1.0, STEPS, 0, white=white)
+    dropping = DropLeast(densify, (), STEPS, torch.ones(3), 0)
     return disturbed_steps(course, growing, dropping, STEPS)
 
 

@@ -74,7 +74,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     steps, densify = recipe.steps, recipe.densify.within(scene.pixels)
     groups = recipe.rates.groups(scene.extent) | course.groups
     growing = Densify(densify, scene.extent, steps, seed, white=scene.background == "white")
-    dropping = DropLeast(densify, [view.camera for view in scene.train], steps)
+    dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)
     return Training(
         model=model,
         batches=ImageBatches(scene, seed, course.coarse_steps),

@@ -1,6 +1,7 @@
 """Settings of adaptive density control. Torch-free: recipes hold these."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
@@ -60,6 +61,9 @@ class DensifySettings:
     Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
     drop_until: float = 0.75
     """Share of all steps at which the last Gaussians are dropped."""
+    drop_by: Literal["weights", "effects"] = later("weights")
+    """What a Gaussian adds. weights: its blending weights, added up. effects: the squared change of the pictures if it
+    were gone; where its neighbours have its colour that is little."""
 
     def __post_init__(self) -> None:
         for name, least in {"begin": 0, "latest": 0, "every": 1, "reset_every": 0, "max_gaussians": 0}.items():

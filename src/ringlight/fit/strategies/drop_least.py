@@ -13,20 +13,29 @@ from ringlight.core.rendering import Emission, Rendering
 from ringlight.core.want import Want
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.removal_effects import removal_effects
 from ringlight.fit.strategies.stateless import Stateless
 from ringlight.models.splats import SplatModel
 
 
 class DropLeast(Stateless):
-    """In each round, drop those rows whose blending weights over all ``cameras`` add up to least.
+    """In each round, drop those rows that add least to the pictures of all ``cameras``, as ``settings.drop_by`` says.
 
     Density control cannot know what its children will be good for; a while later the photographs tell. Growing more
     and dropping it again leaves better Gaussians than growing fewer (after LightGaussian, Fan et al. 2023, which drops
     from finished models).
     """
 
-    def __init__(self, settings: DensifySettings, cameras: Sequence[Camera], steps: int):
+    def __init__(
+        self,
+        settings: DensifySettings,
+        cameras: Sequence[Camera],
+        steps: int,
+        background: Float[Tensor, "3"],
+        seed: int,
+    ):
         self.rounds, self.cameras, self.bound = settings.drop_rounds(steps), cameras, settings.max_gaussians
+        self.by, self.background, self.seed = settings.drop_by, background, seed
         self.kept = (1 - settings.drop_share) ** (1 / max(len(self.rounds), 1))
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
@@ -35,8 +44,13 @@ class DropLeast(Stateless):
         left = int(self.kept * len(model))
         if self.bound and step == max(self.rounds):
             left = min(left, self.bound)  # density control may have begun with more than it was to end with
-        order = blending_weights(model, self.cameras).argsort(descending=True, stable=True)
+        order = self._worth(step, model).argsort(descending=True, stable=True)
         optimizer.edit_rows(order[: max(left, 1)].sort().values)
+
+    def _worth(self, step: int, model: SplatModel) -> Float[Tensor, "N"]:
+        if self.by == "weights":
+            return blending_weights(model, self.cameras)
+        return removal_effects(model, self.cameras, self.background, self.seed, step)
 
 
 def blending_weights(model: SplatModel, cameras: Sequence[Camera]) -> Float[Tensor, "N"]:

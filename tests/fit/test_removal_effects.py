@@ -1,0 +1,107 @@
+"""What a Gaussian's removal changes: the estimate against pictures without it."""
+
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ringlight.color.harmonics import SphericalHarmonics
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.rendering import Rendering
+from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.rates import Adam, Rate
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.drop_least import DropLeast
+from ringlight.fit.strategies.removal_effects import drawn_signs, removal_effects
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.reference import ReferenceRasterizer
+from ringlight.shade.passthrough import PassThrough
+
+SIZE = 12
+AHEAD = Camera(torch.eye(4), (12.0, 12.0), (6.0, 6.0), SIZE, SIZE)
+WHITE, BLACK = torch.ones(3), torch.zeros(3)
+NOTHING = Rendering(torch.zeros(SIZE, SIZE, 3), torch.zeros(SIZE, SIZE, 1))
+
+
+def model_of(seed: int, count: int) -> SplatModel:
+    """Gaussians of any colour here and there ahead of the camera, some behind others."""
+    drawn = torch.Generator().manual_seed(seed)
+    depth = 2 + 2 * torch.rand(count, generator=drawn)
+    across = (torch.rand(count, 2, generator=drawn) - 0.5) * depth[:, None] * 0.6
+    table = Gaussians(
+        torch.cat([across, depth[:, None]], 1),
+        (0.1 * depth).log()[:, None].repeat(1, 3),
+        torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
+        torch.empty(count).uniform_(0.05, 0.95, generator=drawn).logit(),
+        {"sh_dc": torch.randn(count, 3, generator=drawn), "sh_rest": torch.zeros(count, 15, 3)},
+    )
+    return SplatModel(table, SphericalHarmonics(), PassThrough(), ReferenceRasterizer())
+
+
+def removed(model: SplatModel, background: torch.Tensor) -> torch.Tensor:
+    """The same by drawing a picture without each row."""
+    whole, table = model.render(AHEAD, background).color.detach(), model.gaussians
+    changes = []
+    for row in range(len(model)):
+        others = table.rows(torch.arange(len(model)) != row)
+        without = SplatModel(others, model.color, model.shader, model.rasterize)
+        changes.append((without.render(AHEAD, background).color.detach() - whole).square().sum())
+    return torch.stack(changes)
+
+
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 1000), background=st.sampled_from([WHITE, BLACK]))
+def test_its_mean_is_what_a_picture_without_the_row_changes(seed: int, background: torch.Tensor):
+    model, draws = model_of(seed, count=6), 300
+    estimate = sum(removal_effects(model, [AHEAD], background, seed, step) for step in range(draws)) / draws
+    # Six deviations of a mean of so many squares of what is nearly normal.
+    torch.testing.assert_close(estimate, removed(model, background), rtol=6 * (2 / draws) ** 0.5, atol=1e-5)
+
+
+def test_pictures_add_up():
+    model = model_of(1, count=4)
+    once, twice = (removal_effects(model, [AHEAD] * count, WHITE, 0, 1) for count in (1, 2))
+    assert (twice >= once).all()
+    assert (twice > once).any()
+    assert removal_effects(model, [], WHITE, 0, 1).tolist() == [0.0] * 4
+
+
+def test_a_row_that_no_picture_shows_changes_nothing():
+    model = model_of(2, count=3)
+    with torch.no_grad():
+        model.columns["means"][1, 2] = -1.0  # behind the camera
+        model.columns["opacity_logits"][2] = 90.0  # a float's opacity is one
+    effects = removal_effects(model, [AHEAD], WHITE, 0, 1)
+    assert effects[1] == 0
+    assert effects.isfinite().all()
+    with torch.no_grad():
+        model.columns["means"][:, 2] = -1.0
+    assert removal_effects(model, [AHEAD], WHITE, 0, 1).tolist() == [0.0] * 3
+
+
+def test_a_row_with_the_colour_of_what_lies_behind_goes_before_a_fainter_one_of_another():
+    model = model_of(3, count=2)
+    with torch.no_grad():
+        model.columns["means"][:] = torch.tensor([[0.0, 0.0, 2.0], [0.5, 0.5, 2.0]])
+        model.columns["opacity_logits"][:] = torch.tensor([2.0, -1.0])
+        model.columns["sh_dc"][0] = 0.5 / 0.28209479177387814  # white, as the background
+        model.columns["sh_dc"][1] = -1.0
+    left = {}
+    for by in ("weights", "effects"):
+        kept = SplatModel(model.gaussians.rows(torch.arange(2)), model.color, model.shader, model.rasterize)
+        optimizer = Optimizer(kept, {"*": Adam(Rate.constant(0.0))}, steps=100)
+        dropping = DropLeast(DensifySettings(begin=0, every=1, drop_share=0.5, drop_by=by), [AHEAD], 100, WHITE, seed=0)
+        for step in range(1, 101):
+            dropping.update(step, kept, optimizer, NOTHING)
+        left[by] = kept.columns["means"][:, 0].tolist()
+    assert left == {"weights": [0.0], "effects": [0.5]}
+
+
+def test_signs_are_signs_and_the_same_for_the_same_draw():
+    like = torch.zeros(50, 40, 3)
+    one, same, other = (drawn_signs(like, torch.Generator().manual_seed(seed)) for seed in (1, 1, 2))
+    assert one.shape == like.shape
+    assert one.unique().tolist() == [-1.0, 1.0]
+    assert abs(float(one.mean())) < 0.1
+    assert torch.equal(one, same)
+    assert not torch.equal(one, other)
