@@ -18,7 +18,7 @@ class Photograph:
 
 def step(number: int, fault: str | None = None) -> Progress:
     picture = torch.full((2, 2, 3), 1 / (number + 1))
-    return Progress(number, {}, Photograph(), Rendering(picture, torch.ones(2, 2, 1), {}), torch.zeros(2, 2, 3), fault)
+    return Progress(number, {"photometric": torch.tensor(1.0 / number)}, Photograph(), Rendering(picture, torch.ones(2, 2, 1), {}), torch.zeros(2, 2, 3), fault)
 
 
 def noted(steps: int, last: int | None = None) -> History:
@@ -73,6 +73,19 @@ def test_a_point_is_the_mean_over_the_last_photographs() -> None:
     assert point.step == 50
     decibels = [20 * torch.tensor(float(number + 1)).log10().item() for number in range(51 - SAMPLED, 51)]
     assert point.psnr == pytest.approx(sum(decibels) / SAMPLED, rel=1e-5)
+
+
+def test_a_point_has_the_mean_loss_of_its_photographs() -> None:
+    point = noted(1000).points[4]
+    assert point.loss == pytest.approx(sum(1 / number for number in range(51 - SAMPLED, 51)) / SAMPLED, rel=1e-5)
+
+
+def test_a_checkpoint_of_before_the_loss_goes_on_without_one() -> None:
+    history = History(60)
+    history.go_on_from({"history": json.dumps({"points": [[1, 1.0, 20.0, 5]], "sum": 0, "count": 0})})
+    assert [point.loss for point in history.points] == [None]
+    history.note(step(2), 1.5, 5)
+    assert history.points[-1].loss == pytest.approx(0.5)
 
 
 @settings(max_examples=20)

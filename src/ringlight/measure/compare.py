@@ -31,11 +31,14 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class _Run:
+class ComparedRun:
+    """A run folder and the report in it."""
+
     folder: Path
     report: Report
 
     def pictures(self, kind: Path) -> PictureFolder:
+        """Of its test views: ``RENDERS`` or ``TRUTHS``."""
         return PictureFolder(self.folder / kind, [image.name for image in self.report.images])
 
 
@@ -52,14 +55,14 @@ def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
     folders = list({folder.resolve(): folder for folder in map(Path, runs)}.values())
     if not folders:
         raise RunError("no runs to compare; give the folders that 'ringlight train' wrote")
-    loaded = [_Run(folder, read_report(folder)) for folder in folders]
-    scenes: dict[str, list[_Run]] = {}
+    loaded = [ComparedRun(folder, read_report(folder)) for folder in folders]
+    scenes: dict[str, list[ComparedRun]] = {}
     for run in loaded:
         scenes.setdefault(run.report.scene, []).append(run)
     for together in scenes.values():
         for other in together[1:]:
-            _refuse_other_views(together[0], other)
-    labels = {run.folder: label for together in scenes.values() for run, label in _labelled(together)}
+            refuse_other_views(together[0], other)
+    labels = {run.folder: label for together in scenes.values() for run, label in labelled(together)}
     table = ResultsTable(
         [(labels[run.folder], run.report) for run in loaded],
         baseline=labels[loaded[0].folder],
@@ -72,7 +75,7 @@ def compare(runs: Sequence[str | Path], views: int = 3) -> Comparison:
     return Comparison(table, _stacked([sheet for sheet in sheets if sheet]), notes)
 
 
-def _labelled(together: list[_Run]) -> list[tuple[_Run, str]]:
+def labelled(together: list[ComparedRun]) -> list[tuple[ComparedRun, str]]:
     """The runs of one scene with the shortest names that tell them apart: preset, else folder, else path."""
     candidates = [
         [run.report.preset for run in together],
@@ -83,12 +86,13 @@ def _labelled(together: list[_Run]) -> list[tuple[_Run, str]]:
     return list(zip(together, chosen, strict=True))
 
 
-def _preset_and_folder(run: _Run) -> str:
+def _preset_and_folder(run: ComparedRun) -> str:
     preset, folder = run.report.preset, run.folder.resolve().name
     return preset if folder == preset else f"{preset} {folder}"
 
 
-def _refuse_other_views(first: _Run, other: _Run) -> None:
+def refuse_other_views(first: ComparedRun, other: ComparedRun) -> None:
+    """Raise RunError where two runs of a scene were measured on different test views."""
     remedy = "evaluate both with the same scene options"
     for field in MUST_AGREE:
         ours, theirs = getattr(first.report, field), getattr(other.report, field)
@@ -103,7 +107,7 @@ def _refuse_other_views(first: _Run, other: _Run) -> None:
             raise RunError(f"{ours[view]} and {theirs[view]} are different photographs; {remedy}")
 
 
-def _sheet(scene: str, together: list[_Run], labels: dict[Path, str], views: int) -> Image.Image | None:
+def _sheet(scene: str, together: list[ComparedRun], labels: dict[Path, str], views: int) -> Image.Image | None:
     shown = [run for run in together if run.pictures(RENDERS) and run.pictures(TRUTHS)]
     if not shown:
         return None

@@ -68,7 +68,7 @@ def contact_sheet(columns: Sequence[SheetColumn], truth: Pictures, views: int = 
         raise RunError("a contact sheet needs the pictures of at least one run; make them with 'ringlight eval RUN'")
     names = choose_views([column.images for column in columns], truth, views)
     blocks = [_block(name, columns, truth) for name in names]
-    top = _scale_top(blocks)
+    top = scale_top([error for block in blocks for error in block.errors])
     pitch = max(block.shown.width for block in blocks) + GAP
     header = round(LINE * LABEL_SIZE) + (round(LINE * TITLE_SIZE) if title else 0)
     width = 2 * MARGIN - GAP + pitch * (len(columns) + 1)
@@ -103,9 +103,9 @@ def _block(name: str, columns: Sequence[SheetColumn], truth: Pictures) -> _Block
     return _Block(name, pictures, errors, [metrics.psnr(image, target) for image in renders], box, shown)
 
 
-def _scale_top(blocks: Sequence[_Block]) -> float:
-    errors = np.concatenate([error.ravel() for block in blocks for error in block.errors])
-    bound = float(np.quantile(errors, SCALE_QUANTILE))
+def scale_top(errors: Sequence[Float[np.ndarray, "_ _"]]) -> float:
+    """Where the scale of these error maps ends: a number that one can read, above nearly all of their values."""
+    bound = float(np.quantile(np.concatenate([error.ravel() for error in errors]), SCALE_QUANTILE))
     return next((top for top in SCALE_TOPS if top >= bound), SCALE_TOPS[-1])
 
 

@@ -34,12 +34,14 @@ class ImageScore:
 @dataclass(frozen=True)
 class CurvePoint:
     """A training after ``step``: ``seconds`` in steps so far, ``psnr`` in dB over a few training photographs before
-    it, and ``counted`` of what the model is made of."""
+    it, ``counted`` of what the model is made of, and the ``loss`` with all its terms over the same photographs, None
+    in runs of earlier versions."""
 
     step: int
     seconds: float
     psnr: float
     counted: int
+    loss: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,7 +39,7 @@ class ResultsTable:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
         """Rich's protocol: leaves out the least important columns that do not fit."""
-        grid = self._grid()
+        grid = self.grid()
         scenes = {report.scene for _, report in self.runs}
         if len(scenes) == 1:
             grid = grid.without("scene")
@@ -50,7 +50,7 @@ class ResultsTable:
 
     def markdown(self) -> str:
         """All columns as a GitHub table, the best values of each scene in bold; ends with the notes."""
-        grid = self._grid()
+        grid = self.grid()
         lines = [
             markdown_row([column.title for column in grid.columns]),
             markdown_row([":--" if column.is_name else "--:" for column in grid.columns]),
@@ -78,7 +78,8 @@ class ResultsTable:
         """By scene, the run that others are compared with."""
         return {report.scene: report for label, report in reversed(self.runs) if label == self.baseline}
 
-    def _grid(self) -> "_Grid":
+    def grid(self) -> "Grid":
+        """Everything that is known, written: columns that no run has are left out."""
         baselines = self._baselines()
         reports = [report for _, report in self.runs]
         tested = any(report.psnr is not None for report in reports)
@@ -86,7 +87,7 @@ class ResultsTable:
         scenes: dict[str, list[Row]] = {}
         for label, report in self.runs:
             scenes.setdefault(report.scene, []).append(Row(label, report, baselines.get(report.scene)))
-        grid = _Grid(shown, [cells(shown, rows) for rows in scenes.values()])
+        grid = Grid(shown, [cells(shown, rows) for rows in scenes.values()])
         silent = [
             c.title for i, c in enumerate(shown) if not c.always and all(r[i].text == MISSING for r in grid.rows())
         ]
@@ -96,19 +97,21 @@ class ResultsTable:
 
 
 @dataclass(frozen=True)
-class _Grid:
+class Grid:
     """Written cells: columns, and for each scene its rows."""
 
     columns: Sequence[Column]
     scenes: Sequence[Sequence[Sequence[Cell]]]
 
     def rows(self) -> list[Sequence[Cell]]:
+        """Of all scenes, one after the other."""
         return [row for rows in self.scenes for row in rows]
 
-    def without(self, title: str) -> "_Grid":
+    def without(self, title: str) -> "Grid":
+        """The same without the column of this title."""
         kept = [index for index, column in enumerate(self.columns) if column.title != title]
         scenes = [[[row[index] for index in kept] for row in rows] for rows in self.scenes]
-        return _Grid([self.columns[index] for index in kept], scenes)
+        return Grid([self.columns[index] for index in kept], scenes)
 
     def fitted(self, width: int) -> Table:
         """The table in ``width`` characters: names are cut first, then the least important columns go."""

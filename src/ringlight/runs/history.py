@@ -1,4 +1,4 @@
-"""How a training went: its PSNR on training photographs, size and seconds, at a hundred of its steps at most."""
+"""How a training went: its PSNR and loss on training photographs, size and seconds, at a hundred of its steps at most."""
 
 import json
 import math
@@ -22,24 +22,29 @@ class History:
     def __init__(self, steps: int):
         self.points: list[CurvePoint] = []
         self.every = math.ceil(steps / MOST_POINTS)
-        self._sum, self._count, self._last = 0.0, 0, 0
+        self._sum, self._losses, self._count, self._last = 0.0, 0.0, 0, 0
 
     def note(self, progress: Progress, seconds: float, counted: int) -> None:
         """One step, after which training had taken ``seconds`` and the model had grown to ``counted``."""
         if progress.step <= self._last:  # the training went back
             self.points = [point for point in self.points if point.step < progress.step]
-            self._sum, self._count = 0.0, 0
+            self._begin_point()
         self._last = progress.step
         left = -progress.step % self.every
         if left < SAMPLED and progress.fault is None:
             self._sum += psnr(progress.prediction.color, progress.truth)
+            self._losses += progress.loss
             self._count += 1
         if left == 0 and self._count:
             if self.points and self.points[-1].step % self.every:
                 del self.points[-1]  # it was the newest when others were thinned
-            self.points.append(CurvePoint(progress.step, seconds, self._sum / self._count, counted))
-            self._sum, self._count = 0.0, 0
+            mean, loss = self._sum / self._count, self._losses / self._count
+            self.points.append(CurvePoint(progress.step, seconds, mean, counted, loss))
+            self._begin_point()
             self._thin()
+
+    def _begin_point(self) -> None:
+        self._sum, self._losses, self._count = 0.0, 0.0, 0
 
     def _thin(self) -> None:
         while len(self.points) > MOST_POINTS:
@@ -49,8 +54,8 @@ class History:
 
     def to_text(self) -> str:
         """For a checkpoint."""
-        points = [[point.step, point.seconds, point.psnr, point.counted] for point in self.points]
-        kept = {"points": points, "sum": self._sum, "count": self._count, "every": self.every}
+        points = [[point.step, point.seconds, point.psnr, point.counted, point.loss] for point in self.points]
+        kept = {"points": points, "sum": self._sum, "losses": self._losses, "count": self._count, "every": self.every}
         return json.dumps(spelled(kept), allow_nan=False)
 
     def go_on_from(self, facts: Mapping[str, str]) -> None:
@@ -60,14 +65,19 @@ class History:
             return
         try:
             kept = json.loads(facts["history"])
-            rows = [
-                (int(step), float(seconds), float(mean), int(number)) for step, seconds, mean, number in kept["points"]
-            ]
-            self.points = [CurvePoint(*row) for row in rows]
+            self.points = [_point(*row) for row in kept["points"]]
             self._sum, self._count = float(kept["sum"]), int(kept["count"])
+            self._losses = float(kept.get("losses", 0.0))
             self.every = int(kept.get("every", self.every))
             if self.every < 1:
                 raise ValueError(f"a point every {self.every} steps")
         except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
             raise ValueError(f"its history: {error}") from None
         self._thin()
+
+
+def _point(step: object, seconds: object, mean: object, counted: object, loss: object = None) -> CurvePoint:
+    """From a checkpoint; those of earlier versions know no loss. Raises TypeError or ValueError for damage."""
+    numbers = [float(value) for value in (step, seconds, mean, counted)]  # type: ignore[arg-type]
+    kept = None if loss is None else float(loss)  # type: ignore[arg-type]
+    return CurvePoint(int(numbers[0]), numbers[1], numbers[2], int(numbers[3]), kept)
