@@ -40,7 +40,19 @@ class Stopped(Exception):
         self.code = SIGNALLED + number
 
 
-SLOW_TO_BEGIN = ("demo", "poses", "train", "eval", "render", "compare", "info", "compress", "export", "import")
+SLOW_TO_BEGIN = (
+    "demo",
+    "poses",
+    "train",
+    "eval",
+    "render",
+    "compare",
+    "report",
+    "info",
+    "compress",
+    "export",
+    "import",
+)
 """Commands that load torch and say what is under way."""
 
 TRAINING = ("train", "demo", "study")
@@ -53,6 +65,7 @@ VERBS = {
     "eval": "measure a model on held-out photographs",
     "render": "pictures or video: test views, an orbit, a path; base colour, residual, depth, ...",
     "compare": "several runs in one table and one contact sheet",
+    "report": "one page about runs: table, curves, pictures with a curtain, settings",
     "study": "repeat the paper's ablations: the whole matrix, its table and curves",
     "info": "what a model file or run folder holds",
     "compress": "write a model in about a third of the bytes, and say what that costs",

@@ -1,4 +1,4 @@
-"""How a training went: its PSNR and loss on training photographs, size and seconds, at a hundred of its steps at most."""
+"""How a training went: PSNR and loss on training photographs, size and seconds, at a hundred of its steps at most."""
 
 import json
 import math

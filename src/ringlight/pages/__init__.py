@@ -1,0 +1,1 @@
+"""Pages for a browser: one file each, which opens from a disk and loads nothing."""

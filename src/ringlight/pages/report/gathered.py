@@ -1,0 +1,80 @@
+"""What a run folder still tells: its report, its record, its curve; what is missing or damaged becomes a sentence."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from ringlight.core.command_line import command
+from ringlight.errors import ModelFileError, RunError
+from ringlight.files.tensor_file import read_metadata
+from ringlight.measure.report import REPORT_NAME, CurvePoint, Report, folders_with, read_report
+from ringlight.runs.folder import RunFolder
+from ringlight.runs.history import History
+from ringlight.runs.record import RECORD_NAME, RunRecord
+
+
+@dataclass(frozen=True)
+class GatheredRun:
+    """None: missing or damaged, which ``troubles`` say, a sentence each. Without a report the ``curve`` is that of the
+    newest checkpoint."""
+
+    folder: Path
+    report: Report | None
+    record: RunRecord | None
+    curve: tuple[CurvePoint, ...]
+    troubles: tuple[str, ...]
+
+    @property
+    def scene(self) -> str:
+        """The name under which runs stand side by side."""
+        if self.report is not None:
+            return self.report.scene
+        return self.record.scene.name if self.record else self.folder.resolve().name
+
+    @property
+    def preset(self) -> str:
+        """What was asked for."""
+        if self.report is not None:
+            return self.report.preset
+        return self.record.preset if self.record else self.folder.resolve().name
+
+
+def gathered(folder: Path) -> GatheredRun:
+    """All that is known of a run. Raises RunError for a folder that holds none."""
+    run = RunFolder.open(folder)
+    if not (run.recorded or run.report.is_file()):
+        inside = folders_with(REPORT_NAME, folder) or folders_with(RECORD_NAME, folder)
+        remedy = f"name the runs inside it: {inside}" if inside else "give a folder that 'ringlight train' wrote"
+        raise RunError(f"{folder}: holds no run; {remedy}")
+    troubles: list[str] = []
+    record = report = None
+    try:
+        record = RunRecord.read(folder)
+    except RunError as error:
+        troubles.append(str(error))
+    try:
+        if run.report.is_file():
+            report = read_report(folder)
+    except RunError as error:
+        troubles.append(str(error))
+    curve = report.curve if report else _curve_so_far(run, record)
+    if report is None and not run.report.is_file():
+        troubles.append(_unfinished(folder, record, curve))
+    return GatheredRun(folder, report, record, curve, tuple(troubles))
+
+
+def _curve_so_far(run: RunFolder, record: RunRecord | None) -> tuple[CurvePoint, ...]:
+    """Of the newest checkpoint that can be read."""
+    history = History(record.steps if record else 1)
+    for checkpoint in run.checkpoints:
+        with suppress(ModelFileError, ValueError):
+            history.go_on_from(read_metadata(checkpoint))
+            return tuple(history.points)
+    return ()
+
+
+def _unfinished(folder: Path, record: RunRecord | None, curve: tuple[CurvePoint, ...]) -> str:
+    planned = f" of {record.steps:,}" if record else ""
+    reached = f"its last checkpoint's curve ends at step {curve[-1].step:,}{planned}" if curve else "it has no curve"
+    go_on = command("train", "--resume", folder)
+    return f"{folder}: has no {REPORT_NAME}, so there are neither numbers nor pictures; {reached}; go on with: {go_on}"

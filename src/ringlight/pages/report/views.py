@@ -1,0 +1,142 @@
+"""Test views on the page: the worst, the best and some between, each as photographed and as every run shows it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from ringlight.errors import RunError
+from ringlight.measure.compare import ComparedRun
+from ringlight.measure.contact_sheet import scale_top
+from ringlight.measure.picture_names import RENDERS, TRUTHS
+from ringlight.measure.pictures import PictureFolder
+from ringlight.pages.report.encoded import MOST_SIDE, error_url, picture_url
+from ringlight.pages.report.groups import Group, Member
+
+MOST_BYTES = 24_000_000
+"""Of the pictures of all test views on a page: beyond this, views are left out and the page says so."""
+
+
+@dataclass(frozen=True)
+class RunPicture:
+    """What one run shows of a view: its PSNR in dB, its picture and its error map as data URLs."""
+
+    member: Member
+    psnr: float
+    picture: str
+    error: str
+
+
+@dataclass(frozen=True)
+class ViewShown:
+    """``rank`` 0 is the worst of ``of`` views; ``width`` and ``height`` of the photograph as the page holds it."""
+
+    name: str
+    rank: int
+    of: int
+    width: int
+    height: int
+    photograph: str
+    runs: tuple[RunPicture, ...]
+
+    @property
+    def bytes(self) -> int:
+        """Of its pictures."""
+        return len(self.photograph) + sum(len(run.picture) + len(run.error) for run in self.runs)
+
+
+@dataclass(frozen=True)
+class ViewsShown:
+    """``top``: the error at which the scale of all maps ends, in [0, 1]. ``notes``: what is not shown, and why."""
+
+    views: tuple[ViewShown, ...]
+    top: float
+    notes: tuple[str, ...]
+
+
+def ranked(group: Group) -> list[str]:
+    """The views of all of a group's runs by their mean PSNR, the worst first; ties by name."""
+    scores: dict[str, list[float]] = {}
+    for _, run in group.measured:
+        for image in run.report.images:
+            scores.setdefault(image.name, []).append(image.psnr)
+    return sorted(scores, key=lambda name: (sum(scores[name]) / len(scores[name]), name))
+
+
+def chosen(count: int, of: int) -> list[int]:
+    """Ranks of the views that are shown: a third of them the worst, a third the best, the others between at even
+    distances."""
+    if count >= of:
+        return list(range(of))
+    best = count // 3
+    worst = max(best, 1)
+    between = count - worst - best
+    gaps = np.linspace(worst, of - best - 1, between + 2)[1:-1] if between else []
+    return [*range(worst), *(round(float(rank)) for rank in gaps), *range(of - best, of)]
+
+
+def views_shown(group: Group, count: int, room: int) -> ViewsShown:
+    """Up to ``count`` views in ``room`` bytes; pictures that are missing or damaged become notes."""
+    notes: list[str] = []
+    folders = [(member, run, run.pictures(RENDERS), run.pictures(TRUTHS)) for member, run in group.measured]
+    whole = [(member, run, renders) for member, run, renders, truths in folders if renders and truths]
+    for _, run, renders, truths in folders:
+        if run.report.images and not (renders and truths):
+            notes.append(f"{run.folder} has no pictures of its test views; 'ringlight eval' makes them.")
+    if not whole or not count:
+        return ViewsShown((), 1.0, tuple(notes))
+    photographs = next(truths for _, _, renders, truths in folders if renders and truths)
+    names = [name for name in ranked(group) if name in photographs and all(name in r for _, _, r in whole)]
+    ranks = chosen(count, len(names))
+    errors, readable = [], []
+    for rank in ranks:
+        try:
+            errors.append(_thinned(_errors(names[rank], photographs, whole)))
+            readable.append(rank)
+        except RunError as error:
+            notes.append(f"{error}.")
+    top = scale_top(errors) if errors else 1.0
+    shown: dict[int, ViewShown] = {}
+    # From both ends inwards: where there is no room for all, the worst and the best are what one looks for.
+    for rank in sorted(readable, key=lambda rank: min(rank, len(names) - 1 - rank)):
+        view = _view(names[rank], rank, len(names), photographs, whole, top)
+        room -= view.bytes
+        if room < 0 and shown:
+            notes.append(f"{len(readable) - len(shown)} views are left out: the page would be too large with them.")
+            break
+        shown[rank] = view
+    return ViewsShown(tuple(shown[rank] for rank in sorted(shown)), top, tuple(notes))
+
+
+_Whole = Sequence[tuple[Member, ComparedRun, PictureFolder]]
+
+
+def _errors(name: str, photographs: PictureFolder, whole: _Whole) -> list[Float[np.ndarray, "H W"]]:
+    """Mean over the channels of the difference to the photograph, of each run."""
+    truth = photographs[name].numpy()
+    renders = [renders[name].numpy() for _, _, renders in whole]
+    sizes = {f"{picture.shape[1]}x{picture.shape[0]}" for picture in (truth, *renders)}
+    if len(sizes) > 1:
+        raise RunError(f"view {name}: its pictures differ in size ({', '.join(sorted(sizes))}); evaluate all runs anew")
+    return [np.abs(render - truth).mean(-1) for render in renders]
+
+
+def _thinned(errors: Sequence[Float[np.ndarray, "H W"]]) -> Float[np.ndarray, "K n"]:
+    """Every n-th pixel: enough to choose a scale, of hundreds of large pictures too."""
+    step = max(1, max(errors[0].shape) // MOST_SIDE)
+    return np.stack([error[::step, ::step].ravel() for error in errors])
+
+
+def _view(name: str, rank: int, of: int, photographs: PictureFolder, whole: _Whole, top: float) -> ViewShown:
+    truth = _bytes_of(photographs, name)
+    errors = _errors(name, photographs, whole)
+    runs = []
+    for (member, run, renders), error in zip(whole, errors, strict=True):
+        psnr = next(image.psnr for image in run.report.images if image.name == name)
+        runs.append(RunPicture(member, psnr, picture_url(_bytes_of(renders, name)), error_url(error, top)))
+    return ViewShown(name, rank, of, truth.shape[1], truth.shape[0], picture_url(truth), tuple(runs))
+
+
+def _bytes_of(pictures: PictureFolder, name: str) -> UInt8[np.ndarray, "H W 3"]:
+    return (pictures[name].numpy() * 255).round().astype(np.uint8)
