@@ -18,7 +18,14 @@ class Photograph:
 
 def step(number: int, fault: str | None = None) -> Progress:
     picture = torch.full((2, 2, 3), 1 / (number + 1))
-    return Progress(number, {"photometric": torch.tensor(1.0 / number)}, Photograph(), Rendering(picture, torch.ones(2, 2, 1), {}), torch.zeros(2, 2, 3), fault)
+    return Progress(
+        number,
+        {"photometric": torch.tensor(1.0 / number)},
+        Photograph(),
+        Rendering(picture, torch.ones(2, 2, 1), {}),
+        torch.zeros(2, 2, 3),
+        fault,
+    )
 
 
 def noted(steps: int, last: int | None = None) -> History:

@@ -10,8 +10,8 @@ halves of pairs (bytes of a file name that are no text), and breaks of lines."""
 
 UNPRINTABLE = re.compile(r"[^ -~]")
 
-EMPTY = {"meta", "img", "input", "br", "line", "path", "circle", "rect"}
-"""Elements without an end."""
+EMPTY = {"meta", "img", "input", "br"}
+"""HTML's elements without an end; those of SVG have one."""
 
 
 class Html(str):
@@ -34,7 +34,7 @@ def html_of(part: str) -> Html:
     return part if isinstance(part, Html) else Html(escape(visible(part)))
 
 
-def element(tag: str, *children: str, **attributes: str | float | bool | None) -> Html:
+def element(tag: str, *children: str, **attributes: str | int | float | bool | None) -> Html:
     """One element. ``class_`` and ``for_`` lose their underscore, others in a name become hyphens; None and False leave
     an attribute out, True gives it no value."""
     words = [tag]

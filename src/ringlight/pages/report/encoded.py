@@ -15,6 +15,9 @@ MOST_SIDE = 800
 QUALITY = 90
 """Of WebP, 0 to 100: no loss that one sees at the size that is shown."""
 
+SCALE_WIDTH, SCALE_HEIGHT = 256, 12
+"""Pixels of the colour scale."""
+
 EFFORT = 4
 """Of WebP's encoder, 0 to 6."""
 
@@ -28,6 +31,11 @@ def error_url(error: Float[np.ndarray, "H W"], top: float) -> str:
     """An error map whose scale ends at ``top``; what is larger looks the same. Shrunk before it is coloured."""
     small = np.asarray(_shrunk(Image.fromarray(error.astype(np.float32))))
     return _url(Image.fromarray(ember(small / top)))
+
+
+def scale_url() -> str:
+    """The colours of error maps from 0 to the end of their scale, left to right, as a data URL."""
+    return _url(Image.fromarray(ember(np.tile(np.linspace(0, 1, SCALE_WIDTH), (SCALE_HEIGHT, 1)))))
 
 
 def _shrunk(picture: Image.Image) -> Image.Image:

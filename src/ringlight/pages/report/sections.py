@@ -7,6 +7,7 @@ from ringlight.measure.columns import MISSING
 from ringlight.measure.table import ResultsTable
 from ringlight.pages.markup import Html, element, joined, name
 from ringlight.pages.report.charts import COLORS, Chart, Curve, drawn, training_charts
+from ringlight.pages.report.encoded import scale_url
 from ringlight.pages.report.groups import Group, Member
 from ringlight.pages.report.layers import CAPTIONS, LayersShown, layer_names
 from ringlight.pages.report.views import RunPicture, ViewShown, ViewsShown, ranked
@@ -15,6 +16,8 @@ from ringlight.pages.report.views import RunPicture, ViewShown, ViewsShown, rank
 def table(results: ResultsTable) -> Html:
     """All columns that any run has; the best of each scene is marked."""
     grid = results.grid()
+    if len(grid.scenes) == 1:
+        grid = grid.without("scene")
     head = element("tr", *(element("th", column.title, class_=_kind(column.is_name)) for column in grid.columns))
     bodies = []
     for scene in grid.scenes:
@@ -99,7 +102,9 @@ def view_cards(group: Group, shown: ViewsShown, key: str) -> Html:
         parts.append(element("p", about, class_="faint"))
         if len(shown.views[0].runs) > 1:
             parts.append(_left_side(shown.views[0], key))
-        parts += [_card(view, f"{key}v{view.rank}") for view in shown.views]
+        scale = element("img", src=scale_url(), alt="from black over red to cream", width=256, height=12)
+        ends = element("figcaption", "error 0", element("span", f"{shown.top:g}"), class_="ends")
+        parts += [_card(view, f"{key}v{view.rank}", joined([scale, ends])) for view in shown.views]
     return element("section", *parts, class_="views", id=key)
 
 
@@ -111,7 +116,7 @@ def _left_side(view: ViewShown, key: str) -> Html:
     return element("p", element("label", "Left of the line: ", select), class_="scripted")
 
 
-def _card(view: ViewShown, key: str) -> Html:
+def _card(view: ViewShown, key: str, scale: Html) -> Html:
     size = {"width": view.width, "height": view.height}
     mean = sum(run.psnr for run in view.runs) / len(view.runs)
     place = (
@@ -122,6 +127,7 @@ def _card(view: ViewShown, key: str) -> Html:
         "figure",
         element("figcaption", "photograph"),
         element("img", src=view.photograph, alt="photograph", id=f"{key}-photograph", **size),
+        element("div", scale, class_="error"),
         class_="photograph",
     )
     best = max(run.psnr for run in view.runs)

@@ -72,8 +72,9 @@ def chosen(count: int, of: int) -> list[int]:
     best = count // 3
     worst = max(best, 1)
     between = count - worst - best
-    gaps = np.linspace(worst, of - best - 1, between + 2)[1:-1] if between else []
-    return [*range(worst), *(round(float(rank)) for rank in gaps), *range(of - best, of)]
+    left = of - worst - best
+    middle = [worst + (2 * index + 1) * left // (2 * between) for index in range(between)]
+    return [*range(worst), *middle, *range(of - best, of)]
 
 
 def views_shown(group: Group, count: int, room: int) -> ViewsShown:
