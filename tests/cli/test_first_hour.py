@@ -93,7 +93,7 @@ def test_pictures_too_large_for_memory_do_not_name_flags_of_training(
     def too_large(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("ringlight.runs.film.render_film", too_large)
+    monkeypatch.setattr("ringlight.runs.film_pictures.render_film", too_large)
     sentence = refused(ringlight("render", run_folder, "--quiet"), 1, "not enough memory")
     assert "--densify" not in sentence
     assert "--width" in sentence

@@ -8,6 +8,7 @@ from ringlight.files.false_color import (
     depth_picture,
     depth_range,
     gray_picture,
+    nearest_depth,
     signed_picture,
 )
 
@@ -50,3 +51,11 @@ def test_signed_values_sit_around_middle_gray() -> None:
     assert signed_picture(values / 4).tolist() == [[[0.375, 0.5, 0.625]]]
     assert signed_picture(5 * values).tolist() == [[[0.0, 0.5, 1.0]]]
     assert gray_picture(torch.tensor([[[0.25]]])).tolist() == [[[0.25, 0.25, 0.25]]]
+
+
+def test_the_nearest_surface_of_a_faint_picture_is_found() -> None:
+    depth, alpha = torch.full((10, 10, 1), 5.0), torch.full((10, 10, 1), 0.1)
+    depth[0], alpha[0] = 0.5, 0.01
+    depth[1], alpha[1] = 3.0, 0.08
+    assert nearest_depth(depth, alpha) == pytest.approx(3.0)
+    assert nearest_depth(torch.zeros(4, 4, 1), torch.zeros(4, 4, 1)) == float("inf")

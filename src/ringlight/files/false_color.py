@@ -1,5 +1,7 @@
 """Buffers as pictures: depth, normals, signed differences and scalars, each [H W c] to [H W 3] in [0, 1]."""
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -39,6 +41,16 @@ def depth_range(depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"]) ->
     distances = distances[:: len(distances) // MOST_SAMPLES + 1]
     near, far = torch.quantile(distances, torch.tensor([LOW, HIGH]).to(distances)).tolist()
     return (near, far)
+
+
+def nearest_depth(depth: Float[Tensor, "H W 1"], alpha: Float[Tensor, "H W 1"]) -> float:
+    """Of the pixels that are covered at least half as much as any, world units, without the nearest 2 percent; infinite
+    for an empty picture. Of a model that was hardly trained no pixel may be half covered."""
+    distances = depth[(alpha >= COVERED * alpha.max()) & (depth > 0)]
+    distances = distances[distances.isfinite()]
+    if not len(distances):
+        return math.inf
+    return float(torch.quantile(distances[:: len(distances) // MOST_SAMPLES + 1], LOW))
 
 
 def signed_picture(values: Float[Tensor, "H W 3"]) -> Float[Tensor, "H W 3"]:

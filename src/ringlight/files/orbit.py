@@ -112,7 +112,7 @@ def orbit_of(cameras: Sequence[Camera], wish: OrbitWish = OrbitWish()) -> Orbit:
     first camera. Else it is the arc with most of them.
     """
     positions = np.stack([position_of(camera) for camera in cameras])
-    up = _up(cameras, positions)
+    up = up_of(cameras)
     if wish.center is None:
         center = _nearest_to_axes(positions, np.stack([rotation_of(camera)[2] for camera in cameras]))
     else:
@@ -177,11 +177,12 @@ def _photographed(azimuths: Array) -> tuple[float, float]:
     return (begin + end) / 2, max(math.degrees(end - begin), NARROWEST_ARC)
 
 
-def _up(cameras: Sequence[Camera], positions: Array) -> Array:
+def up_of(cameras: Sequence[Camera]) -> Array:
     """The axis to which the cameras' right sides are perpendicular, as level cameras' are; where they are not, the mean
     of the cameras' own up axes, which tilts where all look down from one side; where these cancel, the direction in
     which the positions vary least."""
     rotations = np.stack([rotation_of(camera) for camera in cameras])
+    positions = np.stack([position_of(camera) for camera in cameras])
     flattest = np.linalg.svd(positions - positions.mean(0), full_matrices=True)[2][-1]
     mean = _unit_or(-rotations[:, 1].mean(0), flattest, 0.1)
     rights = rotations[:, 0]

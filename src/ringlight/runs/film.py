@@ -1,29 +1,21 @@
-"""Where the camera goes for pictures of a trained model, and the pictures on disk."""
+"""Where the camera goes for pictures of a trained model."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 import numpy as np
-import torch
-from jaxtyping import Float
-from PIL import Image
-from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
 from ringlight.errors import ModelFileError, RecipeError, SceneError
 from ringlight.files.camera_paths import interpolated
-from ringlight.files.layer_pictures import common_depth_range, layer_pictures
+from ringlight.files.key_frame_flight import flown, frame_times
+from ringlight.files.key_frames import read_key_frames
 from ringlight.files.nerfstudio_path import NerfstudioPath
-from ringlight.files.orbit import Orbit, OrbitWish, orbit_of, showing_whole
-from ringlight.files.video import save_image, write_video
+from ringlight.files.orbit import Orbit, OrbitWish, orbit_of, showing_whole, up_of
 from ringlight.measure.picture_names import picture_name
-from ringlight.models.contract import Model
-from ringlight.runs.folder import make_folder
 from ringlight.runs.opened import Opened
-
-Tell = Callable[[int, int], None]
 
 FEWEST_DIGITS = 4
 """Of numbered frames, so that films of different length sort alike."""
@@ -105,38 +97,17 @@ def film_of_file(path: NerfstudioPath) -> Film:
     return _numbered(path.cameras)
 
 
-def render_film(
-    model: Model,
-    film: Film,
-    background: Float[Tensor, "3"],
-    layers: Sequence[str],
-    folder: Path,
-    tell: Tell,
-) -> list[Path]:
-    """One picture a frame and layer, ``folder/LAYER/NAME.png``; returns the layers' folders.
-
-    The model, which has the layers, is asked for all of a frame at once. Raises OutputError where a picture cannot be
-    written.
-    """
-    near_far = common_depth_range(model, film.cameras) if "depth" in layers else (0.0, 1.0)
-    folders = {layer: make_folder(folder / layer) for layer in layers}
-    for done, (camera, name) in enumerate(zip(film.cameras, film.names, strict=True), 1):
-        for layer, picture in layer_pictures(model, camera, background, layers, near_far).items():
-            save_image(folders[layer] / name, picture)
-        tell(done, len(film.cameras))
-    return list(folders.values())
-
-
-def film_to_video(pictures: Path, names: Sequence[str], fps: float, tell: Tell) -> None:
-    """The pictures of one folder as ``FOLDER.mp4`` beside it. Raises BackendError without the video extra."""
-
-    def frames() -> Iterator[Float[Tensor, "H W 3"]]:
-        for done, name in enumerate(names, 1):
-            with Image.open(pictures / name) as picture:
-                yield torch.from_numpy(np.array(picture.convert("RGB"))).float() / 255
-            tell(done, len(names))
-
-    write_video(pictures.with_name(f"{pictures.name}.mp4"), frames(), fps)
+def film_of_key_frames(
+    opened: Opened, path: Path, frames: int | None, fps: float | None, most: int
+) -> tuple[Film, float]:
+    """The flight through the key frames in a file, and its frames a second. Raises SceneError for a file that is
+    damaged, or flights of more than ``most`` frames."""
+    cameras = opened.stored.cameras
+    like, up = (cameras[0], up_of(cameras)) if cameras else (None, None)
+    flight = read_key_frames(path, like, up)
+    rate = fps or flight.fps
+    times = frame_times(flight, frames, rate, most)
+    return _numbered(flown(flight, times)), rate
 
 
 def _training_cameras(opened: Opened) -> Sequence[Camera]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 
 from ringlight.errors import RinglightError
-from ringlight.files.layer_pictures import common_depth_range, known_layers, layer_pictures
+from ringlight.files.layer_pictures import common_depth_range, known_layers, layer_pictures, looking
 from ringlight.files.video import to_8bit
 from ringlight.pages.report.encoded import MOST_SIDE, picture_url
 from ringlight.pages.report.groups import Group, Member
@@ -54,9 +54,10 @@ def layers_shown(group: Group) -> tuple[list[LayersShown], list[str]]:
             share = min(MOST_SIDE / max(camera.width, camera.height), 1.0)
             camera = camera.resized(max(round(camera.width * share), 1), max(round(camera.height * share), 1))
             layers, _ = known_layers(model, camera, WANTED)
-            near_far = near_far or common_depth_range(model, [camera])
             background = torch.zeros(3) if opened.stored.header.scene.background == "black" else torch.ones(3)
-            pictures = layer_pictures(model, camera, background, layers, near_far)
+            look = looking(model, background, layers)
+            near_far = near_far or common_depth_range(look, [camera])
+            pictures = layer_pictures(look(camera), background, layers, near_far)
             urls = {layer: picture_url(to_8bit(pictures[layer])) for layer in layers}
             shown.append(LayersShown(member, index, len(cameras), urls))
         except RinglightError as error:
