@@ -11,7 +11,10 @@ from refusal import refused
 from scenes_on_disk import picture
 
 from ringlight.core.camera import Camera
+from ringlight.files.layer_pictures import looking
+from ringlight.files.rigs import Stereo
 from ringlight.methods.store import load_model
+from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 
 
@@ -74,27 +77,39 @@ def test_exr_without_its_library_is_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
-def test_two_eyes_see_the_depth_as_disparity(run: Path, tmp_path: Path, ringlight: Command) -> None:
+def slanted_wall(run: Path) -> SplatModel:
+    """Small, opaque Gaussians on a wall, x = 0.3 y, about the origin: no fog, as the tiny run's model is."""
+    model = load_model(run, rasterizer_for("cpu")).model.splats()
+    assert model is not None
+    across = torch.linspace(-2, 2, 161)
+    y, z = torch.meshgrid(across, across, indexing="ij")
+    means = torch.stack([0.3 * y, y, z], -1).reshape(-1, 3)
+    columns = {name: column[:1].expand(len(means), *column.shape[1:]).clone() for name, column in model.columns.items()}
+    columns["means"], columns["log_scales"] = means, torch.full_like(means, -4.0)
+    columns["opacity_logits"] = torch.full((len(means),), 6.0)
+    model.load_columns(columns)
+    return model
+
+
+def test_two_eyes_see_the_depth_as_disparity(run: Path) -> None:
     """The left eye's depth, carried over by its disparity, is the right eye's depth there."""
-    baseline = 0.3
-    words = ("--layers", "depth", "alpha", "--path", "train", "--frames", "1", "--scale", "8", "--format", "npy")
-    done = ringlight("render", run, *words, "--stereo", baseline, "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    record = json.loads((tmp_path / "out" / "cameras.json").read_text())
-    assert (record["rig"], record["baseline"]) == ("stereo", baseline)
-    camera = camera_of(record["frames"][0])
-    depth, alpha = (np.load(tmp_path / "out" / layer / "0000.npy") for layer in ("depth", "alpha"))
-    assert depth.shape == (camera.height, 2 * camera.width)
-    rows, columns = np.nonzero((alpha > 0.5 * alpha.max())[:, : camera.width])
-    z = depth[rows, columns]
-    beside = columns - camera.focal[0] * baseline / z
+    rotation = torch.tensor([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]])
+    matrix = torch.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ torch.tensor([3.0, 0.1, 0.2])
+    camera = Camera(matrix, (150.0, 150.0), (60.0, 50.0), 120, 100)
+    rig = Stereo(0.3)
+    seen = rig.see(looking(slanted_wall(run), torch.ones(3), ("depth",)), camera)
+    depth = seen["depth"][..., 0].numpy()
+    assert depth.shape == (100, 240)
+    assert seen["alpha"].min() > 0.99
+    rows, columns = np.mgrid[:100, :120]
+    z = depth[:, :120]
+    beside = np.rint(columns - 150.0 * 0.3 / z).astype(int)
     inside = beside >= 0
-    rows, z, beside = rows[inside], z[inside], beside[inside].round().astype(int)
-    other = depth[rows, camera.width + beside]
-    assert len(z) > 100
-    assert np.median(abs(other - z) / z) < 0.02
-    wrong = depth[rows, camera.width + columns[inside]]
-    assert np.median(abs(wrong - z) / z) > 2 * np.median(abs(other - z) / z), "without the disparity they differ"
+    other = depth[rows[inside], 120 + beside[inside]]
+    carried, at_the_same_place = abs(other - z[inside]), abs(depth[:, 120:] - z)[inside]
+    assert carried.mean() < 0.01
+    assert at_the_same_place.mean() > 0.05, "which is what a wrong disparity would give"
 
 
 def test_auto_eyes_are_told_and_taken(run: Path, tmp_path: Path, ringlight: Command) -> None:
