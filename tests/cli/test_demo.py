@@ -1,8 +1,9 @@
-"""``ringlight demo``: ends with a table, a picture and advice; overwrites nothing; goes on where it stopped."""
+"""``ringlight demo``: ends with a table, pictures, advice and a page; overwrites nothing; goes on where it stopped."""
 
 import json
 
 import pytest
+from parsed import Parsed, assert_loads_nothing
 
 from ringlight.cli import progress
 from ringlight.cli.main import run
@@ -17,7 +18,12 @@ def finished(tmp_path_factory):
 
 
 def test_folder_holds_both_runs_and_the_sheet(finished):
-    assert {path.name for path in finished.iterdir()} == {"demo.json", "contact_sheet.png", *METHODS_SHOWN}
+    assert {path.name for path in finished.iterdir()} == {
+        "demo.json",
+        "contact_sheet.png",
+        "report.html",
+        *METHODS_SHOWN,
+    }
     for method in METHODS_SHOWN:
         report = json.loads((finished / method / "report.json").read_text())
         assert (report["preset"], report["scene"], report["iterations"]) == (method, "carpaint", 4)
@@ -31,6 +37,14 @@ def test_nothing_is_trained_again_when_all_is_there(finished, capsys):
     assert all(method in shown.out for method in METHODS_SHOWN)
     assert "contact_sheet.png" in shown.out
     assert "ringlight train my-photos ringlight" in shown.err
+    assert shown.out.splitlines()[-1] == f"open in a browser: {finished / 'report.html'}"
+
+
+def test_it_ends_with_a_page_about_both_runs(finished):
+    page = Parsed((finished / "report.html").read_text(encoding="utf-8"))
+    assert_loads_nothing(page)
+    labels = {group["data-label"] for group in page.all("g") if "data-label" in group}
+    assert labels == set(METHODS_SHOWN)
 
 
 def test_a_folder_that_holds_something_is_left_alone(finished, capsys):

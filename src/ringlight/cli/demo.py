@@ -84,6 +84,7 @@ def _demo(asked: DemoArguments) -> "Demo":
 def _show(demo: "Demo", quiet: bool) -> None:
     from ringlight.cli.console import Screen
     from ringlight.measure.compare import compare
+    from ringlight.pages.report.build import write_report_page
     from ringlight.runs.sheet import write_sheet
 
     comparison = compare(demo.runs)
@@ -93,6 +94,10 @@ def _show(demo: "Demo", quiet: bool) -> None:
         sys.stdout.write(f"side by side: {demo.sheet}\n")
     if not quiet:
         sys.stderr.write(_next_steps(demo.runs[-1]))
+    with stages(quiet):
+        page = write_report_page(demo.runs, demo.report)
+    # Last, so that it stands where one looks.
+    sys.stdout.write(f"open in a browser: {page.file}\n")
 
 
 def _next_steps(run: Path) -> str:

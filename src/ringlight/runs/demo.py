@@ -21,11 +21,12 @@ METHODS_SHOWN = ("3dgs", "ringlight")
 
 PLAN_NAME = "demo.json"
 SHEET_NAME = "contact_sheet.png"
+PAGE_NAME = "report.html"
 
 
 @dataclass(frozen=True)
 class Demo:
-    """``folder`` holds demo.json, a run folder for each method, and the contact sheet.
+    """``folder`` holds demo.json, a run folder for each method, the contact sheet and the report's page.
 
     demo.json keeps what is trained, so that the demo can go on after an interrupt.
     """
@@ -66,6 +67,11 @@ class Demo:
     def sheet(self) -> Path:
         """The picture with both methods side by side."""
         return self.folder / SHEET_NAME
+
+    @property
+    def report(self) -> Path:
+        """The page about both runs."""
+        return self.folder / PAGE_NAME
 
     def session(self, method: str, loaded: Loaded = nobody) -> Session | None:
         """The training of ``method``, from its start or from where it stopped; None if it has been measured.

@@ -36,11 +36,14 @@ class Group:
 def grouped(runs: Sequence[GatheredRun]) -> tuple[Group, ...]:
     """By scene in the order of the runs. A run that does not compare with the first of its scene stands in a group of
     its own, with the reason."""
-    scenes: dict[str, list[Member]] = {}
-    for label, run in zip(_labels(runs), runs, strict=True):
-        together = scenes.setdefault(run.scene, [])
-        together.append(Member(label, len(together), run))
-    return tuple(group for scene, members in scenes.items() for group in _groups(scene, members))
+    scenes: dict[str, list[GatheredRun]] = {}
+    for run in runs:
+        scenes.setdefault(run.scene, []).append(run)
+    of_scenes = {
+        scene: [Member(label, index, run) for index, (label, run) in enumerate(zip(_labels(of), of, strict=True))]
+        for scene, of in scenes.items()
+    }
+    return tuple(group for scene, members in of_scenes.items() for group in _groups(scene, members))
 
 
 def _groups(scene: str, members: Sequence[Member]) -> list[Group]:
@@ -71,13 +74,10 @@ def _why_not_beside(group: Sequence[Member], member: Member) -> str | None:
 
 
 def _labels(runs: Sequence[GatheredRun]) -> list[str]:
-    """The shortest names that tell the runs of each scene apart: what was asked for, else the folder, else its path."""
+    """The shortest names that tell the runs of a scene apart: what was asked for, else the folder, else its path."""
     candidates = (
         [run.preset for run in runs],
-        [f"{run.preset} {run.folder.resolve().name}".strip() for run in runs],
+        [" ".join(dict.fromkeys((run.preset, run.folder.resolve().name))) for run in runs],
         [str(run.folder.resolve()) for run in runs],
     )
-    for names in candidates:
-        if max(Counter(zip((run.scene for run in runs), names, strict=True)).values()) == 1:
-            return names
-    return candidates[-1]
+    return next(names for names in candidates if max(Counter(names).values()) == 1)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from ringlight.core.words import counted
 from ringlight.errors import RunError
 from ringlight.measure.compare import ComparedRun
 from ringlight.measure.contact_sheet import scale_top
@@ -104,7 +105,8 @@ def views_shown(group: Group, count: int, room: int) -> ViewsShown:
         view = _view(names[rank], rank, len(names), photographs, whole, top)
         room -= view.bytes
         if room < 0 and shown:
-            notes.append(f"{len(readable) - len(shown)} views are left out: the page would be too large with them.")
+            left_out = counted(len(readable) - len(shown), "view")
+            notes.append(f"{group.scene}: {left_out} of {len(readable)} left out, else the page would be too large.")
             break
         shown[rank] = view
     return ViewsShown(tuple(shown[rank] for rank in sorted(shown)), top, tuple(notes))
