@@ -1,5 +1,5 @@
 # Two commands do everything on a fresh machine with Python >= 3.10, a C++ compiler and make:
-#   make demo    train ringlight and 3dgs on the bundled chrome toaster, print the table, write the contact sheet
+#   make demo    train ringlight and 3dgs on the bundled chrome toaster, print the table, write a page to open
 #   make test    run the tests
 # Both set up .venv first; a second call sets nothing up again.
 SHELL := /bin/sh

@@ -200,3 +200,10 @@ def test_what_nothing_says_is_asked_for(written) -> None:
 def test_which_files_are_ours(written) -> None:
     assert holds_key_frames(written(LOOKING))
     assert not holds_key_frames(written({"camera_path": []}))
+
+
+def test_the_documents_example_flies(written) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "render.md").read_text(encoding="utf-8")
+    flight = read(written(json.loads(text.partition("```json")[2].partition("```")[0])))
+    assert len(flight.stops) == 3
+    assert_rigid(flown(flight, frame_times(flight, None, flight.fps, 1000)))

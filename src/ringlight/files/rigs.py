@@ -142,7 +142,8 @@ class Panorama:
 
     def faces(self, camera: Camera) -> list[Camera]:
         """Six square cameras at the place of ``camera``, in the order of :data:`FACES`. Along their axes a pixel is as
-        large as one of the panorama's horizon, elsewhere it is smaller."""
+        large as one of the panorama's horizon, elsewhere it is smaller. Finer faces would show another picture:
+        Gaussians are dilated by pixels."""
         inner = max(math.ceil(self.width / math.pi), 1)
         side = inner + 2 * BORDER
         turned = []
