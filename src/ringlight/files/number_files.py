@@ -98,7 +98,7 @@ def _as_png16(layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> b
 def _as_npy(layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> bytes:
     """NumPy's format: [H W] of one channel, else [H W c]."""
     file = BytesIO()
-    np.save(file, values[..., 0] if values.shape[-1] == 1 else values, allow_pickle=False)
+    np.save(file, values[..., 0] if values.shape[-1] == 1 else values)
     return file.getvalue()
 
 

@@ -84,9 +84,8 @@ def views_chart(group: Group) -> Html:
     if not curves:
         return Html("")
     title = f"PSNR of {counted(len(names), 'test view')}, dB"
-    return element(
-        "div", drawn(Chart(title, "worst to best", tuple(curves), tuple(names), dotted=True)), class_="charts"
-    )
+    chart = drawn(Chart(title, "worst to best", tuple(curves), tuple(names), dotted=True))
+    return joined([legend([member for member, _ in group.measured]), element("div", chart, class_="charts")])
 
 
 def view_cards(group: Group, shown: ViewsShown, key: str) -> Html:
