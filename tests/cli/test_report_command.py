@@ -184,3 +184,32 @@ def test_a_run_that_is_named_twice_counts_once(trained: dict[str, Path], tmp_pat
     done = ringlight("report", run, run / ".." / run.name, page, "--no-layers", "--json")
     assert [one["label"] for one in json.loads(done.out)["runs"]] == ["3dgs"]
     assert json.loads(done.out)["bytes"] == page.stat().st_size
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf", 1e308, -1e308, 0.0])
+def test_numbers_that_no_chart_holds_do_no_harm(
+    number: object, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    run = copy(trained["3dgs"], tmp_path / "run")
+
+    def spoil(report: dict) -> None:
+        for point in report["curve"][::2]:
+            point.update(psnr=number, seconds=number, loss=number)
+        for image in report["images"]:
+            image.update(psnr=number)
+        report.update(psnr=number, fps=number, train_seconds=number)
+
+    edit_json(run / "report.json", spoil)
+    done = ringlight("report", run, trained["ringlight-basis"], tmp_path / "out.html", "--no-layers")
+    assert done.code == 0, done.err
+    shown = read(tmp_path / "out.html")
+    for path in shown.all("path"):
+        assert not {"n", "i"} & set(path["d"] or ""), "neither nan nor inf"
+
+
+def test_a_count_that_is_none_is_a_damaged_report(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    run = copy(trained["3dgs"], tmp_path / "run")
+    edit_json(run / "report.json", lambda report: report.update(counted=10**400))
+    done = ringlight("report", run, tmp_path / "out.html", "--no-layers")
+    assert done.code == 0
+    assert "counted is not of type int" in done.err

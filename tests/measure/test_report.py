@@ -20,10 +20,10 @@ SCORES = st.builds(ImageScore, st.text(), NUMBERS, NUMBERS, NUMBERS, NUMBERS, MA
 @given(
     psnr=NUMBERS,
     lpips=MAYBE,
-    seed=st.none() | st.integers(),
+    seed=st.none() | st.integers(-(2**63) + 1, 2**63 - 1),
     scene=st.text(),
     notes=st.lists(st.text()).map(tuple),
-    parts=st.dictionaries(st.text(), st.integers()),
+    parts=st.dictionaries(st.text(), st.integers(-(2**63) + 1, 2**63 - 1)),
     images=st.lists(SCORES, max_size=3).map(tuple),
 )
 def test_every_report_survives_the_round_trip(psnr, lpips, seed, scene, notes, parts, images):

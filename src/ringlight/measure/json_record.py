@@ -14,6 +14,9 @@ from ringlight.errors import RunError
 
 Record = TypeVar("Record")
 
+LARGEST_COUNT = 2**63 - 1
+"""Nothing that is counted is more; what is far beyond cannot even be a float."""
+
 REMEDY = "measure the run again with 'ringlight eval'"
 
 
@@ -47,7 +50,9 @@ def _decode(kind: Any, value: Any, name: str, source: str) -> Any:
         return {key: _decode(get_args(kind)[1], item, f"{name}.{key}", source) for key, item in value.items()}
     if get_origin(kind) is tuple and isinstance(value, list):
         return tuple(_decode(get_args(kind)[0], item, f"{name}[{i}]", source) for i, item in enumerate(value))
-    if kind in (str, int) and type(value) is kind:  # bool is an int in Python, but true is no count
+    if kind is int and type(value) is int and abs(value) <= LARGEST_COUNT:  # true is an int in Python, but no count
+        return value
+    if kind is str and type(value) is str:
         return value
     if kind is float and (value in NON_FINITE or type(value) in (int, float)):
         with suppress(OverflowError):  # an integer of more than 308 digits

@@ -1,7 +1,6 @@
 """Charts as SVG: lines over a number, whose values the page's script shows under the pointer."""
 
 import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -46,6 +45,9 @@ class Chart:
     dotted: bool = False
 
 
+LARGEST = 1e12
+"""Of values in a chart: steps, seconds, decibels, thousands."""
+
 Measure = Callable[[CurvePoint], float | None]
 
 QUANTITIES: tuple[tuple[str, Measure], ...] = (
@@ -72,8 +74,13 @@ def training_charts(
 def _curve(label: str, index: int, points: Sequence[CurvePoint], measure: Measure, over_seconds: bool) -> Curve:
     """Without points at which the picture was perfect, or that know no such value."""
     pairs = [(point.seconds if over_seconds else point.step, measure(point)) for point in points]
-    kept = [(float(x), float(y)) for x, y in pairs if y is not None and math.isfinite(y) and math.isfinite(x)]
+    kept = [(float(x), float(y)) for x, y in pairs if y is not None and drawable(x) and drawable(y)]
     return Curve(label, index, tuple(x for x, _ in kept), tuple(y for _, y in kept))
+
+
+def drawable(number: int | float) -> bool:
+    """Whether a chart can hold it: perfect pictures and damaged reports have numbers that none can."""
+    return abs(number) <= LARGEST
 
 
 def drawn(chart: Chart) -> Html:

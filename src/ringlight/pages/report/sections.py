@@ -6,7 +6,7 @@ from ringlight.core.words import counted
 from ringlight.measure.columns import MISSING
 from ringlight.measure.table import ResultsTable
 from ringlight.pages.markup import Html, element, joined, name
-from ringlight.pages.report.charts import COLORS, Chart, Curve, drawn, training_charts
+from ringlight.pages.report.charts import COLORS, Chart, Curve, drawable, drawn, training_charts
 from ringlight.pages.report.encoded import scale_url
 from ringlight.pages.report.groups import Group, Member
 from ringlight.pages.report.layers import CAPTIONS, LayersShown, layer_names
@@ -78,7 +78,7 @@ def views_chart(group: Group) -> Html:
     for member, run in group.measured:
         of_view = {image.name: image.psnr for image in run.report.images}
         places = [(rank, of_view[name]) for rank, name in enumerate(names) if name in of_view]
-        finite = [(float(rank), psnr) for rank, psnr in places if psnr == psnr and abs(psnr) != float("inf")]
+        finite = [(float(rank), psnr) for rank, psnr in places if drawable(psnr)]
         if finite:
             curves.append(Curve(member.label, member.index, *map(tuple, zip(*finite, strict=True))))
     if not curves:
