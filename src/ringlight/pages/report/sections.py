@@ -94,16 +94,16 @@ def view_cards(group: Group, shown: ViewsShown, key: str) -> Html:
     parts += [element("p", note, class_="trouble") for note in shown.notes]
     if shown.views:
         about = (
-            "Left of the line is the photograph, right of it the picture: drag it. Below each picture is its error, "
+            "Left of the line is the photograph, right of it the picture: drag it. With each picture is its error, "
             "the mean over red, green and blue of |picture - photograph|, on one scale from 0 (black) to "
             f"{shown.top:g} (cream)."
         )
         parts.append(element("p", about, class_="faint"))
         if len(shown.views[0].runs) > 1:
             parts.append(_left_side(shown.views[0], key))
-        scale = element("img", src=scale_url(), alt="from black over red to cream", width=256, height=12)
+        ramp = element("img", src=scale_url(), alt="from black over red to cream", width=256, height=12, class_="ramp")
         ends = element("figcaption", "error 0", element("span", f"{shown.top:g}"), class_="ends")
-        parts += [_card(view, f"{key}v{view.rank}", joined([scale, ends])) for view in shown.views]
+        parts += [_card(view, f"{key}v{view.rank}", joined([ramp, ends])) for view in shown.views]
     return element("section", *parts, class_="views", id=key)
 
 
@@ -122,28 +122,33 @@ def _card(view: ViewShown, key: str, scale: Html) -> Html:
         "worst view" if view.rank == 0 else "best view" if view.rank == view.of - 1 else f"{view.rank + 1} of {view.of}"
     )
     words = element("h4", name(view.name), element("span", f"{place}, {mean:.2f} dB", class_="faint"))
+    alone = len(view.runs) == 1
     photograph = element(
         "figure",
         element("figcaption", "photograph"),
         element("img", src=view.photograph, alt="photograph", id=f"{key}-photograph", **size),
-        element("div", scale, class_="error"),
+        *(() if alone else (element("div", scale, class_="error"),)),
         class_="photograph",
     )
-    best = max(run.psnr for run in view.runs)
-    runs = [_shot(run, key, best if len(view.runs) > 1 else float("inf"), size) for run in view.runs]
-    return element("article", words, element("div", photograph, *runs, class_="shots"), class_="view", data_key=key)
+    best = None if alone else max(run.psnr for run in view.runs)
+    errors = [element("img", src=run.error, alt="error", class_="error", loading="lazy", **size) for run in view.runs]
+    if alone:  # its error map stands beside the picture, where other runs' pictures would
+        shots = [
+            _shot(view.runs[0], key, best, size),
+            element("figure", element("figcaption", "error"), *errors, scale),
+        ]
+    else:
+        shots = [_shot(run, key, best, size, error) for run, error in zip(view.runs, errors, strict=True)]
+    return element("article", words, element("div", photograph, *shots, class_="shots"), class_="view", data_key=key)
 
 
-def _shot(run: RunPicture, key: str, best: float, size: dict[str, int]) -> Html:
-    number = element(
-        "b" if run.psnr == best else "span", f"{run.psnr:.2f} dB", class_="best" if run.psnr == best else None
-    )
-    label = element(
-        "figcaption", element("i", class_=f"dot c{run.member.index % COLORS}"), name(run.member.label), " ", number
-    )
+def _shot(run: RunPicture, key: str, best: float | None, size: dict[str, int], *below: Html) -> Html:
+    number = f"{run.psnr:.2f} dB"
+    psnr = element("b", number, class_="best") if run.psnr == best else element("span", number)
+    dot = element("i", class_=f"dot c{run.member.index % COLORS}")
     picture = element("img", src=run.picture, alt="picture", id=f"{key}-{run.member.index}", **size)
-    error = element("img", src=run.error, alt="error", class_="error", loading="lazy", **size)
-    return element("figure", label, element("div", picture, class_="curtain"), error)
+    label = element("figcaption", dot, name(run.member.label), " ", psnr)
+    return element("figure", label, element("div", picture, class_="curtain"), *below)
 
 
 def layers(shown: Sequence[LayersShown], troubles: Sequence[str]) -> Html:
