@@ -3,7 +3,8 @@
 import math
 import sys
 import time
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, TaskID, TextColumn
@@ -20,6 +21,8 @@ from ringlight.runs.watch import Watch
 
 if TYPE_CHECKING:
     from ringlight.cli.run_training import RunOptions
+    from ringlight.view.subject import Subject
+    from ringlight.view.wishes import Wishes
 
 LIVE_SECONDS, LOG_SECONDS = 0.25, 10.0
 FIRST_LOG_SECONDS = 3.0
@@ -64,27 +67,46 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
     meter, watch = _Meter(session), Watch(session, options.preview, options.tensorboard)
     if watch.about and not options.quiet:
         console.print(watch.about, markup=False, highlight=False, soft_wrap=True)
-    with closing(watch), _bar(console, live) as bar:
+    with closing(watch), _looked_at(session, options) as look, _bar(console, live) as bar:
         task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="")
         shown = time.monotonic()
         saver = Saver(session.save, options.save_every)
         for progress in session.steps():
             now = time.monotonic()
             bar.update(task, completed=session.training.step)
-            unseen = watch.see(progress)
+            unseen, unlooked = watch.see(progress), look(progress, stopping)
             if now - shown >= every or progress.step in options.eval_at:
                 line = meter.line(progress, watch.words, room(console) if live else None)
                 _show(bar, task, line, live, options.quiet)
                 shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
                 _show_test_views(console, session, progress.step, watch)
-            for warning in filter(None, (progress.fault, progress.collapse, unseen)):
+            for warning in filter(None, (progress.fault, progress.collapse, unseen, unlooked)):
                 console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
             saver.save_if_due()
             if stopping:
                 bar.update(task, visible=False)  # what it says of the time left is over
                 return
         bar.update(task, facts=fitting(meter.facts(), f"took {spoken(session.clock.wall)}", room(console)))
+
+
+@contextmanager
+def _looked_at(session: Session, options: "RunOptions") -> Iterator[Callable[[Progress, list[int]], str | None]]:
+    """What a viewer does after a step, if one is asked for; it ends with the block."""
+    if not options.view:
+        yield lambda progress, stopping: None
+        return
+    from ringlight.cli.view import tell_address
+    from ringlight.view.live import LiveRun
+    from ringlight.view.viser_page import ViserPage
+
+    def page(subject: "Subject", wishes: "Wishes") -> ViserPage:
+        made = ViserPage(subject, wishes, options.host, options.port, is_trained=True)
+        tell_address(made.address, options.host, sys.stderr)
+        return made
+
+    with closing(LiveRun(session, page)) as run:
+        yield run.see
 
 
 def _show_test_views(console: Screen, session: Session, step: int, watch: Watch) -> None:

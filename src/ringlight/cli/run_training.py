@@ -31,6 +31,12 @@ class RunOptions:
     """Every so many steps a picture of the first test view, or training view, into RUN/previews; 0 for none."""
     tensorboard: bool = False
     """Write events for TensorBoard into RUN/tensorboard; needs the [tensorboard] extra."""
+    view: bool = False
+    """Show the run in a browser while it trains; needs the [view] extra."""
+    host: str = "127.0.0.1"
+    """Address at which --view listens. 0.0.0.0 is all of this machine's: whoever reaches it may look, and pause."""
+    port: int = 8080
+    """Port at which --view listens; 0 is any that is free."""
     lpips: tuple[Net, ...] = ("alex",)
     """Networks of LPIPS, measured at the end. 'ringlight fetch-lpips' gets their weights."""
     json: bool = False
@@ -50,8 +56,12 @@ def check_steps(options: RunOptions, steps: int) -> None:
         raise RecipeError(f"--save-every is {options.save_every:g}; give a number of seconds above zero")
 
 
-def check_events(options: RunOptions) -> None:
-    """Raises BackendError where events for TensorBoard are asked for and the library is not there."""
+def check_watching(options: RunOptions) -> None:
+    """Raises BackendError where events for TensorBoard or a viewer are asked for and the library is not there."""
+    if options.view:
+        from ringlight.view.viser_server import viser_library
+
+        viser_library()
     if options.tensorboard:
         from ringlight.runs.watch import event_library
 

@@ -15,7 +15,7 @@ from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.poses import scene_with_cameras
-from ringlight.cli.run_training import RunOptions, check_events, check_steps, train_and_measure
+from ringlight.cli.run_training import RunOptions, check_steps, check_watching, train_and_measure
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
 from ringlight.cli.verifying import verify_run
@@ -117,7 +117,7 @@ def _start(arguments: list[str]) -> int:
         from ringlight.runs.folder import free_folder
         from ringlight.runs.start import start_run
 
-        check_events(asked.running)
+        check_watching(asked.running)
         use_threads(asked.running.threads)
         tell_of_build(asked.device)
         if asked.poses == "auto":
@@ -157,7 +157,7 @@ def _resume(arguments: list[str]) -> int:
         record = RunRecord.read(RunFolder.open(wish.resume).path)
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
         check_steps(wish.running, record.steps + wish.steps)
-        check_events(wish.running)
+        check_watching(wish.running)
         session = resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
         report = complete_report(session)
     if report is None:

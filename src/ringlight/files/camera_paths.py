@@ -26,9 +26,14 @@ def interpolated(cameras: Sequence[Camera], frames: int) -> list[Camera]:
     (rotations by slerp). Every camera is one of the frames, frames are spread by distance; where there are fewer
     frames than cameras, some cameras are left out. The picture size is the first camera's.
     """
+    positions = np.stack([position_of(camera) for camera in cameras])
+    return flight([cameras[i] for i in _tour(positions)], frames)
+
+
+def flight(cameras: Sequence[Camera], frames: int) -> list[Camera]:
+    """As :func:`interpolated`, through ``cameras`` (one or more) in their own order."""
     first = cameras[0]
     knots = [camera.resized(first.width, first.height) for camera in cameras]
-    knots = [knots[i] for i in _tour(np.stack([position_of(camera) for camera in knots]))]
     if frames <= len(knots):
         return [knots[i] for i in np.linspace(0, len(knots) - 1, frames).round().astype(int)]
     if len(knots) == 1:

@@ -1,4 +1,4 @@
-"""nerfstudio's ``camera_path.json``: the cameras of a film, as its viewer and its Blender add-on write them.
+"""nerfstudio's ``camera_path.json``: the cameras of a film, as its viewer, its Blender add-on and ours write them.
 
 ``render_width`` and ``render_height`` in pixels; ``camera_path``, a list of cameras with ``camera_to_world`` (16
 numbers by rows; axes right, up, backward) and ``fov`` (degrees from the picture's bottom to its top); ``fps`` and
@@ -6,6 +6,7 @@ numbers by rows; axes right, up, backward) and ``fov`` (degrees from the picture
 Source: docs.nerf.studio, "Rendering" and "Blender VFX add-on".
 """
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,16 +15,21 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from ringlight.core.camera import Camera
 from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
 from ringlight.data.json_fields import Fields, finite, number, read_object, text
 from ringlight.data.poses import world_to_camera_from_opengl
 from ringlight.errors import SceneError
+from ringlight.files.atomic import write_text
 from ringlight.files.nerfstudio_frame import UNMOVED, Moved
 
 NARROWEST, WIDEST = 1e-3, 179.0
 """Degrees of a pinhole's view: beyond these its focal length is no number of pixels."""
+
+FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Between OpenCV's axes of a camera and OpenGL's."""
 
 FASTEST = 1000.0
 """Frames a second: what a film is ever played at."""
@@ -59,6 +65,36 @@ def read_nerfstudio_path(path: Path, most: int, moved: Moved = UNMOVED) -> Nerfs
         raise SceneError(f"{path}: 'fps' is {fps:g}; give above 0 and at most {FASTEST:g}")
     cameras = tuple(_camera(frame, size, moved, f"{path}: camera {index}") for index, frame in enumerate(frames))
     return NerfstudioPath(cameras, fps)
+
+
+def write_nerfstudio_path(path: Path, cameras: Sequence[Camera], fps: float) -> None:
+    """The cameras, at least one and all of one picture size, in the scene's world; their lenses' centres are those of
+    the pictures. Raises OutputError."""
+    first = cameras[0]
+    frames = [
+        {
+            "camera_to_world": (_camera_to_world(camera) @ FLIPPED).flatten().tolist(),
+            "fov": math.degrees(2 * math.atan(camera.height / 2 / camera.focal[1])),
+            "aspect": camera.width / camera.height,
+        }
+        for camera in cameras
+    ]
+    document = {
+        "camera_type": "perspective",
+        "render_width": first.width,
+        "render_height": first.height,
+        "fps": fps,
+        "seconds": len(cameras) / fps,
+        "camera_path": frames,
+    }
+    write_text(path, json.dumps(document, allow_nan=False) + "\n")
+
+
+def _camera_to_world(camera: Camera) -> Float[np.ndarray, "4 4"]:
+    matrix = np.eye(4)
+    rotation = camera.world_to_camera[:3, :3].double().numpy()
+    matrix[:3, :3], matrix[:3, 3] = rotation.T, camera.position.double().numpy()
+    return matrix
 
 
 def _side(document: Fields, name: str, path: Path) -> int:

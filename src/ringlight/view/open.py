@@ -1,0 +1,108 @@
+"""Runs, model files or a scene folder, as the subject of a viewer."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import torch
+
+from ringlight.core.camera import Camera
+from ringlight.core.scene import Scene, camera_extent
+from ringlight.data.load import has_cameras, load_scene
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RecipeError, RinglightError, RunError
+from ringlight.runs.folder import MODEL_NAME
+from ringlight.runs.imported import PLY, model_of_ply
+from ringlight.runs.opened import Opened, open_model, recorded_scene, scene_of
+from ringlight.runs.record import RECORD_NAME
+from ringlight.view.standpoint import is_same_pose
+from ringlight.view.subject import Subject, subject
+
+
+def is_scene(path: Path) -> bool:
+    """Whether it is a folder of photographs with cameras, rather than a run."""
+    is_run = (path / MODEL_NAME).is_file() or (path / RECORD_NAME).is_file()
+    return not is_run and has_cameras(path)
+
+
+def open_subject(paths: Sequence[Path], asked: Path | None, device: str) -> tuple[Subject, list[str]]:
+    """What there is to see of ``paths``, one or more runs or model files of one scene, or one scene's folder; and
+    sentences on what is missing.
+
+    ``asked`` is the folder of the photographs, where it is not the models' own. Raises RecipeError for models of
+    different scenes, and as the readers do.
+    """
+    if any(is_scene(path) for path in paths):
+        if len(paths) > 1 or asked is not None:
+            raise RecipeError("a scene's folder is looked at alone; name the photographs of runs by --scene FOLDER")
+        alone = load_scene(paths[0])
+        return subject(alone.name, {}, [], alone, Path.cwd()), []
+    models = {name: _open(path, device) for name, path in _named(paths).items()}
+    first = next(iter(models.values()))
+    for opened in models.values():
+        _refuse_other_scene(first, opened, asked)
+    missing: list[str] = []
+    scene = _scene(first, asked, missing)
+    cameras = next((opened.stored.cameras for opened in models.values() if opened.stored.cameras), ())
+    if not cameras and scene is None:
+        missing.append(f"{first.file}: holds no cameras; name the folder of photographs by --scene to see from theirs")
+    shown = {name: (opened.stored.model, _behind(opened)) for name, opened in models.items()}
+    title = ", ".join(f"{name}: {opened.stored.model.counted()}" for name, opened in models.items())
+    return subject(title, shown, cameras, scene, first.file.parent, paths[0]), missing
+
+
+def _named(paths: Sequence[Path]) -> Mapping[str, Path]:
+    """By their last names, numbered where these are the same."""
+    named: dict[str, Path] = {}
+    for path in paths:
+        name = path.resolve().name
+        number = 2
+        while name in named:
+            name, number = f"{path.resolve().name} {number}", number + 1
+        named[name] = path
+    return named
+
+
+def _open(path: Path, device: str) -> Opened:
+    if path.suffix.lower() == PLY and not path.is_dir():
+        return Opened(path, None, model_of_ply(path))
+    if not path.exists():
+        raise RunError(f"{path}: there is no such run, model file or scene folder; check the path")
+    return open_model(path, device)
+
+
+def _behind(opened: Opened) -> torch.Tensor:
+    return torch.zeros(3) if opened.stored.header.scene.background == "black" else torch.ones(3)
+
+
+def _refuse_other_scene(first: Opened, other: Opened, asked: Path | None) -> None:
+    """Raise RecipeError unless the two show one scene: by the folder's name, or by the same cameras."""
+    if first is other or asked is not None:
+        return
+    try:
+        if recorded_scene(first)[0].resolve() == recorded_scene(other)[0].resolve():
+            return
+    except RinglightError:
+        pass  # a damaged record: the cameras decide
+    if not _same_cameras(first.stored.cameras, other.stored.cameras):
+        raise RecipeError(
+            f"{first.file} and {other.file} are of different scenes; look at runs of one scene together, and start "
+            "another viewer, with another --port, for the others"
+        )
+
+
+def _same_cameras(ours: Sequence[Camera], theirs: Sequence[Camera]) -> bool:
+    if not ours or len(ours) != len(theirs):
+        return False
+    extent = camera_extent(list(ours))
+    return all(is_same_pose(one, other, extent) for one, other in zip(ours, theirs, strict=True))
+
+
+def _scene(opened: Opened, asked: Path | None, missing: list[str]) -> Scene | None:
+    """The photographs; None, and a sentence, where those of training are gone."""
+    if asked is not None:
+        return scene_of(opened, asked, SceneOptions())
+    try:
+        return scene_of(opened, None, SceneOptions(), "ringlight view … --scene FOLDER")
+    except RinglightError as error:
+        missing.append(f"no photographs are shown: {error}")
+        return None

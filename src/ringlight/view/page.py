@@ -1,0 +1,60 @@
+"""What the viewer needs of whatever shows its pictures: a server of a web page, or a test's record."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from ringlight.core.camera import Camera
+from ringlight.files.camera_paths import Array
+from ringlight.view.standpoint import Standpoint
+
+
+@dataclass(frozen=True)
+class Curves:
+    """How a training went, each over its own steps: PSNR of training photographs in dB, loss, and what the model is
+    made of."""
+
+    psnr_steps: tuple[int, ...] = ()
+    psnr: tuple[float, ...] = ()
+    counted: tuple[int, ...] = ()
+    loss_steps: tuple[int, ...] = ()
+    loss: tuple[float, ...] = ()
+
+
+class Page(Protocol):
+    """Browsers are known by numbers; one that was closed meanwhile is passed over in silence."""
+
+    def show(self, browser: int, picture: UInt8[np.ndarray, "H W 3"] | None, is_final: bool) -> None:
+        """Fill the window with the picture, or with nothing; one that ``is_final`` will stay for a while."""
+        ...
+
+    def place(self, browser: int, standpoint: Standpoint, looked_at: Array) -> None:
+        """Move a browser's camera; it turns round ``looked_at``, world units, from then on."""
+        ...
+
+    def tell(self, browser: int, sentence: str, is_trouble: bool = False) -> None:
+        """Show one sentence."""
+        ...
+
+    def status(self, text: str, is_paused: bool) -> None:
+        """The line on top, and whether the button says continue."""
+        ...
+
+    def curves(self, curves: Curves) -> None:
+        """Draw them."""
+        ...
+
+    def thumbnail(self, view: str, picture: UInt8[np.ndarray, "h w 3"]) -> None:
+        """Hang a small photograph into its camera."""
+        ...
+
+    def keys(self, cameras: Sequence[Camera], flight: Float[np.ndarray, "F 3"]) -> None:
+        """Show the key frames, and the way of the camera between them."""
+        ...
+
+    def close(self) -> None:
+        """End the server."""
+        ...

@@ -1,0 +1,238 @@
+"""The viewer: obeys wishes and draws what is due, one picture at a turn.
+
+Whoever owns the models calls :meth:`Viewer.turn` between two steps of training, or again and again. Drawing reads the
+models and changes nothing, so a training has the same bits whether or not somebody looks.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ringlight.core.camera import Camera
+from ringlight.core.command_line import command
+from ringlight.errors import RinglightError
+from ringlight.view.key_frames import FPS, KeyFrames
+from ringlight.view.pacing import MOVING_SHARE, REST_SECONDS, RESTING_SHARE, Pace, Share, next_scale
+from ringlight.view.page import Curves, Page
+from ringlight.view.pictures import Pictures
+from ringlight.view.standpoint import looked_at, standpoint_at
+from ringlight.view.subject import PHOTOGRAPH, Subject
+from ringlight.view.thumbnails import Thumbnails
+from ringlight.view.wishes import ALL, ALONE, Ask, Look, Seen, Wishes
+
+STATUS_SECONDS = 1.0
+"""Between two changes of the status line and the curves."""
+
+NO_KEYS = "there is no key frame yet; add some where the camera shall pass"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a browser has: drawn where, how, after which step, and with which factor on the window's sides."""
+
+    seen: Seen
+    look: Look
+    step: int
+    scale: float
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What the viewer may ask of a training: the step that it has done, its facts in a line, its curves; ``save``
+    writes it and returns the sentence that says so, or raises RinglightError."""
+
+    step: Callable[[], int]
+    facts: Callable[[], str]
+    curves: Callable[[], Curves]
+    save: Callable[[], str]
+
+
+class Viewer:
+    """Shows ``subject`` on ``page`` as ``wishes`` say; ``trained`` where it is being trained."""
+
+    def __init__(
+        self,
+        subject: Subject,
+        page: Page,
+        wishes: Wishes,
+        trained: Trained | None = None,
+        now: Callable[[], float] = time.monotonic,
+    ):
+        self.subject, self.page, self.wishes, self.trained = subject, page, wishes, trained
+        self.is_paused = False
+        self.key_frames = KeyFrames()
+        self._now = now
+        self._pace, self._share = Pace(), Share()
+        self._shown: dict[int, Shown] = {}
+        self._last = -1
+        self._look, self._changed = wishes.look, now()
+        self._film: tuple[int, list[Camera], float] | None = None
+        self._said, self._told = ("", False), -np.inf
+        self._thumbnails = Thumbnails(subject)
+        self._pictures = Pictures(subject)
+
+    def turn(self) -> bool:
+        """Do what was asked, and draw at most one picture; whether there was anything to do."""
+        asked = self._obey()
+        browsers, now = self.wishes.browsers, self._now()
+        self._shown = {browser: shown for browser, shown in self._shown.items() if browser in browsers}
+        if not browsers:
+            self._film = None
+            return asked
+        look = self.wishes.look
+        if look != self._look:
+            self._look, self._changed = look, now
+        moves = self.is_moving
+        share = MOVING_SHARE if moves else RESTING_SHARE
+        if self._is_training and not self._share.may(now, share):
+            return asked
+        self._play(now)
+        self._tell_facts(now)
+        drew = self._draw_next(browsers, look, now) or (not moves and self._thumbnails.hang_one(self.page))
+        if drew:
+            self._share.note(now, self._now())
+        return asked or drew
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a camera or the look changed just now, so that there will be a finer picture soon."""
+        moved = [self._changed, *(seen.moved for seen in self.wishes.browsers.values())]
+        return self._film is not None or self._now() - max(moved) < REST_SECONDS
+
+    def close(self) -> None:
+        """End the page's server."""
+        self.page.close()
+
+    # What is drawn
+
+    def _draw_next(self, browsers: dict[int, Seen], look: Look, now: float) -> bool:
+        """The next browser's, of those whose picture is not what it should be."""
+        order = sorted(browsers, key=lambda browser: (browser <= self._last, browser))
+        for browser in order:
+            seen = browsers[browser]
+            scale = self._due(browser, seen, look, now)
+            if scale is not None:
+                self._last = browser
+                self._draw(browser, seen, look, *scale)
+                return True
+        return False
+
+    def _due(self, browser: int, seen: Seen, look: Look, now: float) -> tuple[float, bool] | None:
+        """The factor on the sides of the picture that a browser shall get now, and whether it is the finest; None where
+        it has that."""
+        before, step = self._shown.get(browser), self._step()
+        is_same_view = before is not None and before.seen == seen and before.look == look
+        point = seen.standpoint
+        rests = now - max(seen.moved, self._changed) >= REST_SECONDS and self._film is None
+        have = before.scale if before is not None and is_same_view else None
+        is_stale = before is None or before.step != step
+        return next_scale(
+            self._pace, self._pictures.kind(look), (point.width, point.height), have, is_stale, rests, self._is_training
+        )
+
+    def _draw(self, browser: int, seen: Seen, look: Look, scale: float, is_final: bool) -> None:
+        begun, step = self._now(), self._step()
+        camera = seen.standpoint.camera(scale)
+        try:
+            picture = self._pictures.picture(camera, look)
+        except RinglightError as error:
+            picture = None
+            self.page.tell(browser, str(error), is_trouble=True)
+        self.page.show(browser, picture, is_final)
+        self._pace.note(self._pictures.kind(look), camera.width * camera.height, self._now() - begun)
+        self._shown[browser] = Shown(seen, look, step, scale)
+
+    @property
+    def _is_training(self) -> bool:
+        return self.trained is not None and not self.is_paused
+
+    def _step(self) -> int:
+        return 0 if self.trained is None else self.trained.step()
+
+    # What is asked
+
+    def _obey(self) -> bool:
+        asked = self.wishes.taken()
+        for what, browser, value in asked:
+            try:
+                self._do(what, browser, value)
+            except RinglightError as error:
+                self.page.tell(browser, str(error), is_trouble=True)
+        return bool(asked)
+
+    def _do(self, what: Ask, browser: int, value: object) -> None:
+        if what in (Ask.PAUSE, Ask.CONTINUE):
+            self.is_paused = self.trained is not None and what is Ask.PAUSE
+            self._told = -np.inf
+        elif what is Ask.SAVE and self.trained is not None:
+            self.page.tell(browser, self.trained.save())
+        elif what is Ask.STOP:
+            self._film = None
+        elif what is Ask.WRITE_PATH:
+            self._write_path(browser, _seconds(value))
+        elif what is Ask.DROP_KEY:
+            self.key_frames.drop()
+            self.page.keys(self.key_frames.cameras, self.key_frames.way())
+        else:
+            seen = self.wishes.browsers.get(browser)
+            if seen is not None:  # else it was closed since
+                self._do_there(what, browser, seen, value)
+
+    def _do_there(self, what: Ask, browser: int, seen: Seen, value: object) -> None:
+        """What depends on where the browser's camera is."""
+        if what is Ask.ADD_KEY:
+            self.key_frames.add(seen.standpoint.camera())
+            self.page.keys(self.key_frames.cameras, self.key_frames.way())
+        elif what is Ask.PLAY:
+            film = self.key_frames.film(_seconds(value))
+            self._film = (browser, film, self._now()) if film else None
+            if not film:
+                self.page.tell(browser, NO_KEYS)
+        elif what is Ask.GO_TO_VIEW and value in self.subject.views:
+            self._place(browser, seen, self.subject.views[str(value)])
+
+    def _write_path(self, browser: int, seconds: float) -> None:
+        if not self.key_frames.cameras:
+            self.page.tell(browser, NO_KEYS)
+            return
+        path = self.key_frames.write(self.subject.home, seconds)
+        film = self.subject.film_of
+        render = "" if film is None else f"; render it with: {command('render', film, '--path', path)}"
+        self.page.tell(browser, f"written to {path}{render}")
+
+    def _place(self, browser: int, seen: Seen, camera: Camera) -> None:
+        point = standpoint_at(camera, seen.standpoint.width, seen.standpoint.height)
+        self.page.place(browser, point, looked_at(camera, self.subject.center))
+
+    def _play(self, now: float) -> None:
+        """Move the browser that plays to where its film is now."""
+        if self._film is None:
+            return
+        browser, film, begun = self._film
+        seen, frame = self.wishes.browsers.get(browser), int((now - begun) * FPS)
+        if seen is None or frame >= len(film):
+            frame, self._film = len(film) - 1, None
+        if seen is not None:
+            self._place(browser, seen, film[frame])
+
+    def _tell_facts(self, now: float) -> None:
+        if self.trained is None or now - self._told < STATUS_SECONDS:
+            return
+        self._told = now
+        said = (self.trained.facts(), self.is_paused)
+        if said != self._said:
+            self._said = said
+            self.page.status(*said)
+            self.page.curves(self.trained.curves())
+
+
+def first_look(subject: Subject) -> Look:
+    """What is shown at first: the first source alone, and the last one where two are compared."""
+    shown = subject.sources_shown or (PHOTOGRAPH,)
+    return Look(shown[0], shown[-1], arrangement=ALL if len(subject.sources) > 1 else ALONE)
+
+
+def _seconds(value: object) -> float:
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else 0.0
