@@ -57,11 +57,13 @@ def check_steps(options: RunOptions, steps: int) -> None:
 
 
 def check_watching(options: RunOptions) -> None:
-    """Raises BackendError where events for TensorBoard or a viewer are asked for and the library is not there."""
+    """Raises BackendError where events for TensorBoard or a viewer are asked for and the library is not there,
+    RunError where the viewer cannot listen."""
     if options.view:
-        from ringlight.view.viser_server import viser_library
+        from ringlight.view.viser_server import check_address, viser_library
 
         viser_library()
+        check_address(options.host, options.port)
     if options.tensorboard:
         from ringlight.runs.watch import event_library
 

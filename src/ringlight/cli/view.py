@@ -57,16 +57,15 @@ def main(arguments: list[str]) -> int:
     with stages(quiet=False) as line:
         line(f"reading {asked.paths[0]}")
         from ringlight.view.open import open_subject
-        from ringlight.view.viewer import Viewer, first_look
+        from ringlight.view.viewer import Viewer, first_wishes
         from ringlight.view.viser_page import ViserPage
         from ringlight.view.viser_server import viser_library
-        from ringlight.view.wishes import Wishes
 
         viser_library()  # before anything large is read
         use_threads(asked.threads)
         tell_of_build(asked.device)
         subject, missing = open_subject([scene_folder(path) for path in asked.paths], asked.scene, asked.device)
-        wishes = Wishes(first_look(subject))
+        wishes = first_wishes(subject)
         page = ViserPage(subject, wishes, asked.host, asked.port, is_trained=False)
         line.wiped()
     for sentence in missing:

@@ -1,13 +1,14 @@
 """A viewer of a run that is being trained: it draws between steps, within a bounded share of the time."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from ringlight.errors import RinglightError
 from ringlight.fit.train import Progress
 from ringlight.runs.session import Session
 from ringlight.view.page import Curves, Page
 from ringlight.view.subject import Subject, subject
-from ringlight.view.viewer import Trained, Viewer, first_look
+from ringlight.view.viewer import Trained, Viewer, first_wishes
 from ringlight.view.wishes import Wishes
 
 WAIT_SECONDS = 0.1
@@ -38,7 +39,7 @@ class LiveRun:
             session.folder.path,
         )
         self._losses = LossCurve(training.steps)
-        self.wishes = Wishes(first_look(about))
+        self.wishes = first_wishes(about)
         trained = Trained(lambda: training.step, self._facts, self._curves, self._save)
         self.viewer = Viewer(about, make_page(about, self.wishes), self.wishes, trained)
         self._is_over = False
@@ -62,7 +63,8 @@ class LiveRun:
         """End the server; what is trained stays as it is."""
         if not self._is_over:
             self._is_over = True
-            self.viewer.close()
+            with suppress(OSError, RuntimeError):  # it has failed already, perhaps
+                self.viewer.close()
 
     def _wait_while_paused(self, stopping: Sequence[int]) -> None:
         alone = 0.0

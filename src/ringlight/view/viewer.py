@@ -20,7 +20,7 @@ from ringlight.view.pictures import Pictures
 from ringlight.view.standpoint import looked_at, standpoint_at
 from ringlight.view.subject import PHOTOGRAPH, Subject
 from ringlight.view.thumbnails import Thumbnails
-from ringlight.view.wishes import ALL, ALONE, Ask, Look, Seen, Wishes
+from ringlight.view.wishes import ALL, ALONE, ARRANGEMENTS, Ask, Look, Seen, Wishes
 
 STATUS_SECONDS = 1.0
 """Between two changes of the status line and the curves."""
@@ -190,8 +190,8 @@ class Viewer:
             self._film = (browser, film, self._now()) if film else None
             if not film:
                 self.page.tell(browser, NO_KEYS)
-        elif what is Ask.GO_TO_VIEW and value in self.subject.views:
-            self._place(browser, seen, self.subject.views[str(value)])
+        elif what is Ask.GO_TO_VIEW and isinstance(value, str) and value in self.subject.views:
+            self._place(browser, seen, self.subject.views[value])
 
     def _write_path(self, browser: int, seconds: float) -> None:
         if not self.key_frames.cameras:
@@ -228,10 +228,12 @@ class Viewer:
             self.page.curves(self.trained.curves())
 
 
-def first_look(subject: Subject) -> Look:
-    """What is shown at first: the first source alone, and the last one where two are compared."""
+def first_wishes(subject: Subject) -> Wishes:
+    """What is shown at first: the first source alone, or all runs; and what can be chosen."""
     shown = subject.sources_shown or (PHOTOGRAPH,)
-    return Look(shown[0], shown[-1], arrangement=ALL if len(subject.sources) > 1 else ALONE)
+    second = shown[1] if len(shown) > 1 else shown[0]
+    look = Look(shown[0], second, arrangement=ALL if len(subject.sources) > 1 else ALONE)
+    return Wishes(look, {"layer": subject.layers, "left": shown, "right": shown, "arrangement": ARRANGEMENTS})
 
 
 def _seconds(value: object) -> float:

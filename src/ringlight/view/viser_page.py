@@ -144,7 +144,7 @@ class ViserPage:
 
     def _wish(self, field: str) -> Callable[[Any], Any]:
         async def changed(event: Any) -> None:
-            self.wishes.wish(**{field: event.target.value})
+            self.wishes.wish(field, event.target.value)
 
         return changed
 
@@ -179,7 +179,7 @@ class ViserPage:
 
     def _add_controls(self, is_trained: bool) -> None:
         gui = self.server.gui
-        self._status = gui.add_text("showing", self.subject.title, disabled=True)
+        self._status = gui.add_text("showing", self.subject.title, multiline=True, disabled=True)
         if self.subject.sources:
             self._add_look(gui)
         if self.subject.sources_shown:

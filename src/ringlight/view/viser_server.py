@@ -32,6 +32,11 @@ def viser_library() -> Any:
     return viser
 
 
+def check_address(host: str, port: int) -> None:
+    """For those who work long before they listen. Raises RunError where a server could not listen now."""
+    _bound(host, port).close()
+
+
 def start_server(host: str, port: int) -> tuple[Any, str]:
     """A running server and its address, for a browser. Port 0 is any that is free.
 

@@ -3,13 +3,16 @@
 Nothing is drawn or changed when a wish is made, so that models need no locks.
 """
 
+import math
 import threading
 from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
 from ringlight.files.layer_pictures import COLOR
+from ringlight.view.model_picture import BRIGHTEST
 from ringlight.view.standpoint import Standpoint
 
 
@@ -32,6 +35,9 @@ class Ask(Enum):
 
 ALONE, CURTAIN, BESIDE, ALL = "alone", "curtain", "side by side", "all runs"
 ARRANGEMENTS = (ALONE, CURTAIN, BESIDE, ALL)
+
+RANGES = {"light": (0.0, BRIGHTEST), "curtain": (0.0, 1.0)}
+"""Of the look's numbers."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,9 @@ class Seen:
 class Wishes:
     """All that was asked for since, safe to be used by several threads."""
 
-    def __init__(self, look: Look):
+    def __init__(self, look: Look, choices: Mapping[str, Sequence[str]]):
+        """``choices`` are what a field of the look can be, by its name."""
+        self._choices = choices
         self._lock = threading.Lock()
         self._look = look
         self._browsers: dict[int, Seen] = {}
@@ -72,10 +80,19 @@ class Wishes:
         with self._lock:
             return self._look
 
-    def wish(self, **values: Any) -> None:
-        """Change these fields of the look."""
+    def wish(self, field: str, value: object) -> None:
+        """Change a field of the look. What comes from a browser is anything: a value that makes no sense is passed
+        over."""
+        if field in RANGES:
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                return
+            low, high = RANGES[field]
+            value = min(max(float(value), low), high)
+        elif not isinstance(value, str) or value not in self._choices.get(field, ()):
+            return
+        changed: Any = {field: value}
         with self._lock:
-            self._look = replace(self._look, **values)
+            self._look = replace(self._look, **changed)
         self.changed.set()
 
     def stand(self, browser: int, standpoint: Standpoint, now: float) -> None:
