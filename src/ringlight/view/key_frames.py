@@ -15,8 +15,8 @@ FPS = 30.0
 SHOWN = 100
 """Points of the line that is shown of a way."""
 
-LONGEST = 3600.0
-"""Seconds: as long as a film that is rendered may be."""
+LONGEST = 300.0
+"""Seconds: cameras of a longer film take a while to make, in which a training would wait."""
 
 SHORTEST = 1.0
 

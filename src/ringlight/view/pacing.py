@@ -108,7 +108,7 @@ def next_scale(
     if not rests:
         return None if not is_stale else (have, False)
     finest = pace.scale(kind, TRAINING_SECONDS, width, height) if trains else largest_scale(width, height)
-    if have < finest * (1 - COARSER):
+    if have < finest * (1 - COARSER if trains else 1):
         scale = min(FINER * have, finest)
         return scale, scale == finest
     return (finest, True) if is_stale else None

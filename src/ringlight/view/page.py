@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -24,6 +24,7 @@ class Curves:
     loss: tuple[float, ...] = ()
 
 
+@runtime_checkable
 class Page(Protocol):
     """Browsers are known by numbers; one that was closed meanwhile is passed over in silence."""
 

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ringlight.core.camera import Camera
 from ringlight.files.camera_paths import Array, position_of, rotation_of
+from ringlight.view.key_frames import LONGEST, SHORTEST
 from ringlight.view.model_picture import BRIGHTEST
 from ringlight.view.page import Curves
 from ringlight.view.standpoint import Standpoint, looked_at, standpoint_at
@@ -240,7 +241,7 @@ class ViserPage:
             self._key_count = gui.add_text("key frames", "0", disabled=True)
             gui.add_button("add key frame").on_click(self._ask(Ask.ADD_KEY))
             gui.add_button("drop the last").on_click(self._ask(Ask.DROP_KEY))
-            seconds = gui.add_number("seconds", 6.0, min=1.0, max=3600.0, step=0.5)
+            seconds = gui.add_number("seconds", 6.0, min=SHORTEST, max=LONGEST, step=0.5)
             gui.add_button("preview").on_click(self._ask(Ask.PLAY, lambda: seconds.value))
             gui.add_button("stop").on_click(self._ask(Ask.STOP))
             gui.add_button("write").on_click(self._ask(Ask.WRITE_PATH, lambda: seconds.value))
