@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
@@ -72,6 +73,10 @@ def trained(method: str, scene: Scene, steps: int | None = None) -> Training:
     progress = train(training)
     for _ in range(LIT_AFTER[method] if steps is None else steps):
         next(progress)
+    with torch.no_grad():  # harmonics learn slowly: as if they had
+        for name in {"sh_rest", "basis_weights"} & set(training.model.columns):
+            column = training.model.columns[name]
+            column.add_(0.3 * torch.randn(column.shape, generator=torch.Generator().manual_seed(1)))
     return training
 
 

@@ -83,9 +83,9 @@ def test_no_more_than_its_share_of_the_time_goes_to_pictures(part: float, costs:
     share, now, spent = Share(), 0.0, 0.0
     for cost in costs:
         while not share.may(now, part):
-            now += 0.001
+            now += max(0.05 * spent, 1e-5)
         share.note(now, now + cost)
         now, spent = now + cost, spent + cost
     while not share.may(now, part):
-        now += 0.001
+        now += 0.05 * spent
     assert spent / now <= part * 1.0001

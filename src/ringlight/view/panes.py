@@ -40,7 +40,7 @@ def side_by_side(camera: Camera, sources: Sequence[str]) -> list[Pane]:
     return panes
 
 
-def joined(pictures: Sequence[Float[Tensor, "H w 3"]]) -> Float[Tensor, "H W 3"]:
+def joined(pictures: Sequence[Float[Tensor, "H _ 3"]]) -> Float[Tensor, "H W 3"]:
     """The panes' pictures as one, with a line where one ends."""
     whole = torch.cat(list(pictures), 1)
     at = 0
