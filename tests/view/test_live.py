@@ -95,7 +95,7 @@ def test_a_pause_ends_by_the_button_by_a_signal_or_where_nobody_is_left(
     started: Callable[[str, str], Session], monkeypatch: pytest.MonkeyPatch
 ):
     session = started("3dgs", "run")
-    run, page = live(session)
+    run, _ = live(session)
     point = standing(session.scene.train[0].camera, 16, 16)
     steps = session.steps()
 

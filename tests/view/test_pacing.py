@@ -1,5 +1,7 @@
 """Pictures are as large as their time allows, and no more often than their share."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,7 +63,7 @@ def test_a_resting_camera_is_refined_step_by_step_and_then_left_alone():
     assert is_final
     assert sides == sorted(sides)
     assert sides[-1] == 1
-    assert max(after / before for before, after in zip(sides, sides[1:], strict=False)) <= 2.0001
+    assert max(after / before for before, after in pairwise(sides)) <= 2.0001
 
 
 def test_a_moving_camera_gets_no_second_picture_of_one_view():
