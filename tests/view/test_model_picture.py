@@ -2,13 +2,13 @@
 
 import pytest
 import torch
+from recorded_page import LIT_AFTER, trained
 
 from ringlight.core.rendering import Emission
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
 from ringlight.runs.verify import digest_of
 from ringlight.view.model_picture import layers_of, model_picture
-from recorded_page import LIT_AFTER, trained
 from tiny_scene import tiny_scene
 
 PER_GAUSSIAN = ("3dgs", "ringlight-basis", "ringlight-ring")

@@ -10,8 +10,8 @@ from recorded_page import Clock, RecordedPage, standing, subject_of, trained
 
 from ringlight.core.scene import Scene
 from ringlight.errors import OutputError, SceneError
-from ringlight.view.page import Curves
 from ringlight.view.pacing import REST_SECONDS
+from ringlight.view.page import Curves
 from ringlight.view.subject import PHOTOGRAPH, subject
 from ringlight.view.viewer import Trained, Viewer, first_wishes
 from ringlight.view.wishes import Ask
