@@ -30,6 +30,7 @@ class RecordedPage:
         self.drawn: list[Curves] = []
         self.thumbnails: dict[str, np.ndarray] = {}
         self.key_cameras: list[Camera] = []
+        self.hidden: frozenset[str] = frozenset()
         self.is_closed = False
 
     def show(self, browser: int, picture: np.ndarray | None, is_final: bool) -> None:
@@ -49,6 +50,9 @@ class RecordedPage:
 
     def thumbnail(self, view: str, picture: np.ndarray) -> None:
         self.thumbnails[view] = picture
+
+    def hide_cameras(self, views: frozenset[str]) -> None:
+        self.hidden = views
 
     def keys(self, cameras: Sequence[Camera], flight: np.ndarray) -> None:
         self.key_cameras = list(cameras)

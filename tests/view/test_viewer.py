@@ -145,6 +145,17 @@ def test_going_to_a_camera_and_small_photographs(looking: Looking, scene: Scene)
     assert set(looking.page.thumbnails) == {view.name for view in (*scene.train, *scene.test)}
 
 
+def test_a_camera_that_somebody_stands_in_is_not_drawn(looking: Looking, scene: Scene):
+    looking.wishes.stand(0, standing(scene.train[0].camera), looking.clock())
+    looking.wishes.stand(1, standing(scene.test[1].camera), looking.clock())
+    looking.viewer.turn()
+    assert looking.page.hidden == {scene.train[0].name, scene.test[1].name}
+    looking.wishes.leave(1)
+    looking.wishes.stand(0, standing(tiny_scene(views=7, size=24, seed=9).train[0].camera), looking.clock())
+    looking.viewer.turn()
+    assert looking.page.hidden == frozenset()
+
+
 def test_key_frames_are_previewed_and_written(looking: Looking, scene: Scene, tmp_path: Path):
     looking.wishes.ask(Ask.WRITE_PATH, 0, 2.0)
     looking.wishes.ask(Ask.PLAY, 0, 2.0)

@@ -52,6 +52,10 @@ class Page(Protocol):
         """Hang a small photograph into its camera."""
         ...
 
+    def hide_cameras(self, views: frozenset[str]) -> None:
+        """Draw all cameras but these: who stands in one would see its photograph and nothing else."""
+        ...
+
     def keys(self, cameras: Sequence[Camera], flight: Float[np.ndarray, "F 3"]) -> None:
         """Show the key frames, and the way of the camera between them."""
         ...

@@ -6,6 +6,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from ringlight.core.camera import Camera
+from ringlight.files.camera_paths import position_of
 from ringlight.view.model_picture import model_picture
 from ringlight.view.panes import Pane, behind_curtain, joined, side_by_side
 from ringlight.view.photograph import NOTHING, placed
@@ -47,10 +48,13 @@ class Pictures:
 
     def photographed(self, camera: Camera) -> str | None:
         """The photograph that was taken where ``camera`` stands and looks."""
-        for name in self.subject.photographs:
-            if is_same_pose(self.subject.views[name], camera, self.subject.extent):
-                return name
-        return None
+        near = self.subject.views_near(position_of(camera)[None])
+        same = (
+            name
+            for name in self.subject.photographs
+            if name in near and is_same_pose(self.subject.views[name], camera, self.subject.extent)
+        )
+        return next(same, None)
 
     def _pane(self, pane: Pane, look: Look) -> Float[Tensor, "H W 3"] | None:
         """None where there is nothing to see: no photograph was taken from here."""

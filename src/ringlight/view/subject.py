@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.scene import PointCloud, Scene, View, camera_extent
-from ringlight.files.camera_paths import Array
+from ringlight.files.camera_paths import Array, position_of
 from ringlight.files.orbit import Orbit, orbit_of
 from ringlight.models.contract import Model
 from ringlight.view.model_picture import layers_of
@@ -21,6 +21,9 @@ PHOTOGRAPH = "photograph"
 
 FIRST_SIDE, FIRST_FOCAL = 400, 500.0
 """Pixels of the camera that looks at a model without cameras."""
+
+NEAR_SHARE = 0.1
+"""Of the extent: twice the length of a camera as it is drawn."""
 
 OUTER = 0.02
 """Share of the Gaussians on each side that is no part of what such a camera shall see."""
@@ -58,10 +61,20 @@ class Subject:
     film_of: Path | None = None
     sources_shown: tuple[str, ...] = field(init=False)
     """Names of the models, and PHOTOGRAPH where there are any."""
+    _places: Array = field(init=False, repr=False)
+    """Of the views' cameras [V 3]."""
 
     def __post_init__(self) -> None:
         shown = (*self.sources, *([PHOTOGRAPH] if self.photographs else ()))
         object.__setattr__(self, "sources_shown", shown)
+        places = [position_of(camera) for camera in self.views.values()]
+        object.__setattr__(self, "_places", np.stack(places) if places else np.zeros((0, 3)))
+
+    def views_near(self, places: Float[np.ndarray, "P 3"]) -> frozenset[str]:
+        """Cameras within NEAR_SHARE of the extent of any of these places, world units."""
+        apart = np.linalg.norm(self._places[:, None] - places[None], axis=-1)
+        near = (apart < NEAR_SHARE * self.extent).any(1)
+        return frozenset(name for name, is_near in zip(self.views, near, strict=True) if is_near)
 
     @property
     def layers(self) -> tuple[str, ...]:

@@ -70,6 +70,7 @@ class Viewer:
         self._look, self._changed = wishes.look, now()
         self._film: tuple[int, list[Camera], float] | None = None
         self._said, self._told = ("", False), -np.inf
+        self._standing: frozenset[tuple[float, float, float]] = frozenset()
         self._thumbnails = Thumbnails(subject)
         self._pictures = Pictures(subject)
 
@@ -89,6 +90,7 @@ class Viewer:
         if self._is_training and not self._share.may(now, share):
             return asked
         self._play(now)
+        self._hide_cameras(browsers)
         self._tell_facts(now)
         drew = self._draw_next(browsers, look, now) or (not moves and self._thumbnails.hang_one(self.page))
         if drew:
@@ -216,6 +218,13 @@ class Viewer:
             frame, self._film = len(film) - 1, None
         if seen is not None:
             self._place(browser, seen, film[frame])
+
+    def _hide_cameras(self, browsers: dict[int, Seen]) -> None:
+        """Those that somebody stands in."""
+        standing = frozenset(seen.standpoint.position for seen in browsers.values())
+        if standing != self._standing:
+            self._standing = standing
+            self.page.hide_cameras(self.subject.views_near(np.array(list(standing))))
 
     def _tell_facts(self, now: float) -> None:
         if self.trained is None or now - self._told < STATUS_SECONDS:

@@ -58,6 +58,7 @@ class ViserPage:
         self.viser = viser_library()
         self.server, self.address = start_server(host, port)
         self._frustums: dict[str, Any] = {}
+        self._hidden: frozenset[str] = frozenset()
         self._key_nodes: list[Any] = []
         self._charts: list[Any] = []
         with self.server.atomic():
@@ -106,6 +107,12 @@ class ViserPage:
     def thumbnail(self, view: str, picture: UInt8[np.ndarray, "h w 3"]) -> None:
         if view in self._frustums:
             self._frustums[view].image = picture
+
+    def hide_cameras(self, views: frozenset[str]) -> None:
+        for name in views ^ self._hidden:
+            if name in self._frustums:
+                self._frustums[name].visible = name not in views
+        self._hidden = views
 
     def keys(self, cameras: Sequence[Camera], flight: Float[np.ndarray, "F 3"]) -> None:
         for node in self._key_nodes:
