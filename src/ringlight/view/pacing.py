@@ -32,7 +32,7 @@ behind."""
 MOVING_SHARE = 0.5
 """Of the time of a training that goes to pictures while somebody moves."""
 
-RESTING_SHARE = 0.04
+RESTING_SHARE = 0.03
 """The same while all cameras rest. What pictures cost besides (sending, the server's thread) brings it below a tenth in
 any case."""
 
