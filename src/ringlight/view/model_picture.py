@@ -7,7 +7,7 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.want import Want
 from ringlight.files.false_color import depth_range
-from ringlight.files.layer_pictures import COLOR, layer_pictures
+from ringlight.files.layer_pictures import COLOR, layer_pictures, looking
 from ringlight.models.contract import Model
 
 BASE, ALPHA, DEPTH = "base", "alpha", "depth"
@@ -37,13 +37,11 @@ def model_picture(
     """
     if layer == COLOR and light != 1.0:
         return _faded(model, camera, background, light)
-    near_far = (0.0, 1.0)
-    if layer == DEPTH:
-        found = model.layers(camera)
-        near_far = depth_range(found[DEPTH], found[ALPHA])
-    elif layer != COLOR and layer not in layers_of(model, camera):
+    if layer not in (COLOR, DEPTH) and layer not in layers_of(model, camera):
         layer = COLOR
-    return layer_pictures(model, camera, background, (layer,), near_far)[layer]
+    found = looking(model, background, (layer,))(camera)
+    near_far = depth_range(found[DEPTH], found[ALPHA]) if layer == DEPTH else (0.0, 1.0)
+    return layer_pictures(found, background, (layer,), near_far)[layer]
 
 
 def _faded(model: Model, camera: Camera, background: Tensor, light: float) -> Float[Tensor, "H W 3"]:

@@ -11,6 +11,7 @@ import logging
 import socket
 from collections.abc import Iterator
 from http import HTTPStatus
+from importlib import import_module
 from typing import Any
 
 from ringlight.errors import BackendError, RunError
@@ -99,7 +100,7 @@ class _Guard:
 
     @contextlib.contextmanager
     def in_place(self) -> Iterator[None]:
-        import websockets.asyncio.server as library
+        library: Any = import_module("websockets.asyncio.server")
 
         served = library.serve
 
