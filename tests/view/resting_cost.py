@@ -1,77 +1,90 @@
-"""What a resting viewer costs a training: processor seconds of the whole command, with and without one.
+"""What a resting viewer costs a training: processor seconds in the viewer and in its server's threads.
 
-    python tests/view/resting_cost.py SCENE METHOD [--steps 2000] [--rounds 2] [--window 1280 800]
+    python tests/view/resting_cost.py SCENE METHOD [--steps 2000] [--window 1280 800]
 
-Runs take turns. A browser's websocket stands at the first test view and does not move; its own process, which only
-listens, is not counted.
+They are counted inside the command, since two runs on a busy machine differ by more. This process is the browser: it
+stands at the first test view, does not move, and is not counted.
 """
 
 import argparse
-import os
 import re
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
-from statistics import fmean
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from browser import Browser  # noqa: E402
-
-from ringlight.data.bundled import scene_folder  # noqa: E402
-from ringlight.data.load import load_scene  # noqa: E402
-from ringlight.view.standpoint import Standpoint, standpoint_at  # noqa: E402
+INSIDE = "--inside"
 
 
 def main() -> None:
+    if sys.argv[1] == INSIDE:
+        _train(sys.argv[2:])
+        return
     asked = _asked()
-    camera = (load_scene(scene_folder(asked.scene)).test)[0].camera
-    point = standpoint_at(camera, *asked.window)
-    spent: dict[str, list[float]] = {"without": [], "nobody looks": [], "resting": []}
-    for _ in range(asked.rounds):
-        for kind, seconds in spent.items():
-            seconds.append(_seconds(asked, kind, point))
-            sys.stdout.write(f"{kind:13} {seconds[-1]:7.2f} s\n")
-            sys.stdout.flush()
-    alone = fmean(spent["without"])
-    for kind, seconds in spent.items():
-        sys.stdout.write(f"{kind:13} {fmean(seconds):7.2f} s  {fmean(seconds) / alone - 1:+.1%}\n")
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["train", asked.scene, asked.method, "--steps", str(asked.steps), "--threads", "1", "--lpips"]
+        words += ["--out", f"{folder}/run", "--view", "--port", "0"]
+        command = [sys.executable, __file__, INSIDE, *words]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+            for line in process.stderr or ():
+                if found := re.match(r"look at (\S+)", line):
+                    threading.Thread(target=_rest, args=(found[1], asked), daemon=True).start()
+                if line.startswith("counted: "):
+                    sys.stdout.write(line.removeprefix("counted: "))
 
 
 def _asked() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", type=Path)
+    parser.add_argument("scene")
     parser.add_argument("method")
     parser.add_argument("--steps", type=int, default=2000)
-    parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--window", type=int, nargs=2, default=(1280, 800))
     return parser.parse_args()
 
 
-def _seconds(asked: argparse.Namespace, kind: str, point: Standpoint) -> float:
-    """Processor seconds, user and system, of one command."""
-    with tempfile.TemporaryDirectory() as folder:
-        words = ["train", str(asked.scene), asked.method, "--steps", str(asked.steps), "--threads", "1", "--lpips"]
-        words += ["--out", f"{folder}/run", *(["--view", "--port", "0"] if kind != "without" else [])]
-        process = subprocess.Popen([sys.executable, "-m", "ringlight", *words], stderr=subprocess.PIPE, text=True)
-        assert process.stderr is not None
-        for line in process.stderr:
-            found = re.match(r"look at (\S+)", line)
-            if found and kind == "resting":
-                threading.Thread(target=_rest, args=(found[1], point), daemon=True).start()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        assert process.returncode == 0
-        return usage.ru_utime + usage.ru_stime
+def _train(words: list[str]) -> None:
+    """One command in this process, whose main thread trains and draws."""
+    from ringlight.cli.main import run
+    from ringlight.runs.session import Session
+    from ringlight.view.live import LiveRun
+
+    see, steps = LiveRun.see, Session.steps
+    spent = {"viewer": 0.0, "threads": 0.0, "steps": 0.0}
+
+    def seen(*given: object) -> object:
+        begun = time.thread_time()
+        found = see(*given)  # type: ignore[arg-type]
+        spent["viewer"] += time.thread_time() - begun
+        return found
+
+    def stepped(session: Session) -> object:
+        others = time.process_time() - time.thread_time()
+        yield from steps(session)
+        spent["threads"] = time.process_time() - time.thread_time() - others
+        spent["steps"] = session.clock.cpu
+
+    LiveRun.see, Session.steps = seen, stepped  # type: ignore[method-assign,assignment]
+    run(words)
+    parts = [f"{name} {seconds:.2f} s" for name, seconds in spent.items()]
+    share = (spent["viewer"] + spent["threads"]) / spent["steps"]
+    sys.stderr.write(f"counted: {', '.join(parts)}: {share:.1%} more\n")
 
 
-def _rest(address: str, point: Standpoint) -> None:
-    browser = Browser(address)
-    browser.stand(point)
-    pictures = 0
+def _rest(address: str, asked: argparse.Namespace) -> None:
+    from browser import Browser
+
+    from ringlight.data.bundled import scene_folder
+    from ringlight.data.load import load_scene
+    from ringlight.view.standpoint import standpoint_at
+
+    browser, pictures = Browser(address), 0
+    camera = load_scene(scene_folder(Path(asked.scene))).test[0].camera
+    browser.stand(standpoint_at(camera, *asked.window))
     try:
         while True:
             browser.listen(1.0)

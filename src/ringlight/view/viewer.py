@@ -92,7 +92,8 @@ class Viewer:
         self._play(now)
         self._hide_cameras(browsers)
         self._tell_facts(now)
-        drew = self._draw_next(browsers, look, now) or (not moves and self._thumbnails.hang_one(self.page))
+        drew = self._draw_next(browsers, look, now)
+        drew = (not moves and self._thumbnails.hang_one(self.page)) or drew
         if drew:
             self._share.note(now, self._now())
         return asked or drew
