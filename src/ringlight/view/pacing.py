@@ -33,8 +33,8 @@ MOVING_SHARE = 0.5
 """Of the time of a training that goes to pictures while somebody moves."""
 
 RESTING_SHARE = 0.03
-"""The same while all cameras rest. What pictures cost besides (sending, the server's thread) brings it below a tenth in
-any case."""
+"""The same while all cameras rest. What they cost besides (sending, the server's thread) is not counted: the whole
+stays well below a tenth (tests/view/resting_cost.py)."""
 
 SAMPLES = 8
 """Pictures of a kind by which its cost is estimated: a model that grows is followed."""

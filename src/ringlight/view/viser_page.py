@@ -170,6 +170,7 @@ class ViserPage:
     def _start_camera(self) -> None:
         subject, start = self.subject, self.server.initial_camera
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        self.server.gui.main_panel.dock_right()  # beside the picture, not over it
         self.server.scene.set_up_direction(subject.up)
         point = standpoint_at(subject.start, subject.start.width, subject.start.height)
         start.position, start.look_at = point.position, looked_at(subject.start, subject.center)
