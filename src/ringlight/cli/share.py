@@ -1,0 +1,75 @@
+"""``ringlight share MODEL OUT.html``: the model itself as one page for any browser."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ringlight.cli.arguments import ModelPath
+from ringlight.cli.parse import parse
+from ringlight.cli.stages import stages
+from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.words import counted, numbered
+
+if TYPE_CHECKING:
+    from ringlight.runs.share import Shared
+
+MEGABYTE = 1e6
+
+
+@dataclass(frozen=True)
+class ShareArguments:
+    """Write a model as one HTML file that any browser with WebGL2 opens, from a disk or a server, without a network.
+
+    The page shows the model itself, its light and its reflections, not harmonics fitted to it. It holds the numbers
+    that 'ringlight compress' writes, and the loss of that is printed. OUT.html#view=train-0 shows a training camera at
+    its own size, &bare without controls.
+    """
+
+    model: ModelPath
+    """Run folder or model file."""
+    out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT.html")]
+    """Page to write."""
+    budget: Annotated[float | None, tyro.conf.arg(metavar="MB")] = None
+    """Largest size of the page in megabytes. Gaussians that show least to the training cameras are left out until it
+    fits. Without it a page of more than 40 MB is refused."""
+    overwrite: bool = False
+    """Replace the file if it exists."""
+    threads: int = 0
+    """Threads of the kernels; 0 takes every core."""
+    json: bool = False
+    """Print the result as JSON."""
+    quiet: bool = False
+    """No progress line."""
+
+
+def main(arguments: list[str]) -> int:
+    """Share; returns the exit code."""
+    asked = parse(ShareArguments, "share", arguments)
+    check_threads(asked.threads)
+    with stages(asked.quiet) as line:
+        line(f"reading {asked.model}")
+        from ringlight.measure.json_record import to_json
+        from ringlight.runs.opened import open_model
+        from ringlight.runs.share import check_target, share
+
+        check_target(asked.out, asked.overwrite)
+        use_threads(asked.threads)
+        shared = share(open_model(asked.model), asked.out, None if asked.budget is None else asked.budget * MEGABYTE)
+    sys.stdout.write(to_json(shared) if asked.json else _sentences(shared))
+    return 0
+
+
+def _sentences(shared: "Shared") -> str:
+    left_out = shared.counted_before - shared.counted
+    lines = [
+        f"{shared.file}: {numbered(shared.counted, shared.noun)}, {shared.bytes_file / MEGABYTE:.3f} MB; "
+        "open it in a browser",
+        f"  its pictures against the model's, from {counted(shared.pictures, 'training camera')}: "
+        f"{shared.picture_psnr:.1f} dB PSNR",
+    ]
+    if left_out:
+        lines.insert(1, f"  {numbered(left_out, shared.noun)} that show least were left out")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,22 @@
+// What the page's address says: #view=NAME, a stored camera at its own size; #at=…, a free one; &bare, no controls.
+export function readAddress(hash) {
+  const words = new URLSearchParams(hash.replace(/^#/, ""));
+  const at = (words.get("at") ?? "").split(",").map(Number);
+  return {
+    view: words.get("view"),
+    at: at.length === 13 && at.every(Number.isFinite) ? at : null,
+    bare: words.has("bare"),
+    layer: words.get("layer"),
+    light: words.has("light") ? Number(words.get("light")) : null,
+  };
+}
+
+// Position, turn and reach of a free camera in few digits.
+export function addressOf(pose, { layer, residual }, bare) {
+  const numbers = [...pose.position, ...pose.turn.flat(), pose.reach].map((value) => Number(value.toPrecision(5)));
+  const words = [`at=${numbers.join(",")}`];
+  if (layer !== "picture") words.push(`layer=${layer}`);
+  if (residual !== 1) words.push(`light=${residual}`);
+  if (bare) words.push("bare");
+  return `#${words.join("&")}`;
+}

@@ -1,0 +1,95 @@
+// The page: reads the model, draws it, and listens.
+import { addressOf, readAddress } from "./address.js";
+import { cameraOf, fitted, Pose } from "./camera.js";
+import { Controls } from "./controls.js";
+import { fallBack } from "./fallback.js";
+import { geometryOf, readModel } from "./model.js";
+import { Panel } from "./panel.js";
+import { LAYERS, Picture } from "./picture.js";
+import { stopsOf } from "./stops.js";
+import { Viewer } from "./viewer.js";
+
+const canvas = document.getElementById("picture");
+const SHARPEST = 2; // canvas pixels for one of the page's, at most
+
+async function begin() {
+  const address = readAddress(location.hash);
+  document.documentElement.classList.toggle("bare", address.bare);
+  if (!window.DecompressionStream) throw new Error("it cannot inflate");
+  const model = await readModel(document), { facts } = model, stops = stopsOf(model);
+  const picture = new Picture(canvas, shaders, model);
+  const worker = new Worker(URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" })));
+  worker.onerror = (event) => fallBack(event.message);
+  worker.postMessage({ scene: geometryOf(model), options: { antialiased: facts.antialiased, flipBelow: facts.flipBelow } });
+
+  // Either a stored camera at its own size, or a pose that fills the window with the lens of `lens`.
+  const state = { exact: null, pose: null, lens: stops.get("home") };
+  const wished = (scale) => {
+    const own = state.exact, size = own ? own.size : windowSize();
+    canvas.style.width = own ? `${own.size[0]}px` : "100%";
+    canvas.style.height = own ? `${own.size[1]}px` : "100%";
+    const scaled = size.map((side) => Math.max(Math.round(side * scale), 1));
+    return own && scale === 1 ? own : fitted(cameraOf(state.pose.numbers(), state.lens.focal, state.lens.center, state.lens.size), scaled);
+  };
+  const viewer = new Viewer(picture, worker, wished);
+  let noted = 0;
+  const note = () => {
+    clearTimeout(noted);
+    noted = setTimeout(() => history.replaceState(null, "", addressOf(state.pose, viewer.look, address.bare)), 300);
+  };
+  const stand = (name, own) => {
+    const camera = stops.get(name) ?? stops.get("home");
+    Object.assign(state, { exact: own ? camera : null, lens: camera, pose: Pose.of(camera, facts.center) });
+    document.documentElement.classList.toggle("own-size", own);
+    viewer.change(false);
+  };
+  const move = (change) => {
+    document.documentElement.classList.remove("own-size");
+    Object.assign(state, { exact: null, pose: change(state.pose) });
+    viewer.change();
+    note();
+  };
+  const look = (change) => {
+    Object.assign(viewer.look, change);
+    viewer.change();
+  };
+  const controls = new Controls(canvas, facts.up, move);
+  const panel = new Panel(facts, stops, {
+    viewed: (name) => stand(name, false),
+    looked: look,
+    flew: (flies) => (controls.flies = flies),
+  });
+  const follow = () => {
+    const { view, at, layer, light } = readAddress(location.hash);
+    if (LAYERS.includes(layer)) panel.layer(layer);
+    if (light >= 0 && light <= 2 && light !== null) panel.fade(light);
+    stand(stops.has(view) ? view : "home", stops.has(view));
+    if (at) state.pose = new Pose(at.slice(0, 3), [at.slice(3, 6), at.slice(6, 9), at.slice(9, 12)], at[12]);
+  };
+  addEventListener("hashchange", () => {
+    follow();
+    viewer.change(false);
+  });
+  addEventListener("resize", () => viewer.change());
+  canvas.addEventListener("webglcontextlost", () => fallBack("the graphics card gave up"));
+  follow();
+  await viewer.settled();
+  document.documentElement.classList.add("drawn");
+  return Object.assign(window.ringlight, {
+    facts, viewer, move, look,
+    stops: [...stops.keys()],
+    view: (name) => (stand(name, true), viewer.settled()),
+    settled: () => viewer.settled(),
+  });
+}
+
+function windowSize() {
+  const sharp = Math.min(devicePixelRatio || 1, SHARPEST), box = document.getElementById("stage").getBoundingClientRect();
+  return [box.width, box.height].map((side) => Math.max(Math.round(side * sharp), 1));
+}
+
+window.ringlight = {};
+window.ringlight.ready = begin().catch((error) => {
+  fallBack(error.message);
+  return { still: error.message };
+});

@@ -1,0 +1,75 @@
+// Pictures of one model on one canvas: the worker's lists go in, pixels come out.
+import { numbered, Texture } from "./gl.js";
+import { MirrorKind } from "./mirror_kind.js";
+import { SplatKind } from "./splat_kind.js";
+
+const LIST_WIDTH = 2048, LIST_ROWS = 4096, TILE_ROOM = 1 << 16;
+
+export const LAYERS = ["picture", "base", "normals", "depth"];
+
+export class Picture {
+  constructor(canvas, shaders, model) {
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false, powerPreference: "high-performance" });
+    if (!gl) throw new Error("this browser has no WebGL2");
+    Object.assign(this, { gl, canvas, facts: model.facts });
+    this.kind = new (model.facts.kind === "mirror" ? MirrorKind : SplatKind)(gl, shaders, model);
+    this.ellipses = numbered(gl, "rgba32f", 2 * model.facts.gaussians);
+    this.tiles = null;
+    this.entries = null;
+    this.most = LIST_WIDTH * Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE), LIST_ROWS);
+    this.drawn = 0;
+  }
+
+  // Empty buffers for the worker, which come back with each picture's lists.
+  buffers() {
+    const rows = this.ellipses.height;
+    return { ellipses: new Float32Array(4 * LIST_WIDTH * rows), tiles: new Uint32Array(2 * TILE_ROOM), entries: new Uint32Array(LIST_WIDTH * 64) };
+  }
+
+  load(lists) {
+    const gl = this.gl;
+    this.ellipses.write(lists.ellipses, 2 * lists.count);
+    if (this.tiles?.width !== lists.across || this.tiles.height !== lists.down) {
+      this.tiles?.free();
+      this.tiles = new Texture(gl, "rg32ui", lists.across, lists.down);
+    }
+    this.tiles.write(lists.tiles, lists.across * lists.down);
+    const rows = Math.max(Math.floor(lists.entries.length / LIST_WIDTH), 1);
+    if (this.entries?.height !== rows) {
+      this.entries?.free();
+      this.entries = new Texture(gl, "r32ui", LIST_WIDTH, rows);
+    }
+    this.entries.write(lists.entries, lists.total);
+    this.lists = lists;
+  }
+
+  // Draw what was loaded. With `some` colours may be of a moment ago; true where all is exact.
+  draw({ layer, residual, background, some }, target = null) {
+    const { camera, side } = this.lists, [width, height] = camera.size;
+    if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
+    const amount = layer === "base" ? 0 : this.facts.lit ? residual : 0;
+    const exact = this.kind.prepare(camera, amount, some);
+    const program = this.kind.bound({ ellipses: this.ellipses, tiles: this.tiles, entries: this.entries }, camera, amount);
+    program.wholes({ size: camera.size, side, layer: LAYERS.indexOf(layer) });
+    program.numbers({ background, nearFar: this.facts.nearFar });
+    program.draw(target, width, height);
+    this.drawn++;
+    return exact;
+  }
+
+  // The picture that was drawn last, again and unrounded: red, green, blue and one, from the lowest row on. For tests;
+  // null where the browser cannot draw into floats.
+  values(look) {
+    const gl = this.gl, { width, height } = this.canvas;
+    if (!gl.getExtension("EXT_color_buffer_float")) return null;
+    const texture = new Texture(gl, "rgba32f", width, height), target = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture.texture, 0);
+    this.draw({ ...look, some: false }, target);
+    const values = new Float32Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, values);
+    gl.deleteFramebuffer(target);
+    texture.free();
+    return values;
+  }
+}

@@ -1,0 +1,83 @@
+// From what is wished to be seen to pictures: one camera at a time is with the worker, and the picture that is drawn is
+// always that of the lists that came back. While it moves, pictures are as fine as time allows; at rest they are whole.
+const REST = 160; // milliseconds without a change after which the whole picture is made
+const SLOW = 45, FAST = 22; // milliseconds between two pictures of a moving camera
+const COARSEST = 0.25, COARSER = 0.8, FINER = 1.1;
+
+export class Viewer {
+  constructor(picture, worker, wished) {
+    Object.assign(this, { picture, worker, wished });
+    this.spare = picture.buffers();
+    this.scale = 1;
+    this.changed = -Infinity;
+    this.shown = null; // what the last exact picture was made of
+    this.waiting = [];
+    worker.onmessage = ({ data }) => this.arrived(data);
+    this.look = { layer: "picture", residual: 1, background: picture.facts.background };
+  }
+
+  // Something is to be seen otherwise. With `moving` more of it will follow.
+  change(moving = true) {
+    this.changed = moving ? performance.now() : -Infinity;
+    this.asked = true;
+    this.schedule();
+  }
+
+  // Resolves when an exact picture of all that was wished until now has been drawn.
+  settled() {
+    return new Promise((resolve) => {
+      this.waiting.push(resolve);
+      this.change(false);
+    });
+  }
+
+  schedule() {
+    if (this.planned) return;
+    this.planned = true;
+    requestAnimationFrame(() => {
+      this.planned = false;
+      this.step();
+    });
+  }
+
+  step() {
+    if (!this.spare) return; // the worker is at work, and its answer goes on
+    const moving = performance.now() - this.changed < REST;
+    if (!this.asked && !(this.coarse && !moving)) {
+      if (this.coarse) this.schedule();
+      return;
+    }
+    this.asked = false;
+    this.coarse = moving;
+    this.begun = performance.now();
+    const { ellipses, tiles, entries } = this.spare, camera = this.wished(moving ? this.scale : 1);
+    this.spare = null;
+    this.answers = this.waiting.splice(0);
+    this.worker.postMessage(
+      { camera, ellipses, tiles, entries, most: this.picture.most }, [ellipses.buffer, tiles.buffer, entries.buffer],
+    );
+  }
+
+  arrived(lists) {
+    if (lists.prepared) return;
+    this.picture.load(lists);
+    this.spare = lists;
+    this.times = lists.times;
+    const exact = this.picture.draw({ ...this.look, some: this.coarse });
+    if (!exact) this.asked = true;
+    if (this.coarse) this.keepTime();
+    for (const resolve of this.answers) resolve();
+    this.onpicture?.(this.coarse);
+    this.schedule();
+  }
+
+  // The time of the last picture in full counts, the graphics card's part of it as well: the next frame comes after it.
+  keepTime() {
+    const begun = this.begun;
+    requestAnimationFrame(() => {
+      const took = performance.now() - begun;
+      if (took > SLOW) this.scale = Math.max(this.scale * COARSER, COARSEST);
+      else if (took < FAST) this.scale = Math.min(this.scale * FINER, 1);
+    });
+  }
+}
