@@ -22,8 +22,8 @@ from ringlight.models.splats import SplatModel
 MOST_STOPS = 100
 """Training cameras that a page keeps, evenly spread."""
 
-STILL_SIDE, STILL_QUALITY = 480, 70
-"""Longer side in pixels, and quality, of the JPEG for browsers that cannot draw the model: 10 to 30 kB."""
+STILL_SIDE, STILL_QUALITY = 400, 60
+"""Longer side in pixels, and quality, of the JPEG for browsers that cannot draw the model: 8 to 20 kB."""
 
 MEGABYTE = 1e6
 

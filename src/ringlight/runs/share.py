@@ -14,7 +14,7 @@ from ringlight.core.want import Want
 from ringlight.errors import OutputError, RecipeError, RunError
 from ringlight.files.atomic import refuse_existing, written_atomically
 from ringlight.files.packed import Packed, pack_tensors, unpack_tensors
-from ringlight.files.page.document import page_of
+from ringlight.files.page.document import page_of, program_texts
 from ringlight.files.page.payload import payload_of
 from ringlight.files.page.shown import shown_of
 from ringlight.fit.strategies.drop_least import blending_weights
@@ -135,7 +135,7 @@ def _page(opened: Opened, model: SplatModel, budget: float | None) -> _Page:
 
     def page_with(tensors: dict[str, Tensor]) -> _Page:
         packed = pack_tensors(tensors)
-        payload, gaussians = payload_of(packed, others), len(tensors[f"{COLUMNS}means"])
+        payload, gaussians = payload_of(packed, others, program_texts()), len(tensors[f"{COLUMNS}means"])
         document = b""
         for size in (0, 1):  # the caption says how large the page is with it
             caption = caption_of(stored, gaussians, len(document) * size)

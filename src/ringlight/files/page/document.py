@@ -1,7 +1,7 @@
 """The page itself: its source, the model's facts and numbers, and a still picture, in one HTML file.
 
-Nothing in it comes from another place, and its policy (Content Security Policy, level 3) says so to the browser: one
-script and one style sheet, by their hashes, a worker made of text that the script holds, and the still as data. What a
+Nothing in it comes from another place, and its policy (Content Security Policy, level 3) says so to the browser: two
+scripts and one style sheet, by their hashes, a worker made of a text in the payload, and the still as data. What a
 model brings, names and numbers, is JSON or text in elements that are not run, with no "<" in it.
 """
 
@@ -24,10 +24,10 @@ STRICT = '"use strict";\n'
 
 
 def page_of(title: str, facts: dict[str, Any], payload: bytes, still: bytes) -> bytes:
-    """The HTML file. ``facts`` are JSON values; ``still`` is a JPEG."""
+    """The HTML file. ``facts`` are JSON values; ``payload`` holds :func:`program_texts`; ``still`` is a JPEG."""
     script, style = _script(), slim(_sources()["style.css"])
     text = Template(_sources()["page.html"]).substitute(
-        policy=_policy(script, style),
+        policy=_policy([script, program_texts()["main.js"]], style),
         title=html.escape(title),
         style=style,
         still="data:image/jpeg;base64," + base64.b64encode(still).decode("ascii"),
@@ -39,10 +39,10 @@ def page_of(title: str, facts: dict[str, Any], payload: bytes, still: bytes) -> 
     return text.encode()
 
 
-def _policy(script: str, style: str) -> str:
+def _policy(scripts: list[str], style: str) -> str:
     rules = {
         "default-src": "'none'",
-        "script-src": _hash(script),
+        "script-src": " ".join(map(_hash, scripts)),
         "style-src": _hash(style),
         "worker-src": "blob:",
         "img-src": "data:",
@@ -70,11 +70,22 @@ def _sources() -> dict[str, str]:
 
 
 @cache
+def _modules() -> dict[str, str]:
+    return {name: text for name, text in _sources().items() if name.endswith(".js")}
+
+
+@cache
 def _script() -> str:
-    """The page's whole script, with the worker's and the shaders as texts in it."""
-    sources = _sources()
-    modules = {name: text for name, text in sources.items() if name.endswith(".js")}
-    shaders = {name: slim(text) for name, text in sorted(sources.items()) if name.endswith(".glsl")}
-    worker = f"{STRICT}{joined(modules, 'lists_worker.js')}"
-    constants = f"const shaders = {_json(shaders)}, workerSource = {_json(worker)};\n"
-    return f"(() => {{\n{STRICT}{constants}{joined(modules, 'main.js')}\n}})();"
+    """What the browser runs first; the rest of the program comes out of the payload."""
+    return _program("boot.js")
+
+
+def _program(first: str) -> str:
+    return f"(() => {{\n{STRICT}{joined(_modules(), first)}\n}})();"
+
+
+@cache
+def program_texts() -> dict[str, str]:
+    """For the payload, where they are deflated: the page's program, the worker's, and the shaders by file name."""
+    shaders = {name: slim(text) for name, text in sorted(_sources().items()) if name.endswith(".glsl")}
+    return shaders | {"main.js": _program("main.js"), "worker.js": _program("lists_worker.js")}

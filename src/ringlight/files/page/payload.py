@@ -24,9 +24,12 @@ TYPES = {"uint8": "u8", "int8": "i8", "float16": "u16", "float32": "f32", "float
 
 MOST_EFFORT = 9
 
+LONGEST_NUMBER = 20
+"""Digits of the largest length."""
 
-def payload_of(packed: Packed, others: Mapping[str, Tensor]) -> bytes:
-    """Deflated (zlib's format); ``others`` are kept as they are."""
+
+def payload_of(packed: Packed, others: Mapping[str, Tensor], texts: Mapping[str, str] | None = None) -> bytes:
+    """Deflated (zlib's format); ``others`` are kept as they are, ``texts`` by name go into the header."""
     parts: list[dict[str, object]] = []
     chunks: list[bytes] = []
     at = 0
@@ -49,13 +52,17 @@ def payload_of(packed: Packed, others: Mapping[str, Tensor]) -> bytes:
         padded = data + bytes(-len(data) % ALIGNED)
         chunks.append(padded)
         at += len(padded)
-    header = json.dumps({"parts": parts, "packing": packed.packing, "start": 0}, separators=(",", ":"))
-    # The header says where the parts begin, which depends on its own length: room for the number is made first.
-    start = 4 + len(header) + len(str(at))
+    described = {"parts": parts, "packing": packed.packing, "texts": dict(texts or {})}
+    # The header says where the parts begin, which depends on its own length: room for that number is made first.
+    start = 4 + len(_json(described | {"start": 0})) + LONGEST_NUMBER
     start += -start % ALIGNED
-    header = json.dumps({"parts": parts, "packing": packed.packing, "start": start}, separators=(",", ":"))
+    header = _json(described | {"start": start})
     head = len(header).to_bytes(4, "little") + header.encode("ascii")
     return zlib.compress(head.ljust(start, b" ") + b"".join(chunks), MOST_EFFORT)
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, separators=(",", ":"))
 
 
 def _laid_out(name: str, part: str, array: NDArray[np.generic]) -> tuple[str, NDArray[np.generic]]:

@@ -1,9 +1,9 @@
-// The page: reads the model, draws it, and listens.
+// The page: draws the model, and listens.
 import { addressOf, readAddress } from "./address.js";
 import { cameraOf, fitted, Pose } from "./camera.js";
 import { Controls } from "./controls.js";
 import { fallBack } from "./fallback.js";
-import { geometryOf, readModel } from "./model.js";
+import { geometryOf, modelOf } from "./model.js";
 import { Panel } from "./panel.js";
 import { LAYERS, Picture } from "./picture.js";
 import { stopsOf } from "./stops.js";
@@ -12,13 +12,12 @@ import { Viewer } from "./viewer.js";
 const canvas = document.getElementById("picture");
 const SHARPEST = 2; // canvas pixels for one of the page's, at most
 
-async function begin() {
+async function begin(payload) {
   const address = readAddress(location.hash);
   document.documentElement.classList.toggle("bare", address.bare);
-  if (!window.DecompressionStream) throw new Error("it cannot inflate");
-  const model = await readModel(document), { facts } = model, stops = stopsOf(model);
-  const picture = new Picture(canvas, shaders, model);
-  const worker = new Worker(URL.createObjectURL(new Blob([workerSource], { type: "text/javascript" })));
+  const model = modelOf(payload, document), { facts } = model, stops = stopsOf(model);
+  const picture = new Picture(canvas, model.texts, model);
+  const worker = new Worker(URL.createObjectURL(new Blob([model.texts["worker.js"]], { type: "text/javascript" })));
   worker.onerror = (event) => fallBack(event.message);
   worker.postMessage({ scene: geometryOf(model), options: { antialiased: facts.antialiased, flipBelow: facts.flipBelow } });
 
@@ -63,6 +62,7 @@ async function begin() {
     const { view, at, layer, light } = readAddress(location.hash);
     if (LAYERS.includes(layer)) panel.layer(layer);
     if (light >= 0 && light <= 2 && light !== null) panel.fade(light);
+    panel.show(stops.has(view) ? view : "home");
     stand(stops.has(view) ? view : "home", stops.has(view));
     if (at) state.pose = new Pose(at.slice(0, 3), [at.slice(3, 6), at.slice(6, 9), at.slice(9, 12)], at[12]);
   };
@@ -78,7 +78,7 @@ async function begin() {
   return Object.assign(window.ringlight, {
     facts, viewer, move, look,
     stops: [...stops.keys()],
-    view: (name) => (stand(name, true), viewer.settled()),
+    view: (name) => (panel.show(name), stand(name, true), viewer.settled()),
     settled: () => viewer.settled(),
   });
 }
@@ -88,8 +88,4 @@ function windowSize() {
   return [box.width, box.height].map((side) => Math.max(Math.round(side * sharp), 1));
 }
 
-window.ringlight = {};
-window.ringlight.ready = begin().catch((error) => {
-  fallBack(error.message);
-  return { still: error.message };
-});
+window.ringlight.begin = begin;

@@ -1,14 +1,12 @@
-// The model of this page: its facts, and its tensors unpacked.
+// The model of this page: its facts, its tensors unpacked, and the texts of shaders and worker.
 import { shortestAxes } from "./axes.js";
-import { readPayload } from "./payload.js";
 import { unpackTensors } from "./unpack.js";
 
-export async function readModel(document) {
+export function modelOf(payload, document) {
   const facts = JSON.parse(document.getElementById("facts").textContent);
-  const payload = await readPayload(document.getElementById("payload"));
   const tensors = unpackTensors(payload), of = (name) => tensors.get(`columns.${name}`)?.values;
   const normals = of("normals") ?? shortestAxes(of("log_scales"), of("quats"));
-  return { facts, tensors, parts: payload.parts, normals };
+  return { facts, tensors, parts: payload.parts, texts: payload.texts, normals };
 }
 
 // What the worker needs of it.

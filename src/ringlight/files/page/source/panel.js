@@ -26,9 +26,13 @@ export class Panel {
   }
 
   go(index) {
-    this.at = (index + this.names.length) % this.names.length;
-    element("stops").selectedIndex = this.at;
+    this.show(this.names[(index + this.names.length) % this.names.length]);
     this.viewed(this.names[this.at]);
+  }
+
+  // Name a stop, without going there.
+  show(name) {
+    element("stops").selectedIndex = this.at = Math.max(this.names.indexOf(name), 0);
   }
 
   fade(amount) {

@@ -16,7 +16,7 @@ export async function readPayload(element) {
     if (!parts.has(stored.tensor)) parts.set(stored.tensor, {});
     parts.get(stored.tensor)[stored.part] = part;
   }
-  return { parts, packing: header.packing };
+  return { parts, packing: header.packing, texts: header.texts };
 }
 
 // Columns are stored one after the other, since neighbours in a column are alike; here rows stand together again.
