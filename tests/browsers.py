@@ -3,6 +3,7 @@
 import base64
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, Playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
@@ -37,6 +38,9 @@ VALUES = """async () => {
   return [picture.canvas.width, picture.canvas.height, btoa(text)];
 }"""
 
+LONGEST_WAIT = 20.0
+"""Seconds."""
+
 DRIVER_WORDS = "GL Driver Message"
 """Software WebGL warns that reading pixels takes long."""
 
@@ -48,16 +52,21 @@ def program() -> str | None:
 
 
 @contextmanager
-def chromium(*flags: str) -> "Iterator[Browser]":
-    """A browser; skips the test where there is none."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright (pip install '.[dev]')")
-    path = program()
-    if path is None:
+def playwright() -> "Iterator[Playwright]":
+    """What drives browsers; skips the test where there is none to drive."""
+    api = pytest.importorskip("playwright.sync_api", reason="needs playwright (pip install '.[dev]')")
+    if program() is None:
         pytest.skip("needs Chromium on PATH or in RINGLIGHT_CHROMIUM (apt-get install chromium)")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=path, args=[*FLAGS, *flags])
-        yield browser
-        browser.close()
+    with api.sync_playwright() as driver:
+        yield driver
+
+
+@contextmanager
+def chromium(driver: "Playwright", *flags: str) -> "Iterator[Browser]":
+    """A headless browser with these flags besides the usual ones."""
+    browser = driver.chromium.launch(executable_path=program(), args=[*FLAGS, *flags])
+    yield browser
+    browser.close()
 
 
 class Tab:
@@ -92,6 +101,13 @@ class Tab:
         self.page.evaluate("(name) => window.ringlight.view(name)", name)
         return self.values()
 
+    def wait_until(self, expression: str) -> None:
+        """Playwright's own waiting would need a policy that lets text be run."""
+        end = time.monotonic() + LONGEST_WAIT
+        while not self.page.evaluate(expression):
+            assert time.monotonic() < end, f"never came true: {expression}"
+            self.page.wait_for_timeout(30)
+
     def look(self, **change: object) -> None:
         self.page.evaluate("(change) => window.ringlight.look(change)", change)
 
@@ -99,6 +115,6 @@ class Tab:
 @contextmanager
 def tab(browser: "Browser", **options: object) -> Iterator[Tab]:
     """A new page in a context of its own."""
-    context = browser.new_context(**({"viewport": {"width": 320, "height": 240}} | options))  # type: ignore[arg-type]
+    context = browser.new_context(**({"viewport": {"width": 400, "height": 400}} | options))  # type: ignore[arg-type]
     yield Tab(context.new_page())
     context.close()

@@ -12,10 +12,10 @@ import { Viewer } from "./viewer.js";
 const canvas = document.getElementById("picture");
 const SHARPEST = 2; // canvas pixels for one of the page's, at most
 
-async function begin(payload) {
+async function begin(facts, payload) {
   const address = readAddress(location.hash);
   document.documentElement.classList.toggle("bare", address.bare);
-  const model = modelOf(payload, document), { facts } = model, stops = stopsOf(model);
+  const model = modelOf(facts, payload), stops = stopsOf(model);
   const picture = new Picture(canvas, model.texts, model);
   const worker = new Worker(URL.createObjectURL(new Blob([model.texts["worker.js"]], { type: "text/javascript" })));
   worker.onerror = (event) => fallBack(event.message);

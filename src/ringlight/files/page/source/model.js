@@ -2,8 +2,7 @@
 import { shortestAxes } from "./axes.js";
 import { unpackTensors } from "./unpack.js";
 
-export function modelOf(payload, document) {
-  const facts = JSON.parse(document.getElementById("facts").textContent);
+export function modelOf(facts, payload) {
   const tensors = unpackTensors(payload), of = (name) => tensors.get(`columns.${name}`)?.values;
   const normals = of("normals") ?? shortestAxes(of("log_scales"), of("quats"));
   return { facts, tensors, parts: payload.parts, texts: payload.texts, normals };

@@ -1,11 +1,10 @@
-// Everything round the picture: caption, faders, layers, stops, help. Words of the model are set as text, never as markup.
+// What stands beside the picture: faders, layers, stops, help.
 const element = (id) => document.getElementById(id);
 
 export class Panel {
   // `viewed(name)` goes to a stop, `looked(change)` changes what is shown, `flew(flies)` the way to move.
   constructor(facts, stops, { viewed, looked, flew }) {
     Object.assign(this, { names: [...stops.keys()], at: 0, viewed, looked });
-    for (const [name, words] of Object.entries(facts.caption)) element(`caption-${name}`).textContent = words;
     const chooser = element("stops");
     for (const name of this.names) chooser.append(new Option(name.replace("train-", "training camera "), name));
     chooser.addEventListener("change", () => this.go(chooser.selectedIndex));

@@ -1,0 +1,298 @@
+"""A shared page in a browser: the pictures of every method are the exact ones, and what a person does shows.
+
+Skipped with a sentence where no browser is.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from browsers import Tab, chromium, playwright, tab
+from ringlight.cli.main import run
+from ringlight.color.harmonics import sh_colors_reference
+from ringlight.core.camera import Camera
+from ringlight.core.rendering import Emission
+from ringlight.core.want import Want
+from ringlight.files.layer_pictures import layer_pictures
+from ringlight.files.packed import pack_tensors, unpack_tensors
+from ringlight.methods.store import StoredModel, model_of_tensors, save_model, tensors_from_cameras
+from ringlight.models.splats import SplatModel
+from ringlight.runs.opened import open_model
+from ringlight.runs.share import share
+from scenes_on_disk import write_tiny_scene
+
+VIEWS, SIDE = 6, 72
+
+STEPS = ("--steps", "60", "--initial-points", "400", "--densify.begin", "10", "--densify.every", "20")
+SMALL = (
+    *("--light.ring.head-hidden", "16", "--light.ring.position-nodes", "64", "--light.ring.view-nodes", "8"),
+    *("--light.render-hidden", "32", "--light.modulation-hidden", "16"),
+)
+SETTINGS = {
+    "3dgs": (),
+    "ringlight-basis": (),
+    "ringlight-ring": SMALL,
+    "ringlight-paper": (*SMALL, "--light.ring.features", "16"),
+    "ringlight-mirror": (),
+}
+
+EXACT, LAYERED = 65.0, 60.0
+"""dB of the page's pictures against the exact ones of what it holds, and of its other layers. Measured: 75 and more;
+mirrors and rings 70 and more, since our kernels multiply in halves."""
+
+PACKED = 50.0
+"""dB against the model before it was packed, mean over five cameras; of so few Gaussians each shows."""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    home = tmp_path_factory.mktemp("shared")
+    scene = write_tiny_scene(home / "balls", VIEWS, SIDE)
+    runs = {method: home / method for method in SETTINGS}
+    for method, flags in SETTINGS.items():
+        assert run(["train", str(scene), method, "--out", str(runs[method]), *STEPS, *flags, "--quiet", "--lpips"]) == 0
+    return runs
+
+
+@pytest.fixture(scope="module")
+def pages(runs: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    home = tmp_path_factory.mktemp("pages")
+    for method, folder in runs.items():
+        share(open_model(folder), home / f"{method}.html")
+    return {method: home / f"{method}.html" for method in runs}
+
+
+@pytest.fixture(scope="module")
+def driver() -> Iterator[Any]:
+    with playwright() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def browser(driver: Any) -> Iterator[Any]:
+    with chromium(driver) as found:
+        yield found
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Tab]:
+    with tab(browser) as found:
+        yield found
+        assert not found.complaints
+        assert not [url for url in found.asked if not url.startswith(("file:", "blob:", "data:"))]
+
+
+def as_page_holds(folder: Path) -> tuple[StoredModel, SplatModel]:
+    """The run's model, and what is left of it once it was packed."""
+    stored = open_model(folder).stored
+    tensors = unpack_tensors(pack_tensors(stored.model.rendering_tensors())) | tensors_from_cameras(stored.cameras)
+    packed = model_of_tensors(tensors, stored.header, stored.rasterize, folder).model.splats()
+    assert packed is not None
+    return stored, packed
+
+
+def psnr(first: np.ndarray, second: torch.Tensor) -> float:
+    return float(-10 * np.log10(np.mean((first.clip(0, 1) - second.clamp(0, 1).numpy()) ** 2) + 1e-30))
+
+
+@pytest.mark.parametrize("method", SETTINGS)
+def test_pictures_are_the_exact_ones(
+    method: str, runs: dict[str, Path], pages: dict[str, Path], page: Tab
+) -> None:
+    stored, packed = as_page_holds(runs[method])
+    assert page.open(pages[method], "#view=train-0&bare") == "drawn"
+    losses = []
+    for number, camera in enumerate(stored.cameras[:5]):
+        seen = page.view(f"train-{number}")
+        assert seen.shape == (SIDE, SIDE, 3)
+        with torch.no_grad():
+            exact, own = (m.render(camera, torch.ones(3), Want.EXACT).color for m in (packed, stored.model))
+        assert psnr(seen, exact) > EXACT, number
+        # Neither turned round nor mirrored: the picture is nowhere near these.
+        assert psnr(seen, exact.flip(0)) < 40
+        assert psnr(seen, exact.flip(1)) < 40
+        losses.append(psnr(seen, own))
+    assert np.mean(losses) > PACKED
+
+
+@pytest.mark.parametrize("method", SETTINGS)
+def test_layers_are_those_of_render(method: str, runs: dict[str, Path], pages: dict[str, Path], page: Tab) -> None:
+    stored, packed = as_page_holds(runs[method])
+    page.open(pages[method], "#view=train-2&bare")
+    near, far = page.page.evaluate("window.ringlight.facts.nearFar")
+    wanted = {"base": "base", "normals": "normal", "depth": "depth"}
+    found = layer_pictures(packed, stored.cameras[2], torch.ones(3), list(wanted.values()), (near, far))
+    for layer, name in wanted.items():
+        page.look(layer=layer)
+        seen = page.values()
+        if name == "normal":  # where nothing is blended a normal has no direction
+            alpha = packed.layers(stored.cameras[2])["alpha"][..., 0].numpy() > 0.01
+            assert psnr(seen[alpha], found[name][torch.from_numpy(alpha)]) > LAYERED
+        else:
+            assert psnr(seen, found[name]) > LAYERED, layer
+
+
+@pytest.mark.parametrize("method", SETTINGS)
+@pytest.mark.parametrize("amount", [0.0, 2.0])
+def test_the_fader_changes_pixels_as_python_says(
+    method: str, amount: float, runs: dict[str, Path], pages: dict[str, Path], page: Tab
+) -> None:
+    stored, packed = as_page_holds(runs[method])
+    camera = stored.cameras[1]
+    page.open(pages[method], "#view=train-1&bare")
+    page.look(residual=amount)
+    with torch.no_grad():
+        assert psnr(page.values(), faded(packed, camera, amount)) > EXACT - 5
+    page.look(residual=1)
+    assert psnr(page.values(), packed.render(camera, torch.ones(3), Want.EXACT).color.detach()) > EXACT
+
+
+def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
+    """The picture with so much of what depends on the direction, by the colour model's own parts."""
+    if model.shader.adds_light:
+        shown = model.render(camera, torch.ones(3), Want.EXACT, tuple(model.shader.needs))
+        base = shown.buffers["rgb"]
+        return base + amount * (shown.color - base)
+    gaussians = model.gaussians
+    harmonics = model.harmonics(gaussians)
+    if harmonics is not None:
+        degree = int(model.color.active_degree)
+        colors = sh_colors_reference(gaussians.means, harmonics.sh_dc, amount * harmonics.sh_rest, camera.position, degree)
+    else:
+        parts = model.color.layers(gaussians, camera)
+        colors = (parts["base"] + amount * parts["residual"]).clamp(0, 1) if amount else parts["base"]
+        if not model.color.settings.clamp_colors:
+            colors = parts["base"] + amount * parts["residual"]
+    emission = Emission({"rgb": 3}, colors.contiguous())
+    return model.rasterize.draw(gaussians, emission, camera, torch.ones(3), model.options).image
+
+
+def test_it_moves_by_mouse_keys_and_stops(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["ringlight-mirror"])
+    pictures = [page.values()]
+    mouse, keyboard = page.page.mouse, page.page.keyboard
+
+    def changed() -> bool:
+        for _ in range(20):  # events reach a page in their own time
+            seen = page.values()
+            if np.abs(seen - pictures[-1]).max() > 0.1:
+                pictures.append(seen)
+                return True
+            page.page.wait_for_timeout(50)
+        return False
+
+    mouse.move(160, 160)
+    mouse.down()
+    mouse.move(200, 170, steps=4)
+    mouse.up()
+    assert changed()
+    mouse.wheel(0, -200)
+    assert changed()
+    keyboard.down("d")
+    page.page.wait_for_timeout(200)
+    keyboard.up("d")
+    assert changed()
+    keyboard.press("n")
+    assert page.page.evaluate("document.getElementById('stops').value") == "train-0"
+    assert changed()
+    keyboard.press("f")
+    mouse.down()
+    mouse.move(180, 140, steps=3)
+    mouse.up()
+    assert changed()
+    keyboard.press("3")
+    assert changed()
+    keyboard.press("1")
+    keyboard.press("h")
+    page.values()
+    assert np.abs(page.values() - pictures[0]).max() < 1e-3
+
+
+def test_two_fingers_move_and_pinch(browser: Any, pages: dict[str, Path]) -> None:
+    with tab(browser, has_touch=True, is_mobile=True) as page:
+        page.open(pages["3dgs"])
+        before = page.values()
+        session = page.page.context.new_cdp_session(page.page)
+
+        def touch(kind: str, *points: tuple[int, int]) -> None:
+            found = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
+            session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": found})
+
+        touch("touchStart", (140, 160), (180, 160))
+        touch("touchMove", (120, 160), (200, 160))
+        touch("touchMove", (100, 160), (220, 160))
+        touch("touchEnd")
+        assert np.abs(page.values() - before).max() > 0.1
+        assert not page.complaints
+
+
+WIDTHS = """() => {
+  const { viewer } = window.ringlight;
+  window.widths = [];
+  viewer.onpicture = () => window.widths.push(viewer.picture.canvas.width);
+}"""
+
+
+def test_a_moving_picture_ends_whole(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["ringlight-ring"])
+    page.page.evaluate(WIDTHS)
+    page.page.evaluate("window.ringlight.viewer.scale = 0.25")
+    page.page.evaluate("window.ringlight.move((pose) => pose.moved(0.1, 0, 0))")
+    page.wait_until("window.widths.at(-1) === 400 && window.widths.length > 1")
+    assert page.page.evaluate("window.widths[0]") == 100
+
+
+def test_the_address_holds_the_camera(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"])
+    page.page.evaluate("window.ringlight.move((pose) => pose.turned(0.5, 0.1, window.ringlight.facts.up, true))")
+    page.wait_until("location.hash.startsWith('#at=')")
+    seen, address = page.values(), page.page.evaluate("location.hash")
+    page.page.goto("about:blank")
+    page.open(pages["3dgs"], address)
+    assert psnr(seen, torch.from_numpy(page.values())) > 50
+
+
+def test_a_bare_page_has_no_controls(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"], "#view=train-0&bare")
+    assert not page.page.is_visible("#panel")
+    assert not page.page.is_visible("#caption")
+    box = page.page.locator("#picture").bounding_box()
+    assert box == {"x": 0, "y": 0, "width": SIDE, "height": SIDE}
+
+
+def test_hostile_names_are_shown_as_text(runs: dict[str, Path], tmp_path: Path, page: Tab) -> None:
+    hostile = "</script><img src=x onerror=alert(1)> \"'&amp; \u202egnp"
+    stored = open_model(runs["3dgs"]).stored
+    header = replace(stored.header, scene=replace(stored.header.scene, name=hostile), preset=hostile)
+    save_model(tmp_path / "model.safetensors", stored.model, header, stored.cameras)
+    share(open_model(tmp_path / "model.safetensors"), tmp_path / "page.html")
+    page.page.on("dialog", lambda _: pytest.fail("the name of a scene was run"))
+    page.open(tmp_path / "page.html")
+    for part in ("scene", "method"):
+        assert page.page.evaluate(f"document.getElementById('caption-{part}').textContent") == hostile
+    assert page.page.evaluate("document.images.length") == 1
+    assert page.page.evaluate("document.title").startswith(hostile)
+
+
+def test_without_webgl_there_is_a_sentence_and_a_still_picture(driver: Any, pages: dict[str, Path]) -> None:
+    with chromium(driver, "--disable-3d-apis") as browser, tab(browser) as page:
+        assert "WebGL2" in page.open(pages["ringlight-ring"])
+        assert page.page.is_visible("#fallback img")
+        assert re.search("cannot draw the model.*WebGL2", page.page.inner_text("#sentence"))
+        assert page.page.evaluate("document.images[0].naturalWidth") > 100
+        assert page.page.is_visible("#caption-scene")
+
+
+def test_a_damaged_page_says_so(pages: dict[str, Path], tmp_path: Path, page: Tab) -> None:
+    text = pages["3dgs"].read_text("utf-8")
+    middle = len(text) // 2
+    (tmp_path / "cut.html").write_text(text[:middle] + text[middle + 1000 :], "utf-8")
+    assert page.open(tmp_path / "cut.html") != "drawn"
+    assert page.page.is_visible("#fallback img")
+    page.complaints.clear()
