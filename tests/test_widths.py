@@ -6,7 +6,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 WIDTH = 120
-PATTERNS = ("kernels/**/*.?pp", "scripts/*.sh", "benchmarks/*.sh", "cmake/*.*")
+PAGE = "src/ringlight/files/page/source/*.*"
+PATTERNS = ("kernels/**/*.?pp", "scripts/*.sh", "benchmarks/*.sh", "cmake/*.*", PAGE)
 SOURCES = sorted(path for pattern in PATTERNS for path in ROOT.glob(pattern))
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from scenes_on_disk import write_tiny_scene
 
 from browsers import Tab, chromium, playwright, tab
 from ringlight.cli.main import run
@@ -25,7 +26,6 @@ from ringlight.methods.store import StoredModel, model_of_tensors, save_model, t
 from ringlight.models.splats import SplatModel
 from ringlight.runs.opened import open_model
 from ringlight.runs.share import share
-from scenes_on_disk import write_tiny_scene
 
 VIEWS, SIDE = 6, 72
 
@@ -102,9 +102,7 @@ def psnr(first: np.ndarray, second: torch.Tensor) -> float:
 
 
 @pytest.mark.parametrize("method", SETTINGS)
-def test_pictures_are_the_exact_ones(
-    method: str, runs: dict[str, Path], pages: dict[str, Path], page: Tab
-) -> None:
+def test_pictures_are_the_exact_ones(method: str, runs: dict[str, Path], pages: dict[str, Path], page: Tab) -> None:
     stored, packed = as_page_holds(runs[method])
     assert page.open(pages[method], "#view=train-0&bare") == "drawn"
     losses = []
@@ -163,7 +161,9 @@ def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
     harmonics = model.harmonics(gaussians)
     if harmonics is not None:
         degree = int(model.color.active_degree)
-        colors = sh_colors_reference(gaussians.means, harmonics.sh_dc, amount * harmonics.sh_rest, camera.position, degree)
+        colors = sh_colors_reference(
+            gaussians.means, harmonics.sh_dc, amount * harmonics.sh_rest, camera.position, degree
+        )
     else:
         parts = model.color.layers(gaussians, camera)
         colors = (parts["base"] + amount * parts["residual"]).clamp(0, 1) if amount else parts["base"]

@@ -39,8 +39,8 @@ LARGEST_PAGE = 40e6
 """Bytes of a page that is made without being asked for: one and a half million Gaussians of a mirror. Phones have no
 room for more, and mail takes less."""
 
-SMALLEST_BUDGET = 0.15e6
-"""Bytes; the page's own program and the still picture take half of it."""
+SMALLEST_BUDGET = 0.04e6
+"""Bytes; the page's own program takes half of it, and the still picture the rest."""
 
 MOST_PICTURES = 5
 """Training cameras from which the page's model is held against the model."""
@@ -152,8 +152,8 @@ def _page(opened: Opened, model: SplatModel, budget: float | None) -> _Page:
     if budget is None or len(page.document) <= budget:
         return page
     order = _most_important_first(stored, model)
-    for _ in range(THINNINGS):
-        spare = len(page_with(_rows(tensors, order[:1])).document)
+    spare = len(page_with(_rows(tensors, order[:1])).document)
+    for _ in range(THINNINGS if spare < budget else 0):
         share = (budget * NEARLY - spare) / (len(page.document) - spare)
         page = page_with(_rows(tensors, order[: max(int(page.gaussians * share), 1)]))
         if len(page.document) <= budget:
@@ -184,5 +184,5 @@ def _picture_loss(opened: Opened, packed: Packed) -> Iterator[float]:
     cameras = [stored.cameras[index * len(stored.cameras) // count] for index in range(count)]
     background = background_of(stored)
     for camera in counted("comparing pictures", cameras):
-        pictures = [one.render(camera, background, Want.PICTURE).color.clamp(0, 1) for one in (after, stored.model)]
+        pictures = [one.render(camera, background, Want.EXACT).color.clamp(0, 1) for one in (after, stored.model)]
         yield metrics.psnr(*pictures)

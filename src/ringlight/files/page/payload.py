@@ -19,7 +19,15 @@ from ringlight.files.packed import MEANS, SEPARATOR, Packed
 ALIGNED = 8
 """Bytes; a 64-bit array in a browser begins at such a multiple."""
 
-TYPES = {"uint8": "u8", "int8": "i8", "float16": "u16", "float32": "f32", "float64": "f64", "int64": "i64", "bool": "u8"}
+TYPES = {
+    "uint8": "u8",
+    "int8": "i8",
+    "float16": "u16",
+    "float32": "f32",
+    "float64": "f64",
+    "int64": "i64",
+    "bool": "u8",
+}
 """NumPy's names and the page's; half floats go as their bits, since old browsers know no such arrays."""
 
 MOST_EFFORT = 9

@@ -1,8 +1,8 @@
-"""Bytes as text that an HTML parser leaves as it is, in UTF-8: an eighth more than the bytes, where base64 takes a third.
+"""Bytes as text that an HTML parser leaves as it is: an eighth more than the bytes, where base64 takes a third more.
 
-Seven bits make a character. Three would not survive a parser: NUL, the carriage return, and "<", with which an end tag
-begins. In their place stands one character of two bytes that holds which of the three it was, and the next seven bits.
-The page's ``text_bytes.js`` reads it.
+Seven bits make a character, in UTF-8. Three would not survive a parser: NUL, the carriage return, and "<", with which
+an end tag begins. In their place stands one character of two bytes that holds which of the three it was, and the next
+seven bits. The page's ``text_bytes.js`` reads it.
 """
 
 import numpy as np

@@ -1,5 +1,5 @@
-// The first script: inflates the rest of the program with the model's numbers, and starts it. The page's policy knows both
-// scripts by their hashes.
+// The first script: inflates the rest of the program with the model's numbers, and starts it. The page's policy knows
+// both scripts by their hashes.
 import { setCaption } from "./caption.js";
 import { fallBack } from "./fallback.js";
 import { readPayload } from "./payload.js";

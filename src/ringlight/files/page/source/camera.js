@@ -20,8 +20,14 @@ export class Pose {
   }
 
   static of(camera, middle) {
-    const p = camera.pose, turn = [[p[0], p[1], p[2]], [p[4], p[5], p[6]], [p[8], p[9], p[10]]];
-    const away = middle.map((value, k) => value - camera.position[k]), ahead = dot(away, turn[2]);
+    const p = camera.pose,
+      turn = [
+        [p[0], p[1], p[2]],
+        [p[4], p[5], p[6]],
+        [p[8], p[9], p[10]],
+      ];
+    const away = middle.map((value, k) => value - camera.position[k]),
+      ahead = dot(away, turn[2]);
     return new Pose(camera.position, turn, ahead > 0 ? ahead : Math.hypot(...away) || 1);
   }
 
@@ -36,7 +42,9 @@ export class Pose {
   // Turn by angles, radians, to the right about `up` and upwards about the own right side; about the target, or about
   // the camera itself.
   turned(right, upwards, up, aboutTarget) {
-    const target = this.target, spin = rotationAbout(up, right), turn = this.turn.map((row) => times(spin, row));
+    const target = this.target,
+      spin = rotationAbout(up, right),
+      turn = this.turn.map((row) => times(spin, row));
     const tilt = rotationAbout(turn[0], upwards);
     const found = orthonormal(turn.map((row) => times(tilt, row)));
     const position = aboutTarget ? target.map((value, k) => value - this.reach * found[2][k]) : this.position;
@@ -46,13 +54,22 @@ export class Pose {
   // Moved along the own axes, world units.
   moved(right, down, forward) {
     const [x, y, z] = this.turn;
-    return new Pose(this.position.map((p, k) => p + right * x[k] + down * y[k] + forward * z[k]), this.turn, this.reach);
+    return new Pose(
+      this.position.map((p, k) => p + right * x[k] + down * y[k] + forward * z[k]),
+      this.turn,
+      this.reach,
+    );
   }
 
   // Nearer to the target by a factor below one, which stays where it is.
   nearer(factor) {
-    const target = this.target, reach = this.reach * factor;
-    return new Pose(target.map((value, k) => value - reach * this.turn[2][k]), this.turn, reach);
+    const target = this.target,
+      reach = this.reach * factor;
+    return new Pose(
+      target.map((value, k) => value - reach * this.turn[2][k]),
+      this.turn,
+      reach,
+    );
   }
 }
 
@@ -61,7 +78,9 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 const times = (matrix, v) => matrix.map((row) => dot(row, v));
 
 function rotationAbout([x, y, z], angle) {
-  const c = Math.cos(angle), s = Math.sin(angle), t = 1 - c;
+  const c = Math.cos(angle),
+    s = Math.sin(angle),
+    t = 1 - c;
   return [
     [t * x * x + c, t * x * y - s * z, t * x * z + s * y],
     [t * x * y + s * z, t * y * y + c, t * y * z - s * x],
@@ -70,7 +89,8 @@ function rotationAbout([x, y, z], angle) {
 }
 
 function orthonormal([right, , forward]) {
-  const ahead = scaled(forward), down = scaled(cross(ahead, right));
+  const ahead = scaled(forward),
+    down = scaled(cross(ahead, right));
   return [cross(down, ahead), down, ahead];
 }
 

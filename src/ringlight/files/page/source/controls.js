@@ -1,9 +1,18 @@
 // Hands on the picture: drag, wheel, pinch and keys become a new pose. One pointer turns, two or the right button move.
-const TURN = 0.006, ZOOM = 0.0012; // radians a pixel; share of the distance a wheel's pixel
+const TURN = 0.006,
+  ZOOM = 0.0012; // radians a pixel; share of the distance a wheel's pixel
 const FLY_SECONDS = 2.5; // to fly the distance of the subject
 const KEYS = {
-  w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 1, 0], e: [0, -1, 0],
-  arrowup: [0, 0, 1], arrowdown: [0, 0, -1], arrowleft: [-1, 0, 0], arrowright: [1, 0, 0],
+  w: [0, 0, 1],
+  s: [0, 0, -1],
+  a: [-1, 0, 0],
+  d: [1, 0, 0],
+  q: [0, 1, 0],
+  e: [0, -1, 0],
+  arrowup: [0, 0, 1],
+  arrowdown: [0, 0, -1],
+  arrowleft: [-1, 0, 0],
+  arrowright: [1, 0, 0],
 };
 
 export class Controls {
@@ -37,7 +46,8 @@ export class Controls {
     const old = [...this.pointers.values()];
     this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
     const now = [...this.pointers.values()];
-    const x = middle(now, 0) - middle(old, 0), y = middle(now, 1) - middle(old, 1);
+    const x = middle(now, 0) - middle(old, 0),
+      y = middle(now, 1) - middle(old, 1);
     if (now.length === 1 && !this.moves) {
       const turned = this.flies ? -1 : 1;
       this.moved((pose) => pose.turned(-x * TURN * turned, y * TURN * turned, this.up, !this.flies));
@@ -50,12 +60,14 @@ export class Controls {
 
   wheeled(event) {
     event.preventDefault();
-    const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : 1), factor = Math.exp(Math.max(Math.min(pixels, 400), -400) * ZOOM);
+    const pixels = event.deltaY * (event.deltaMode === 1 ? 16 : 1),
+      factor = Math.exp(Math.max(Math.min(pixels, 400), -400) * ZOOM);
     this.moved((pose) => (this.flies ? pose.moved(0, 0, (1 - factor) * pose.reach) : pose.nearer(factor)));
   }
 
   keyed(event, down) {
-    const key = event.key.toLowerCase(), typing = event.target instanceof HTMLElement && event.target.matches("input, select, button");
+    const key = event.key.toLowerCase(),
+      typing = event.target instanceof HTMLElement && event.target.matches("input, select, button");
     if (!KEYS[key] || event.ctrlKey || event.metaKey || event.altKey || (typing && down)) return;
     event.preventDefault();
     if (!down) {
@@ -73,12 +85,16 @@ export class Controls {
     this.planned = true;
     requestAnimationFrame((now) => {
       this.planned = false;
-      const seconds = Math.min(Math.max(now - this.last, 0) / 1000, 0.1), sum = [0, 0, 0];
+      const seconds = Math.min(Math.max(now - this.last, 0) / 1000, 0.1),
+        sum = [0, 0, 0];
       this.last = now;
       for (const key of this.held) KEYS[key].forEach((value, axis) => (sum[axis] += value));
       const step = seconds / FLY_SECONDS;
       if (this.flies) this.moved((pose) => pose.moved(...sum.map((value) => value * step * pose.reach)));
-      else this.moved((pose) => pose.turned(2 * sum[0] * step, 2 * sum[1] * step, this.up, true).nearer(Math.exp(-sum[2] * step)));
+      else
+        this.moved((pose) =>
+          pose.turned(2 * sum[0] * step, 2 * sum[1] * step, this.up, true).nearer(Math.exp(-sum[2] * step)),
+        );
       this.fly();
     });
   }

@@ -18,14 +18,16 @@ export class Texture {
     [this.format, this.gl, this.width, this.height] = [FORMATS[format], gl, width, height];
     this.texture = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
-    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
+    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+      gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
     for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl[this.format[0]], width, height);
     if (values) this.write(values, width * height);
   }
 
   write(values, count) {
-    const gl = this.gl, [, layout, type] = this.format;
+    const gl = this.gl,
+      [, layout, type] = this.format;
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
     const rows = Math.ceil(count / this.width);
     if (rows) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.width, rows, gl[layout], gl[type], values);
@@ -38,7 +40,8 @@ export class Texture {
 
 // A texture that is read by number: `values` of `count` texels, padded to whole rows.
 export function numbered(gl, format, count, values = null) {
-  const [, , , channels, Kind] = FORMATS[format], height = texelRows(count);
+  const [, , , channels, Kind] = FORMATS[format],
+    height = texelRows(count);
   if (!values) return new Texture(gl, format, WIDTH, height);
   const padded = new Kind(WIDTH * height * channels);
   padded.set(values.subarray(0, padded.length));
@@ -51,7 +54,8 @@ export function paddedLength(count, channels) {
 
 // Rows of `width` numbers as texels of four, each row padded with zeros: [rows, ceil(width / 4) texels].
 export function inTexels(values, width) {
-  const rows = width ? values.length / width : 0, texels = Math.ceil(width / 4);
+  const rows = width ? values.length / width : 0,
+    texels = Math.ceil(width / 4);
   if (width === 4 * texels) return values;
   const padded = new values.constructor(4 * texels * rows);
   for (let row = 0; row < rows; row++) padded.set(values.subarray(width * row, width * (row + 1)), 4 * texels * row);
@@ -64,8 +68,13 @@ const CORNERS = `void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_Verte
 export class Program {
   constructor(gl, sources, sizes = {}) {
     const constants = Object.entries(sizes).map(([name, value]) => `#define ${name} ${value}`);
-    const head = ["#version 300 es", "precision highp float;", "precision highp int;", "precision highp sampler2D;",
-      "precision highp usampler2D;"];
+    const head = [
+      "#version 300 es",
+      "precision highp float;",
+      "precision highp int;",
+      "precision highp sampler2D;",
+      "precision highp usampler2D;",
+    ];
     this.gl = gl;
     this.program = gl.createProgram();
     this.attach(gl.VERTEX_SHADER, `#version 300 es\n${CORNERS}`);
@@ -75,7 +84,8 @@ export class Program {
   }
 
   attach(kind, source) {
-    const gl = this.gl, shader = gl.createShader(kind);
+    const gl = this.gl,
+      shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
     gl.attachShader(this.program, shader);
@@ -128,7 +138,8 @@ export class Program {
   }
 
   block(name, buffer) {
-    const gl = this.gl, index = gl.getUniformBlockIndex(this.program, name);
+    const gl = this.gl,
+      index = gl.getUniformBlockIndex(this.program, name);
     gl.uniformBlockBinding(this.program, index, 0);
     gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, buffer);
     return this;

@@ -55,5 +55,6 @@ void main() {
   int row = int(gl_FragCoord.x) + 2048 * int(gl_FragCoord.y);
   if (row >= rows) discard;
   vec3 constant = 0.5 + C0 * numbered(dc, row).xyz;
-  color = uvec4(floatBitsToUint(max(constant + residual * seen(row, unit(numbered(means, row).xyz - position)), 0.0)), 0u);
+  vec3 direction = unit(numbered(means, row).xyz - position);
+  color = uvec4(floatBitsToUint(max(constant + residual * seen(row, direction), 0.0)), 0u);
 }

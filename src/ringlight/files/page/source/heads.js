@@ -3,7 +3,8 @@
 
 // Sines and cosines in octaves of each coordinate, behind the coordinates themselves unless these are left out.
 function encoded(values, { bands, pi, identity }) {
-  const found = identity ? [...values] : [], scale = pi ? Math.PI : 1;
+  const found = identity ? [...values] : [],
+    scale = pi ? Math.PI : 1;
   for (const value of values) {
     for (let k = 0; k < bands; k++) found.push(Math.sin(value * scale * 2 ** k));
     for (let k = 0; k < bands; k++) found.push(Math.cos(value * scale * 2 ** k));
@@ -15,10 +16,12 @@ function encoded(values, { bands, pi, identity }) {
 function networkOf(tensors, name, head) {
   const layers = [];
   for (let depth = 0; tensors.has(`${name}.networks.weights.${depth}`); depth++) {
-    const weight = tensors.get(`${name}.networks.weights.${depth}`), [, inputs, outputs] = weight.shape;
+    const weight = tensors.get(`${name}.networks.weights.${depth}`),
+      [, inputs, outputs] = weight.shape;
     const bias = tensors.get(`${name}.networks.biases.${depth}`).values;
     layers.push({
-      inputs, outputs,
+      inputs,
+      outputs,
       weight: weight.values.subarray(head * inputs * outputs, (head + 1) * inputs * outputs),
       bias: bias.subarray(head * outputs, (head + 1) * outputs),
     });
@@ -43,7 +46,8 @@ const nodesOf = (count) => Array.from({ length: count }, (_, node) => (2 * node)
 
 // [heads, nodes, outputs] of heads that see one coordinate each.
 export function axisTable(tensors, name, heads, nodes, code) {
-  const outputs = networkOf(tensors, name, 0).at(-1).outputs, table = new Float32Array(heads * nodes * outputs);
+  const outputs = networkOf(tensors, name, 0).at(-1).outputs,
+    table = new Float32Array(heads * nodes * outputs);
   for (let head = 0; head < heads; head++) {
     const layers = networkOf(tensors, name, head);
     nodesOf(nodes).forEach((at, node) => {
@@ -55,16 +59,23 @@ export function axisTable(tensors, name, heads, nodes, code) {
 
 // [side * side, outputs], row j * side + i for node (i, j) of the octahedral square.
 export function viewTable(tensors, name, side, code) {
-  const layers = networkOf(tensors, name, 0), outputs = layers.at(-1).outputs;
-  const table = new Float32Array(side * side * outputs), nodes = nodesOf(side);
-  nodes.forEach((v, row) => nodes.forEach((u, column) => {
-    table.set(run(layers, encoded(directionAt(u, v), code)), (row * side + column) * outputs);
-  }));
+  const layers = networkOf(tensors, name, 0),
+    outputs = layers.at(-1).outputs;
+  const table = new Float32Array(side * side * outputs),
+    nodes = nodesOf(side);
+  nodes.forEach((v, row) =>
+    nodes.forEach((u, column) => {
+      table.set(run(layers, encoded(directionAt(u, v), code)), (row * side + column) * outputs);
+    }),
+  );
   return table;
 }
 
 export function directionAt(u, v) {
-  const z = 1 - Math.abs(u) - Math.abs(v), fold = Math.max(-z, 0);
-  const x = u + (u >= 0 ? -fold : fold), y = v + (v >= 0 ? -fold : fold), length = Math.hypot(x, y, z);
+  const z = 1 - Math.abs(u) - Math.abs(v),
+    fold = Math.max(-z, 0);
+  const x = u + (u >= 0 ? -fold : fold),
+    y = v + (v >= 0 ? -fold : fold),
+    length = Math.hypot(x, y, z);
   return [x / length, y / length, z / length];
 }

@@ -15,18 +15,23 @@ onmessage = ({ data }) => {
     postMessage({ prepared: true });
     return;
   }
-  const { camera, ellipses, tiles, most } = data, begun = performance.now();
+  const { camera, ellipses, tiles, most } = data,
+    begun = performance.now();
   projection.project(camera);
-  const projected = performance.now(), count = projection.count;
-  const sorted = order.sort(projection.depths, count), ordered = performance.now();
+  const projected = performance.now(),
+    count = projection.count;
+  const sorted = order.sort(projection.depths, count),
+    ordered = performance.now();
   for (let place = 0; place < count; place++) {
-    const from = ELLIPSE * sorted[place], to = ELLIPSE * place;
+    const from = ELLIPSE * sorted[place],
+      to = ELLIPSE * place;
     for (let k = 0; k < ELLIPSE; k++) ellipses[to + k] = projection.ellipses[from + k];
   }
   const { side, across, down, total, entries } = lists.fill(ellipses, count, camera.size, most, tiles, data.entries);
   const times = { project: projected - begun, sort: ordered - projected, lists: performance.now() - ordered };
-  postMessage(
-    { camera, count, ellipses, tiles, entries, side, across, down, total, times },
-    [ellipses.buffer, tiles.buffer, entries.buffer],
-  );
+  postMessage({ camera, count, ellipses, tiles, entries, side, across, down, total, times }, [
+    ellipses.buffer,
+    tiles.buffer,
+    entries.buffer,
+  ]);
 };

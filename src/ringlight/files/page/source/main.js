@@ -15,20 +15,27 @@ const SHARPEST = 2; // canvas pixels for one of the page's, at most
 async function begin(facts, payload) {
   const address = readAddress(location.hash);
   document.documentElement.classList.toggle("bare", address.bare);
-  const model = modelOf(facts, payload), stops = stopsOf(model);
+  const model = modelOf(facts, payload),
+    stops = stopsOf(model);
   const picture = new Picture(canvas, model.texts, model);
   const worker = new Worker(URL.createObjectURL(new Blob([model.texts["worker.js"]], { type: "text/javascript" })));
   worker.onerror = (event) => fallBack(event.message);
-  worker.postMessage({ scene: geometryOf(model), options: { antialiased: facts.antialiased, flipBelow: facts.flipBelow } });
+  worker.postMessage({
+    scene: geometryOf(model),
+    options: { antialiased: facts.antialiased, flipBelow: facts.flipBelow },
+  });
 
   // Either a stored camera at its own size, or a pose that fills the window with the lens of `lens`.
   const state = { exact: null, pose: null, lens: stops.get("home") };
   const wished = (scale) => {
-    const own = state.exact, size = own ? own.size : windowSize();
+    const own = state.exact,
+      size = own ? own.size : windowSize();
     canvas.style.width = own ? `${own.size[0]}px` : "100%";
     canvas.style.height = own ? `${own.size[1]}px` : "100%";
     const scaled = size.map((side) => Math.max(Math.round(side * scale), 1));
-    return own && scale === 1 ? own : fitted(cameraOf(state.pose.numbers(), state.lens.focal, state.lens.center, state.lens.size), scaled);
+    return own && scale === 1
+      ? own
+      : fitted(cameraOf(state.pose.numbers(), state.lens.focal, state.lens.center, state.lens.size), scaled);
   };
   const viewer = new Viewer(picture, worker, wished);
   let noted = 0;
@@ -76,7 +83,10 @@ async function begin(facts, payload) {
   await viewer.settled();
   document.documentElement.classList.add("drawn");
   return Object.assign(window.ringlight, {
-    facts, viewer, move, look,
+    facts,
+    viewer,
+    move,
+    look,
     stops: [...stops.keys()],
     view: (name) => (panel.show(name), stand(name, true), viewer.settled()),
     settled: () => viewer.settled(),
@@ -84,7 +94,8 @@ async function begin(facts, payload) {
 }
 
 function windowSize() {
-  const sharp = Math.min(devicePixelRatio || 1, SHARPEST), box = document.getElementById("stage").getBoundingClientRect();
+  const sharp = Math.min(devicePixelRatio || 1, SHARPEST),
+    box = document.getElementById("stage").getBoundingClientRect();
   return [box.width, box.height].map((side) => Math.max(Math.round(side * sharp), 1));
 }
 

@@ -5,10 +5,12 @@ import { surfacesOf } from "./splat_kind.js";
 
 export class MirrorKind {
   constructor(gl, shaders, { tensors, facts, normals }) {
-    const { mirror, box } = facts, surfaces = surfacesOf(tensors, normals);
+    const { mirror, box } = facts,
+      surfaces = surfacesOf(tensors, normals);
     this.surfaces = numbered(gl, "rgba32f", surfaces.length / 4, surfaces);
     this.lit = facts.lit;
-    const maps = mapsOf(gl, tensors, facts.sizes.LEVELS), half = Math.max(...box[1].map((high, k) => high - box[0][k])) / 2;
+    const maps = mapsOf(gl, tensors, facts.sizes.LEVELS),
+      half = Math.max(...box[1].map((high, k) => high - box[0][k])) / 2;
     this.textures = { maps: maps.texture, places: placesOf(gl, tensors, facts.sizes) };
     this.wholes = { "map_sides[0]": maps.sides, "map_rows[0]": maps.rows };
     this.numbers = {
@@ -17,13 +19,25 @@ export class MirrorKind {
       sphere: mirror.parallax ? Array.from(tensors.get("shader.sphere").values) : [0, 0, 0, 0],
     };
     const network = inFours(tensors, layersOf(tensors, "shader.mlp"));
-    if (network.byteLength > gl.getParameter(gl.MAX_UNIFORM_BLOCK_SIZE)) throw new Error("the network is too large for this browser");
+    if (network.byteLength > gl.getParameter(gl.MAX_UNIFORM_BLOCK_SIZE))
+      throw new Error("the network is too large for this browser");
     this.network = gl.createBuffer();
     gl.bindBuffer(gl.UNIFORM_BUFFER, this.network);
     gl.bufferData(gl.UNIFORM_BUFFER, network, gl.STATIC_DRAW);
-    const picture = ["numbered.glsl", "layers.glsl", "blend_head.glsl", "mirror_channels.glsl", "blend.glsl", "mirror_main.glsl"];
+    const picture = [
+      "numbered.glsl",
+      "layers.glsl",
+      "blend_head.glsl",
+      "mirror_channels.glsl",
+      "blend.glsl",
+      "mirror_main.glsl",
+    ];
     const sizes = { ...facts.sizes, WEIGHTS: network.length / 4 };
-    this.program = new Program(gl, picture.map((name) => shaders[name]), sizes);
+    this.program = new Program(
+      gl,
+      picture.map((name) => shaders[name]),
+      sizes,
+    );
   }
 
   // Nothing of a Gaussian depends on the camera but which way its normal looks, and that the lists say.
@@ -32,7 +46,8 @@ export class MirrorKind {
   }
 
   bound(lists, camera, residual) {
-    const [a, b, c, , d, e, f, , g, h, i] = camera.pose, { focal, center, position } = camera;
+    const [a, b, c, , d, e, f, , g, h, i] = camera.pose,
+      { focal, center, position } = camera;
     const toWorld = [a, b, c, d, e, f, g, h, i]; // the rotation's transpose, columns first
     const program = this.program.use().textures({ ...lists, surfaces: this.surfaces, ...this.textures });
     program.wholes(this.wholes).block("Network", this.network);
@@ -43,11 +58,14 @@ export class MirrorKind {
 // Octahedral maps of several sizes below each other; where the square's edge shows one direction twice, with the mean.
 function mapsOf(gl, tensors, levels) {
   const maps = Array.from({ length: levels }, (_, level) => tensors.get(`shader.maps.0.levels.${level}`));
-  const sides = maps.map(({ shape }) => shape[0]), width = Math.max(...sides);
+  const sides = maps.map(({ shape }) => shape[0]),
+    width = Math.max(...sides);
   const rows = sides.map((_, level) => sides.slice(0, level).reduce((sum, side) => sum + side, 0));
-  const height = sides.reduce((sum, side) => sum + side, 0), values = new Float32Array(4 * width * height);
+  const height = sides.reduce((sum, side) => sum + side, 0),
+    values = new Float32Array(4 * width * height);
   maps.forEach(({ values: level }, number) => {
-    const side = sides[number], sewn = sewnMap(level, side);
+    const side = sides[number],
+      sewn = sewnMap(level, side);
     for (let row = 0; row < side; row++) {
       values.set(sewn.subarray(4 * side * row, 4 * side * (row + 1)), 4 * width * (rows[number] + row));
     }
@@ -56,10 +74,12 @@ function mapsOf(gl, tensors, levels) {
 }
 
 function sewnMap(level, side) {
-  const found = Float32Array.from(level), last = side - 1;
+  const found = Float32Array.from(level),
+    last = side - 1;
   const joined = (row, column, otherRow, otherColumn) => {
     for (let k = 0; k < 4; k++) {
-      const one = 4 * (row * side + column) + k, other = 4 * (otherRow * side + otherColumn) + k;
+      const one = 4 * (row * side + column) + k,
+        other = 4 * (otherRow * side + otherColumn) + k;
       found[one] = found[other] = (found[one] + found[other]) / 2;
     }
   };

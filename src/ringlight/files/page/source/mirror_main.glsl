@@ -1,4 +1,4 @@
-// What a pixel reflects; the twin of shade/covered.py, shade/reflection.py, fields/octahedral.py and fields/parallax.py.
+// What a pixel reflects; the twin of shade/covered.py and reflection.py, fields/octahedral.py and parallax.py.
 uniform sampler2D maps, places;
 uniform mat3 toWorld;
 uniform vec3 position, boxMiddle;
@@ -45,6 +45,10 @@ vec3 exitOfSphere(vec3 point, vec3 direction) {
   return local + (sqrt(max(chord, SMALLEST_HALF_CHORD_SQUARED)) - along) * direction;
 }
 
+vec4 fourInputs(int at, vec4 four) {
+  return mat4(weights[at], weights[at + 1], weights[at + 2], weights[at + 3]) * four;
+}
+
 // Layers of the network: weights by four outputs and one input, then the bias by four; ReLU in between.
 vec3 network(float inputs[INPUTS]) {
   vec4 hidden[HIDDEN / 4];
@@ -60,7 +64,7 @@ vec3 network(float inputs[INPUTS]) {
   for (int o = 0; o < HIDDEN / 4; o++) {
     vec4 sum = weights[at + HIDDEN];
     for (int i = 0; i < HIDDEN / 4; i++) {
-      sum += weights[at] * hidden[i].x + weights[at + 1] * hidden[i].y + weights[at + 2] * hidden[i].z + weights[at + 3] * hidden[i].w;
+      sum += fourInputs(at, hidden[i]);
       at += 4;
     }
     second[o] = max(sum, 0.0);
@@ -70,7 +74,7 @@ vec3 network(float inputs[INPUTS]) {
 #endif
   vec4 sum = weights[at + HIDDEN];
   for (int i = 0; i < HIDDEN / 4; i++) {
-    sum += weights[at] * hidden[i].x + weights[at + 1] * hidden[i].y + weights[at + 2] * hidden[i].z + weights[at + 3] * hidden[i].w;
+    sum += fourInputs(at, hidden[i]);
     at += 4;
   }
   return sum.xyz;

@@ -3,7 +3,8 @@ import { shortestAxes } from "./axes.js";
 import { unpackTensors } from "./unpack.js";
 
 export function modelOf(facts, payload) {
-  const tensors = unpackTensors(payload), of = (name) => tensors.get(`columns.${name}`)?.values;
+  const tensors = unpackTensors(payload),
+    of = (name) => tensors.get(`columns.${name}`)?.values;
   const normals = of("normals") ?? shortestAxes(of("log_scales"), of("quats"));
   return { facts, tensors, parts: payload.parts, texts: payload.texts, normals };
 }
@@ -11,5 +12,11 @@ export function modelOf(facts, payload) {
 // What the worker needs of it.
 export function geometryOf({ tensors, normals }) {
   const of = (name) => tensors.get(`columns.${name}`).values;
-  return { means: of("means"), logScales: of("log_scales"), quats: of("quats"), opacityLogits: of("opacity_logits"), normals };
+  return {
+    means: of("means"),
+    logScales: of("log_scales"),
+    quats: of("quats"),
+    opacityLogits: of("opacity_logits"),
+    normals,
+  };
 }

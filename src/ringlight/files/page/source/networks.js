@@ -2,7 +2,9 @@
 export function inFours(tensors, names) {
   const found = [];
   for (const name of names) {
-    const weight = tensors.get(`${name}.weight`), bias = tensors.get(`${name}.bias`).values, [outputs, inputs] = weight.shape;
+    const weight = tensors.get(`${name}.weight`),
+      bias = tensors.get(`${name}.bias`).values,
+      [outputs, inputs] = weight.shape;
     for (let first = 0; first < outputs; first += 4) {
       for (let input = 0; input <= inputs; input++) {
         for (let k = first; k < first + 4; k++) {

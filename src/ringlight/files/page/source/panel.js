@@ -57,18 +57,35 @@ export class Panel {
   }
 
   theme() {
-    const root = document.documentElement, dark = matchMedia("(prefers-color-scheme: dark)").matches;
+    const root = document.documentElement,
+      dark = matchMedia("(prefers-color-scheme: dark)").matches;
     root.dataset.theme = (root.dataset.theme ?? (dark ? "dark" : "light")) === "dark" ? "light" : "dark";
   }
 
   keyed(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || (event.target instanceof HTMLElement && event.target.matches("select"))) return;
+    if (
+      event.ctrlKey ||
+      event.metaKey ||
+      event.altKey ||
+      (event.target instanceof HTMLElement && event.target.matches("select"))
+    )
+      return;
     const light = Number(element("light").value);
     const deeds = {
-      "?": () => this.help(), h: () => this.go(0), n: () => this.go(this.at + 1), p: () => this.go(this.at - 1),
-      "1": () => this.layer("picture"), "2": () => this.layer("base"), "3": () => this.layer("normals"), "4": () => this.layer("depth"),
-      "+": () => this.fade(Math.min(light + 0.1, 2)), "-": () => this.fade(Math.max(light - 0.1, 0)), "0": () => this.fade(1),
-      f: () => element("fly").click(), c: () => this.fold(), t: () => this.theme(),
+      "?": () => this.help(),
+      h: () => this.go(0),
+      n: () => this.go(this.at + 1),
+      p: () => this.go(this.at - 1),
+      1: () => this.layer("picture"),
+      2: () => this.layer("base"),
+      3: () => this.layer("normals"),
+      4: () => this.layer("depth"),
+      "+": () => this.fade(Math.min(light + 0.1, 2)),
+      "-": () => this.fade(Math.max(light - 0.1, 0)),
+      0: () => this.fade(1),
+      f: () => element("fly").click(),
+      c: () => this.fold(),
+      t: () => this.theme(),
     };
     deeds[event.key.toLowerCase()]?.();
   }

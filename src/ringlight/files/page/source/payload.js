@@ -1,7 +1,14 @@
 // The model in the page: text to bytes, inflated, and cut into named parts.
 import { bytesFromText } from "./text_bytes.js";
 
-const ARRAYS = { u8: Uint8Array, i8: Int8Array, u16: Uint16Array, f32: Float32Array, f64: Float64Array, i64: BigInt64Array };
+const ARRAYS = {
+  u8: Uint8Array,
+  i8: Int8Array,
+  u16: Uint16Array,
+  f32: Float32Array,
+  f64: Float64Array,
+  i64: BigInt64Array,
+};
 
 export async function readPayload(element) {
   const packed = bytesFromText(element.textContent, Number(element.dataset.bytes));
@@ -22,7 +29,8 @@ export async function readPayload(element) {
 // Columns are stored one after the other, since neighbours in a column are alike; here rows stand together again.
 function ordered(stored, values) {
   if (stored.order === "rows") return values;
-  const rows = stored.shape[0], width = rows ? stored.count / rows : 0;
+  const rows = stored.shape[0],
+    width = rows ? stored.count / rows : 0;
   const found = new values.constructor(stored.count);
   for (let column = 0; column < width; column++) {
     for (let row = 0; row < rows; row++) found[row * width + column] = values[column * rows + row];
@@ -32,7 +40,8 @@ function ordered(stored, values) {
 
 // Whole numbers of several bytes, stored as differences from row to row: even codes go up, odd ones down.
 function summed(bytes, shape) {
-  const [rows, columns, width] = shape, range = 2 ** (8 * width);
+  const [rows, columns, width] = shape,
+    range = 2 ** (8 * width);
   const last = new Float64Array(columns);
   for (let row = 0; row < rows; row++) {
     for (let column = 0; column < columns; column++) {

@@ -3,13 +3,20 @@ import { numbered, Texture } from "./gl.js";
 import { MirrorKind } from "./mirror_kind.js";
 import { SplatKind } from "./splat_kind.js";
 
-const LIST_WIDTH = 2048, LIST_ROWS = 4096, TILE_ROOM = 1 << 16;
+const LIST_WIDTH = 2048,
+  LIST_ROWS = 4096,
+  TILE_ROOM = 1 << 16;
 
 export const LAYERS = ["picture", "base", "normals", "depth"];
 
 export class Picture {
   constructor(canvas, shaders, model) {
-    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false, powerPreference: "high-performance" });
+    const gl = canvas.getContext("webgl2", {
+      antialias: false,
+      alpha: false,
+      depth: false,
+      powerPreference: "high-performance",
+    });
     if (!gl) throw new Error("this browser has no WebGL2");
     Object.assign(this, { gl, canvas, facts: model.facts });
     this.kind = new (model.facts.kind === "mirror" ? MirrorKind : SplatKind)(gl, shaders, model);
@@ -23,7 +30,11 @@ export class Picture {
   // Empty buffers for the worker, which come back with each picture's lists.
   buffers() {
     const rows = this.ellipses.height;
-    return { ellipses: new Float32Array(4 * LIST_WIDTH * rows), tiles: new Uint32Array(2 * TILE_ROOM), entries: new Uint32Array(LIST_WIDTH * 64) };
+    return {
+      ellipses: new Float32Array(4 * LIST_WIDTH * rows),
+      tiles: new Uint32Array(2 * TILE_ROOM),
+      entries: new Uint32Array(LIST_WIDTH * 64),
+    };
   }
 
   load(lists) {
@@ -45,11 +56,16 @@ export class Picture {
 
   // Draw what was loaded. With `some` colours may be of a moment ago; true where all is exact.
   draw({ layer, residual, background, some }, target = null) {
-    const { camera, side } = this.lists, [width, height] = camera.size;
+    const { camera, side } = this.lists,
+      [width, height] = camera.size;
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
     const amount = layer === "base" ? 0 : this.facts.lit ? residual : 0;
     const exact = this.kind.prepare(camera, amount, some);
-    const program = this.kind.bound({ ellipses: this.ellipses, tiles: this.tiles, entries: this.entries }, camera, amount);
+    const program = this.kind.bound(
+      { ellipses: this.ellipses, tiles: this.tiles, entries: this.entries },
+      camera,
+      amount,
+    );
     program.wholes({ size: camera.size, side, layer: LAYERS.indexOf(layer) });
     program.numbers({ background, nearFar: this.facts.nearFar });
     program.draw(target, width, height);
@@ -60,9 +76,11 @@ export class Picture {
   // The picture that was drawn last, again and unrounded: red, green, blue and one, from the lowest row on. For tests;
   // null where the browser cannot draw into floats.
   values(look) {
-    const gl = this.gl, { width, height } = this.canvas;
+    const gl = this.gl,
+      { width, height } = this.canvas;
     if (!gl.getExtension("EXT_color_buffer_float")) return null;
-    const texture = new Texture(gl, "rgba32f", width, height), target = gl.createFramebuffer();
+    const texture = new Texture(gl, "rgba32f", width, height),
+      target = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, target);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture.texture, 0);
     this.draw({ ...look, some: false }, target);

@@ -1,7 +1,10 @@
 // Gaussians to ellipses on the picture; the twin of rasterize/projection.py, with its constants.
 import { rotation } from "./axes.js";
 
-const EPS2D = 0.3, NEAR = 0.01, FRUSTUM_MARGIN = 0.3, MIN_ALPHA = 1 / 255;
+const EPS2D = 0.3,
+  NEAR = 0.01,
+  FRUSTUM_MARGIN = 0.3,
+  MIN_ALPHA = 1 / 255;
 
 // Floats of one ellipse: centre x, y, opacity, 1 + its row (negative where its normal is turned round), the inverse
 // covariance xx, xy, yy, and depth. The picture's shader reads them as two texels.
@@ -9,7 +12,9 @@ export const ELLIPSE = 8;
 
 // What does not depend on the camera. `axes` are the principal axes times their deviations, nine floats a row.
 export function preparedScene({ means, logScales, quats, opacityLogits, normals }) {
-  const count = means.length / 3, axes = new Float32Array(9 * count), opacities = new Float32Array(count);
+  const count = means.length / 3,
+    axes = new Float32Array(9 * count),
+    opacities = new Float32Array(count);
   for (let row = 0; row < count; row++) {
     opacities[row] = 1 / (1 + Math.exp(-opacityLogits[row]));
     const turn = rotation(quats.subarray(4 * row, 4 * row + 4));
@@ -28,22 +33,37 @@ export class Projection {
 
   // Fill `ellipses` and `depths` with what the camera may see, in the order of the table.
   project(camera) {
-    const { means, axes, opacities, count } = this.scene, { pose, focal, center, size } = camera;
-    const [a, b, c, tx, d, e, f, ty, g, h, i, tz] = pose, ellipses = this.ellipses;
-    const [lowX, highX] = slopes(0, camera), [lowY, highY] = slopes(1, camera);
+    const { means, axes, opacities, count } = this.scene,
+      { pose, focal, center, size } = camera;
+    const [a, b, c, tx, d, e, f, ty, g, h, i, tz] = pose,
+      ellipses = this.ellipses;
+    const [lowX, highX] = slopes(0, camera),
+      [lowY, highY] = slopes(1, camera);
     let seen = 0;
     for (let row = 0; row < count; row++) {
-      const opacity = opacities[row], x = means[3 * row], y = means[3 * row + 1], z = means[3 * row + 2];
+      const opacity = opacities[row],
+        x = means[3 * row],
+        y = means[3 * row + 1],
+        z = means[3 * row + 2];
       const depth = g * x + h * y + i * z + tz;
       if (!(depth >= NEAR) || opacity < MIN_ALPHA) continue;
-      const slopeX = (a * x + b * y + c * z + tx) / depth, slopeY = (d * x + e * y + f * z + ty) / depth;
-      const centerX = focal[0] * slopeX + center[0], centerY = focal[1] * slopeY + center[1];
-      const byX = focal[0] / depth, byY = focal[1] / depth;
+      const slopeX = (a * x + b * y + c * z + tx) / depth,
+        slopeY = (d * x + e * y + f * z + ty) / depth;
+      const centerX = focal[0] * slopeX + center[0],
+        centerY = focal[1] * slopeY + center[1];
+      const byX = focal[0] / depth,
+        byY = focal[1] / depth;
       const sx = slopeX < lowX ? lowX : slopeX > highX ? highX : slopeX;
       const sy = slopeY < lowY ? lowY : slopeY > highY ? highY : slopeY;
-      const ux = byX * (a - sx * g), uy = byX * (b - sx * h), uz = byX * (c - sx * i);
-      const vx = byY * (d - sy * g), vy = byY * (e - sy * h), vz = byY * (f - sy * i);
-      let xx = 0, xy = 0, yy = 0;
+      const ux = byX * (a - sx * g),
+        uy = byX * (b - sx * h),
+        uz = byX * (c - sx * i);
+      const vx = byY * (d - sy * g),
+        vy = byY * (e - sy * h),
+        vz = byY * (f - sy * i);
+      let xx = 0,
+        xy = 0,
+        yy = 0;
       for (let k = 9 * row; k < 9 * row + 3; k++) {
         const p = ux * axes[k] + uy * axes[k + 3] + uz * axes[k + 6];
         const q = vx * axes[k] + vy * axes[k + 3] + vz * axes[k + 6];
@@ -57,7 +77,9 @@ export class Projection {
       const determinant = xx * yy - xy * xy;
       const shown = this.antialiased ? opacity * Math.sqrt(Math.max(sharp / determinant, 0)) : opacity;
       if (!(shown >= MIN_ALPHA && determinant > 0 && determinant < Infinity)) continue;
-      const reach = 2 * Math.log(shown / MIN_ALPHA), wide = Math.sqrt(reach * xx), high = Math.sqrt(reach * yy);
+      const reach = 2 * Math.log(shown / MIN_ALPHA),
+        wide = Math.sqrt(reach * xx),
+        high = Math.sqrt(reach * yy);
       if (!(centerX + wide > 0 && centerX - wide < size[0] && centerY + high > 0 && centerY - high < size[1])) continue;
       const at = ELLIPSE * seen;
       ellipses[at] = centerX;
@@ -74,8 +96,11 @@ export class Projection {
   }
 
   faces(row, [x, y, z]) {
-    const { means, normals } = this.scene, k = 3 * row;
-    const dx = x - means[k], dy = y - means[k + 1], dz = z - means[k + 2];
+    const { means, normals } = this.scene,
+      k = 3 * row;
+    const dx = x - means[k],
+      dy = y - means[k + 1],
+      dz = z - means[k + 2];
     const along = dx * normals[k] + dy * normals[k + 1] + dz * normals[k + 2];
     return along >= this.flipBelow * Math.sqrt(dx * dx + dy * dy + dz * dz);
   }

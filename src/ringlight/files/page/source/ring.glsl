@@ -111,7 +111,8 @@ vec3 light(int row, vec3 base) {
 #endif
   if (SEEN == 1) inputs[FEATURES] = m;
   for (int k = 0; k < 3; k++) inputs[FEATURES + SEEN + k] = base[k];
-  for (int k = 0; k < LATENTS; k++) inputs[FEATURES + SEEN + 3 + k] = numbered(surfaces, row * (1 + LATENT_TEXELS) + 1 + k / 4)[k % 4];
+  int latents = row * (1 + LATENT_TEXELS) + 1;
+  for (int k = 0; k < LATENTS; k++) inputs[FEATURES + SEEN + 3 + k] = numbered(surfaces, latents + k / 4)[k % 4];
   return (FACTOR == 1 ? m : 1.0) * render(inputs, at);
 }
 

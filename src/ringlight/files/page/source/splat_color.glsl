@@ -1,4 +1,4 @@
-// Gaussians that are coloured each by itself: colours come from the pass that made them, 32-bit floats as whole numbers.
+// Gaussians that are coloured each by itself: colours come from the pass that made them, floats as whole numbers.
 uniform usampler2D colors;
 uniform sampler2D normals;
 vec3 sum = vec3(0.0);

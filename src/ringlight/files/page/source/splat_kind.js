@@ -1,5 +1,5 @@
-// Models whose Gaussians are coloured each by itself: harmonics, a shared basis of them, the ring. Colours are made again
-// only when the camera's position or the fader changes.
+// Models whose Gaussians are coloured each by itself: harmonics, a shared basis of them, the ring. Colours are made
+// again only when the camera's position or the fader changes.
 import { inTexels, numbered, Program, Texture, texelRows } from "./gl.js";
 import { axisTable, viewTable } from "./heads.js";
 import { inFours, layersOf } from "./networks.js";
@@ -8,7 +8,8 @@ const HEIGHT_AT_ONCE = 8; // rows of 2048 Gaussians that a moving camera recolou
 
 export class SplatKind {
   constructor(gl, shaders, model) {
-    const { tensors, facts } = model, means = tensors.get("columns.means").values;
+    const { tensors, facts } = model,
+      means = tensors.get("columns.means").values;
     this.gl = gl;
     this.rows = facts.gaussians;
     const shared = { means: numbered(gl, "rgba32f", this.rows, inTexels(means, 3)) };
@@ -18,27 +19,45 @@ export class SplatKind {
     this.constants = source;
     const code = facts.kind === "ring" ? "ring.glsl" : "harmonics.glsl";
     this.recolor = new Program(gl, [shaders["numbered.glsl"], shaders[code]], facts.sizes);
-    const picture = ["numbered.glsl", "layers.glsl", "blend_head.glsl", "splat_color.glsl", "blend.glsl", "splat_main.glsl"];
-    this.program = new Program(gl, picture.map((name) => shaders[name]));
+    const picture = [
+      "numbered.glsl",
+      "layers.glsl",
+      "blend_head.glsl",
+      "splat_color.glsl",
+      "blend.glsl",
+      "splat_main.glsl",
+    ];
+    this.program = new Program(
+      gl,
+      picture.map((name) => shaders[name]),
+    );
     this.colors = new Texture(gl, "rgba32ui", 2048, texelRows(this.rows));
     this.target = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.colors.texture, 0);
-    this.made = null; // camera position and fader of the colours, and the first row of 2048 that is still of earlier ones
+    // Camera position and fader of the colours, how many rows of 2048 are still of earlier ones, and the next of them.
+    this.made = null;
   }
 
   // Bring the colours up to date; with `some` only a part of them, if there are many. True once all are.
   prepare(camera, residual, some) {
-    const wish = [...camera.position, residual].join(), height = this.colors.height;
+    const wish = [...camera.position, residual].join(),
+      height = this.colors.height;
     if (this.made?.wish !== wish) this.made = { wish, left: height, next: this.made?.next ?? 0 };
     if (!this.made.left) return true;
-    const gl = this.gl, lines = some ? Math.min(HEIGHT_AT_ONCE, this.made.left) : this.made.left;
-    const first = this.made.next, { numbers = {}, wholes = {} } = this.constants;
-    this.recolor.use().textures(this.textures).numbers({ ...numbers, position: camera.position, residual });
+    const gl = this.gl,
+      lines = some ? Math.min(HEIGHT_AT_ONCE, this.made.left) : this.made.left;
+    const first = this.made.next,
+      { numbers = {}, wholes = {} } = this.constants;
+    this.recolor
+      .use()
+      .textures(this.textures)
+      .numbers({ ...numbers, position: camera.position, residual });
     this.recolor.wholes({ ...wholes, rows: this.rows });
     gl.enable(gl.SCISSOR_TEST);
-    for (let line = 0; line < lines; ) {
-      const from = (first + line) % height, here = Math.min(lines - line, height - from);
+    for (let line = 0; line < lines;) {
+      const from = (first + line) % height,
+        here = Math.min(lines - line, height - from);
       gl.scissor(0, from, 2048, here);
       this.recolor.draw(this.target, 2048, height);
       line += here;
@@ -58,13 +77,17 @@ export class SplatKind {
 function harmonicsOf(gl, { tensors, parts, facts }) {
   const textures = { dc: numbered(gl, "rgba32f", facts.gaussians, inTexels(tensors.get("columns.sh_dc").values, 3)) };
   if (facts.kind === "basis") {
-    const weights = tensors.get("columns.basis_weights"), basis = tensors.get("color.basis").values;
+    const weights = tensors.get("columns.basis_weights"),
+      basis = tensors.get("color.basis").values;
     const texels = inTexels(weights.values, weights.shape[1]);
     textures.weights = numbered(gl, "rgba32f", texels.length / 4, texels);
     textures.basis = numbered(gl, "rgba32f", basis.length / 3, inTexels(basis, 3));
   } else {
-    const { codes, low, step } = parts.get("columns.sh_rest"), width = low.values.length;
-    const scales = Float32Array.from({ length: 4 * width }, (_, k) => (k % 4 > 1 ? 0 : (k % 4 ? step : low).values[k >> 2]));
+    const { codes, low, step } = parts.get("columns.sh_rest"),
+      width = low.values.length;
+    const scales = Float32Array.from({ length: 4 * width }, (_, k) =>
+      k % 4 > 1 ? 0 : (k % 4 ? step : low).values[k >> 2],
+    );
     const texels = width ? inTexels(codes.values, width) : new Uint8Array(4);
     textures.codes = numbered(gl, "rgba8ui", texels.length / 4, texels);
     textures.scales = numbered(gl, "rgba32f", Math.max(width, 1), width ? scales : new Float32Array(4));
@@ -73,10 +96,13 @@ function harmonicsOf(gl, { tensors, parts, facts }) {
 }
 
 function ringOf(gl, { tensors, facts }) {
-  const { ring, box } = facts, { RANK, FEATURES, NODES, VIEW_SIDE } = facts.sizes, square = RANK * RANK;
+  const { ring, box } = facts,
+    { RANK, FEATURES, NODES, VIEW_SIDE } = facts.sizes,
+    square = RANK * RANK;
   const axes = axisTable(tensors, "color.ring.axes", 3, NODES, ring.code);
   const view = viewTable(tensors, "color.ring.view", VIEW_SIDE, ring.viewCode);
-  const cores = tensors.get("color.ring.core")?.values ?? axisTable(tensors, "color.ring.channels", 1, FEATURES, ring.code);
+  const cores =
+    tensors.get("color.ring.core")?.values ?? axisTable(tensors, "color.ring.channels", 1, FEATURES, ring.code);
   // The trace with G is the product's rows against G's columns.
   const core = new Float32Array(cores.length);
   cores.forEach((value, k) => {
@@ -87,15 +113,25 @@ function ringOf(gl, { tensors, facts }) {
   const shading = inFours(tensors, names);
   const inFour = (values) => numbered(gl, "rgba32f", values.length / 4, values);
   return {
-    textures: { axes: inFour(axes), view: inFour(view), core: inFour(core), shading: inFour(shading), surfaces: inFour(surfacesOf(tensors)) },
+    textures: {
+      axes: inFour(axes),
+      view: inFour(view),
+      core: inFour(core),
+      shading: inFour(shading),
+      surfaces: inFour(surfacesOf(tensors)),
+    },
     numbers: { boxLow: box[0], boxSize: box[1].map((high, k) => high - box[0][k]) },
   };
 }
 
 // Base colours, other three-vectors and latents of each Gaussian, in texels.
 export function surfacesOf(tensors, normals = null) {
-  const base = tensors.get("columns.base").values, latents = tensors.get("columns.latents"), rows = base.length / 3;
-  const count = latents?.shape[1] ?? 0, head = normals ? 8 : 4, width = head + 4 * Math.ceil(count / 4);
+  const base = tensors.get("columns.base").values,
+    latents = tensors.get("columns.latents"),
+    rows = base.length / 3;
+  const count = latents?.shape[1] ?? 0,
+    head = normals ? 8 : 4,
+    width = head + 4 * Math.ceil(count / 4);
   const found = new Float32Array(width * rows);
   for (let row = 0; row < rows; row++) {
     for (let k = 0; k < 3; k++) {

@@ -4,7 +4,9 @@
 // targets, so nothing of a fragment goes through memory, and 32-bit sums cost no more than 16-bit ones.
 import { ELLIPSE } from "./projection.js";
 
-const FIRST_TILE = 16, LARGEST_TILE = 256, MIN_ALPHA = 1 / 255;
+const FIRST_TILE = 16,
+  LARGEST_TILE = 256,
+  MIN_ALPHA = 1 / 255;
 const ENTRIES_IN_A_ROW = 2048; // of the texture that takes them
 
 export class TileLists {
@@ -19,7 +21,8 @@ export class TileLists {
   // a larger array where those handed over are too few.
   fill(ellipses, count, size, most, tiles, entries) {
     for (let side = FIRST_TILE; ; side *= 2) {
-      const across = Math.ceil(size[0] / side), down = Math.ceil(size[1] / side);
+      const across = Math.ceil(size[0] / side),
+        down = Math.ceil(size[1] / side);
       if (2 * across * down > tiles.length) continue;
       const total = this.counted(ellipses, count, side, across, down, tiles);
       if (total > most && side < LARGEST_TILE) continue;
@@ -36,7 +39,8 @@ export class TileLists {
     for (let index = 0; index < count; index++) {
       this.span(ellipses, index, side, across, down);
       for (let row = this.top; row <= this.bottom; row++) {
-        for (let column = this.first[row]; column <= this.last[row]; column++) counts[2 * (row * across + column) + 1]++;
+        for (let column = this.first[row]; column <= this.last[row]; column++)
+          counts[2 * (row * across + column) + 1]++;
       }
     }
     let sum = 0;
@@ -53,7 +57,8 @@ export class TileLists {
       this.span(ellipses, index, side, across, down);
       for (let row = this.top; row <= this.bottom; row++) {
         for (let column = this.first[row]; column <= this.last[row]; column++) {
-          const tile = 2 * (row * across + column), at = tiles[tile] + tiles[tile + 1];
+          const tile = 2 * (row * across + column),
+            at = tiles[tile] + tiles[tile + 1];
           if (at < entries.length) {
             entries[at] = index;
             tiles[tile + 1]++;
@@ -70,17 +75,26 @@ export class TileLists {
       this.first = new Int32Array(down);
       this.last = new Int32Array(down);
     }
-    const at = ELLIPSE * index, x = ellipses[at], y = ellipses[at + 1];
+    const at = ELLIPSE * index,
+      x = ellipses[at],
+      y = ellipses[at + 1];
     const reach = 2 * Math.log(ellipses[at + 2] / MIN_ALPHA) * 1.0001;
-    const xx = ellipses[at + 4], xy = ellipses[at + 5], yy = ellipses[at + 6], determinant = xx * yy - xy * xy;
-    const wide = Math.sqrt((reach * yy) / determinant), high = Math.sqrt((reach * xx) / determinant);
+    const xx = ellipses[at + 4],
+      xy = ellipses[at + 5],
+      yy = ellipses[at + 6],
+      determinant = xx * yy - xy * xy;
+    const wide = Math.sqrt((reach * yy) / determinant),
+      high = Math.sqrt((reach * xx) / determinant);
     this.top = Math.max(Math.floor((y - high - 0.5) / side), 0);
     this.bottom = Math.min(Math.floor((y + high) / side), down - 1);
     const right = (-xy * wide) / yy;
     for (let row = this.top; row <= this.bottom; row++) {
-      const low = Math.max(row * side + 0.5 - y, -high), most = Math.min((row + 1) * side - 0.5 - y, high);
-      const atRight = Math.min(Math.max(right, low), most), atLeft = Math.min(Math.max(-right, low), most);
-      const end = x + offset(atRight, 1, xx, xy, yy, reach), begin = x + offset(atLeft, -1, xx, xy, yy, reach);
+      const low = Math.max(row * side + 0.5 - y, -high),
+        most = Math.min((row + 1) * side - 0.5 - y, high);
+      const atRight = Math.min(Math.max(right, low), most),
+        atLeft = Math.min(Math.max(-right, low), most);
+      const end = x + offset(atRight, 1, xx, xy, yy, reach),
+        begin = x + offset(atLeft, -1, xx, xy, yy, reach);
       this.first[row] = Math.max(Math.floor((begin - 0.5) / side), 0);
       this.last[row] = Math.min(Math.floor((end - 0.5) / side + 1e-6), across - 1);
     }

@@ -1,7 +1,14 @@
-// Numbers as `ringlight compress` packs them, back to floats; the twins of files/pack_numbers.py and pack_directions.py.
-const OCTAHEDRAL_STEPS = 1022, QUATERNION_STEPS = 1022, DARKEST = 0.25 / 255;
+// Numbers as `ringlight compress` packs them, back to floats; the twin of files/pack_numbers.py and pack_directions.py.
+const OCTAHEDRAL_STEPS = 1022,
+  QUATERNION_STEPS = 1022,
+  DARKEST = 0.25 / 255;
 
-const OTHERS = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
+const OTHERS = [
+  [1, 2, 3],
+  [0, 2, 3],
+  [0, 1, 3],
+  [0, 1, 2],
+];
 
 const UNPACKINGS = {
   half: (parts) => ({ shape: parts.half.shape, values: Float32Array.from(parts.half.values, floatFromHalf) }),
@@ -25,7 +32,9 @@ export function unpackTensors({ parts, packing }) {
 }
 
 export function floatFromHalf(half) {
-  const exponent = (half >> 10) & 31, fraction = half & 1023, sign = half & 0x8000 ? -1 : 1;
+  const exponent = (half >> 10) & 31,
+    fraction = half & 1023,
+    sign = half & 0x8000 ? -1 : 1;
   return sign * (exponent ? 2 ** (exponent - 15) * (1 + fraction / 1024) : 2 ** -14 * (fraction / 1024));
 }
 
@@ -36,7 +45,9 @@ function unpackRows({ codes, scale }) {
 }
 
 function unpackFixed({ codes, low, step }) {
-  const width = codes.shape.at(-1), columns = low.values.length, count = codes.values.length / width;
+  const width = codes.shape.at(-1),
+    columns = low.values.length,
+    count = codes.values.length / width;
   const values = new Float32Array(count);
   for (let index = 0; index < count; index++) {
     let whole = 0;
@@ -56,23 +67,30 @@ function unpackShare({ share }) {
 }
 
 function unpackDirections({ low, high }) {
-  const rows = low.shape[0], values = new Float32Array(rows * 3);
+  const rows = low.shape[0],
+    values = new Float32Array(rows * 3);
   for (let row = 0; row < rows; row++) {
     const nibble = (high.values[row >> 1] >> (4 * (row & 1))) & 15;
     const u = (low.values[2 * row] | ((nibble & 3) << 8)) * (2 / OCTAHEDRAL_STEPS) - 1;
     const v = (low.values[2 * row + 1] | ((nibble >> 2) << 8)) * (2 / OCTAHEDRAL_STEPS) - 1;
-    const z = 1 - Math.abs(u) - Math.abs(v), fold = Math.max(-z, 0);
-    const x = u + (u >= 0 ? -fold : fold), y = v + (v >= 0 ? -fold : fold), length = Math.hypot(x, y, z);
+    const z = 1 - Math.abs(u) - Math.abs(v),
+      fold = Math.max(-z, 0);
+    const x = u + (u >= 0 ? -fold : fold),
+      y = v + (v >= 0 ? -fold : fold),
+      length = Math.hypot(x, y, z);
     values.set([x / length, y / length, z / length], 3 * row);
   }
   return { shape: [rows, 3], values };
 }
 
 function unpackQuaternions({ words }) {
-  const rows = words.shape[0], values = new Float32Array(rows * 4);
+  const rows = words.shape[0],
+    values = new Float32Array(rows * 4);
   for (let row = 0; row < rows; row++) {
     const [a, b, c, d] = words.values.subarray(4 * row, 4 * row + 4);
-    const word = (a | (b << 8) | (c << 16) | (d << 24)) >>> 0, largest = word >>> 30, others = OTHERS[largest];
+    const word = (a | (b << 8) | (c << 16) | (d << 24)) >>> 0,
+      largest = word >>> 30,
+      others = OTHERS[largest];
     let left = 1;
     others.forEach((component, place) => {
       const code = (word >>> (20 - 10 * place)) & 1023;

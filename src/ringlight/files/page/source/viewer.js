@@ -1,8 +1,11 @@
 // From what is wished to be seen to pictures: one camera at a time is with the worker, and the picture that is drawn is
 // always that of the lists that came back. While it moves, pictures are as fine as time allows; at rest they are whole.
 const REST = 160; // milliseconds without a change after which the whole picture is made
-const SLOW = 45, FAST = 22; // milliseconds between two pictures of a moving camera
-const COARSEST = 0.25, COARSER = 0.8, FINER = 1.1;
+const SLOW = 45,
+  FAST = 22; // milliseconds between two pictures of a moving camera
+const COARSEST = 0.25,
+  COARSER = 0.8,
+  FINER = 1.1;
 
 export class Viewer {
   constructor(picture, worker, wished) {
@@ -50,12 +53,15 @@ export class Viewer {
     this.asked = false;
     this.coarse = moving;
     this.begun = performance.now();
-    const { ellipses, tiles, entries } = this.spare, camera = this.wished(moving ? this.scale : 1);
+    const { ellipses, tiles, entries } = this.spare,
+      camera = this.wished(moving ? this.scale : 1);
     this.spare = null;
     this.answers = this.waiting.splice(0);
-    this.worker.postMessage(
-      { camera, ellipses, tiles, entries, most: this.picture.most }, [ellipses.buffer, tiles.buffer, entries.buffer],
-    );
+    this.worker.postMessage({ camera, ellipses, tiles, entries, most: this.picture.most }, [
+      ellipses.buffer,
+      tiles.buffer,
+      entries.buffer,
+    ]);
   }
 
   arrived(lists) {

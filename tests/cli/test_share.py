@@ -1,0 +1,133 @@
+"""Sharing a model: one file that says what it holds, and sentences for what cannot be shared."""
+
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from cli_session import QUICK, flags
+from command import Command
+from refusal import refused, snapshot
+
+from ringlight.files.model_file import read_model_file, write_model_file
+from ringlight.files.tensor_file import read_metadata
+
+
+@pytest.mark.parametrize("method", ["3dgs", "ringlight-basis", "ringlight-ring"])
+def test_a_run_becomes_one_file_and_says_what_packing_cost(
+    method: str, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    out = tmp_path / "page.html"
+    done = ringlight("share", trained[method], out, "--quiet")
+    assert done.code == 0, done.err
+    assert "Gaussians" in done.out
+    assert "from 5 training cameras" in done.out
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+    facts = facts_of(out)
+    psnr = json.loads((trained[method] / "report.json").read_text())["psnr"]
+    assert facts["caption"]["psnr"] == f"{psnr:.2f} dB PSNR on test views"
+    assert facts["caption"]["method"] == method
+    assert facts["caption"]["size"].startswith(f"{out.stat().st_size / 1e6:.2f} MB, ")
+    assert facts["gaussians"] == int(read_metadata(trained[method] / "model.safetensors")["counted"])
+
+
+def facts_of(page: Path) -> dict:  # type: ignore[type-arg]
+    text = page.read_text("utf-8")
+    begin = text.index('id="facts">') + len('id="facts">')
+    found: dict = json.loads(text[begin : text.index("</script>", begin)])  # type: ignore[type-arg]
+    return found
+
+
+def test_equal_runs_give_equal_bytes(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    for name in ("a.html", "b.html"):
+        assert ringlight("share", trained["3dgs"], tmp_path / name, "--quiet").code == 0
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_json_says_the_same(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    out = tmp_path / "page.html"
+    told = json.loads(ringlight("share", trained["3dgs"], out, "--json", "--quiet").out)
+    assert told["bytes_file"] == out.stat().st_size
+    assert told["counted"] == told["counted_before"]
+    assert told["picture_psnr"] > 35
+
+
+def test_a_run_without_report_and_a_packed_model_are_shared(
+    run_folder: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    (run_folder / "report.json").unlink()
+    assert ringlight("share", run_folder, tmp_path / "page.html", "--quiet").code == 0
+    small = tmp_path / "small.safetensors"
+    assert ringlight("compress", run_folder, small, "--quiet").code == 0
+    assert ringlight("share", small, tmp_path / "small.html", "--quiet").code == 0
+    file = read_model_file(run_folder / "model.safetensors")
+    write_model_file(tmp_path / "unmeasured.safetensors", file.tensors, replace(file.header, metrics={}))
+    assert ringlight("share", tmp_path / "unmeasured.safetensors", tmp_path / "unmeasured.html", "--quiet").code == 0
+    assert facts_of(tmp_path / "unmeasured.html")["caption"]["psnr"] == "PSNR not measured"
+
+
+def test_a_budget_is_kept_by_leaving_out_what_shows_least(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    out = tmp_path / "page.html"
+    whole = json.loads(ringlight("share", trained["3dgs"], out, "--json", "--quiet").out)
+    budget = (whole["bytes_file"] - 2_000) / 1e6
+    refused(ringlight("share", trained["3dgs"], tmp_path / "none.html", "--budget", "0.01", "--quiet"), 1, "--budget")
+    done = ringlight("share", trained["3dgs"], out, "--budget", f"{budget:.4f}", "--overwrite", "--quiet")
+    assert done.code == 0, done.err
+    assert "left out" in done.out
+    assert out.stat().st_size <= budget * 1e6
+
+
+def test_what_exists_is_kept_unless_told_otherwise(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    out = tmp_path / "page.html"
+    out.write_text("mine")
+    refused(ringlight("share", trained["3dgs"], out, "--quiet"), 1, out, "--overwrite")
+    assert out.read_text() == "mine"
+    assert ringlight("share", trained["3dgs"], out, "--overwrite", "--quiet").code == 0
+
+
+def test_wrong_targets_and_models_are_refused_and_nothing_is_written(
+    trained: dict[str, Path], run_folder: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    before = snapshot(tmp_path)
+    refused(ringlight("share", trained["3dgs"], tmp_path / "page.zip"), 1, ".html")
+    refused(ringlight("share", trained["3dgs"], tmp_path / "missing" / "page.html"), 1, "missing")
+    refused(ringlight("share", tmp_path / "nothing", tmp_path / "page.html"), 1, "nothing")
+    assert snapshot(tmp_path) == before
+    model = run_folder / "model.safetensors"
+    os.truncate(model, model.stat().st_size // 2)
+    refused(ringlight("share", run_folder, tmp_path / "page.html"), 1, model)
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_a_model_without_cameras_has_nowhere_to_look_from(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    file = read_model_file(trained["3dgs"] / "model.safetensors")
+    cameras = {name: t[:0] for name, t in file.tensors.items() if name.startswith("cameras.")}
+    write_model_file(tmp_path / "blind.safetensors", file.tensors | cameras, file.header)
+    refused(ringlight("share", tmp_path / "blind.safetensors", tmp_path / "page.html"), 1, "no cameras")
+
+
+@pytest.mark.parametrize(
+    ("method", "settings", "named"),
+    [
+        ("ringlight-ring", flags(light__field="vm", warmup=0.3), "light.field vm"),
+        ("ringlight-ring", flags(light__ring__rank=6, light__ring__position_nodes=64, warmup=0.3), "light.ring.rank 6"),
+        ("ringlight-mirror", flags(shader__features=3), "shader.features 3"),
+    ],
+)
+def test_a_light_of_another_shape_is_refused_by_name(
+    method: str, settings: tuple[str, ...], named: str, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    run = tmp_path / "run"
+    quick = QUICK if method != "ringlight-mirror" else (*flags(steps=5), "--quiet", "--lpips")
+    assert ringlight("train", tiny, method, "--out", run, *quick, *settings).code == 0
+    refused(ringlight("share", run, tmp_path / "page.html"), 1, named, "ringlight render")
+    shutil.rmtree(run)
+    assert not (tmp_path / "page.html").exists()
