@@ -1,6 +1,6 @@
-// Bytes as text that HTML leaves as it is, seven bits a character; the twin of files/page/text_bytes.py. Three characters
-// would not survive a parser (NUL, carriage return, "<"). In place of such a group stands one character from PAIRS on,
-// which holds which of the three it was and the seven bits of the next group.
+// Bytes as text that HTML leaves as it is, seven bits a character; the twin of files/page/text_bytes.py. Three
+// characters would not survive a parser (NUL, carriage return, "<"). In place of such a group stands one character from
+// PAIRS on, which holds which of the three it was and the seven bits of the next group.
 const REFUSED = [0, 13, 60];
 const PAIRS = 256;
 

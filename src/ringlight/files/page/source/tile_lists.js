@@ -4,7 +4,7 @@
 // targets, so nothing of a fragment goes through memory, and 32-bit sums cost no more than 16-bit ones.
 import { ELLIPSE } from "./projection.js";
 
-const FIRST_TILE = 16,
+const FIRST_TILE = 8,
   LARGEST_TILE = 256,
   MIN_ALPHA = 1 / 255;
 const ENTRIES_IN_A_ROW = 2048; // of the texture that takes them
