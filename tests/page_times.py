@@ -2,9 +2,9 @@
 
     .venv/bin/python tests/page_times.py [--side 400] PAGE.html...
 
-For each page, over several cameras at ``side`` x ``side`` pixels: milliseconds of projection, sort and tile lists in the
-worker, of a whole picture until its pixels can be read, and of one in which the colours are made again; entries of the
-lists, and megabytes. Then the sort of 300,000 depths alone.
+For each page, over several cameras at ``side`` x ``side`` pixels: milliseconds of projection, sort and tile lists in
+the worker, of a whole picture until its pixels can be read, and of one in which the colours are made again; entries of
+the lists, and megabytes. Then the sort of 300,000 depths alone.
 """
 
 import argparse
@@ -31,7 +31,8 @@ PICTURE = """async (side) => {
   if (picture.kind.made) picture.kind.made = null;
   const recolored = timed(() => picture.draw({ ...viewer.look, some: false }));
   const { total, count, side: tile } = picture.lists;
-  return { ...viewer.times, drawn, recolored, total, count, tile, pixels: picture.canvas.width * picture.canvas.height };
+  const pixels = picture.canvas.width * picture.canvas.height;
+  return { ...viewer.times, drawn, recolored, total, count, tile, pixels };
 }"""
 
 SORT = """(count) => {
@@ -67,7 +68,8 @@ def measured(page: Tab, file: Path, side: int) -> None:
     sys.stdout.write(
         f"{file.name}: {middle['count']:,.0f} Gaussians seen, {side}x{side}: worker {middle['project']:.1f} + "
         f"{middle['sort']:.1f} + {middle['lists']:.1f} ms, picture {middle['drawn']:.0f} ms, with colours "
-        f"{middle['recolored']:.0f} ms; {entries:,.0f} entries, at most {tests:.0f} a pixel, {read / 1e6:.1f} MB a picture\n"
+        f"{middle['recolored']:.0f} ms; {entries:,.0f} entries, at most {tests:.0f} a pixel, "
+        f"{read / 1e6:.1f} MB a picture\n"
     )
 
 
