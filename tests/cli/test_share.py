@@ -74,11 +74,21 @@ def test_a_budget_is_kept_by_leaving_out_what_shows_least(
     out = tmp_path / "page.html"
     whole = json.loads(ringlight("share", trained["3dgs"], out, "--json", "--quiet").out)
     budget = (whole["bytes_file"] - 2_000) / 1e6
-    refused(ringlight("share", trained["3dgs"], tmp_path / "none.html", "--budget", "0.01", "--quiet"), 1, "--budget")
+    for wrong in ("0.01", "-3", "nan"):
+        out_of = ringlight("share", trained["3dgs"], tmp_path / "none.html", f"--budget={wrong}", "--quiet")
+        refused(out_of, 1, "--budget")
     done = ringlight("share", trained["3dgs"], out, "--budget", f"{budget:.4f}", "--overwrite", "--quiet")
     assert done.code == 0, done.err
     assert "left out" in done.out
     assert out.stat().st_size <= budget * 1e6
+
+
+def test_a_page_that_is_too_large_is_refused_with_the_flag_that_helps(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ringlight.runs.share.LARGEST_PAGE", 30_000)
+    refused(ringlight("share", trained["3dgs"], tmp_path / "page.html", "--quiet"), 1, "--budget", "MB")
+    assert not (tmp_path / "page.html").exists()
 
 
 def test_what_exists_is_kept_unless_told_otherwise(

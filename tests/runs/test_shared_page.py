@@ -289,6 +289,13 @@ def test_without_webgl_there_is_a_sentence_and_a_still_picture(driver: Any, page
         assert page.page.is_visible("#caption-scene")
 
 
+def test_what_fails_while_drawing_is_said(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"])
+    page.page.evaluate("window.ringlight.viewer.picture.canvas.dispatchEvent(new Event('webglcontextlost'))")
+    assert page.page.is_visible("#fallback img")
+    assert "gave up" in page.page.inner_text("#sentence")
+
+
 def test_a_damaged_page_says_so(pages: dict[str, Path], tmp_path: Path, page: Tab) -> None:
     text = pages["3dgs"].read_text("utf-8")
     middle = len(text) // 2

@@ -95,7 +95,7 @@ def share(opened: Opened, path: Path, budget: float | None = None) -> Shared:
     model that a page cannot show, OutputError where the file cannot be written.
     """
     stored = opened.stored
-    if budget is not None and budget < SMALLEST_BUDGET:
+    if budget is not None and not budget >= SMALLEST_BUDGET:
         least = SMALLEST_BUDGET / MEGABYTE
         raise RecipeError(f"--budget is {budget / MEGABYTE:g} MB; give at least {least:g}, or no page fits")
     shown_of(stored.model)

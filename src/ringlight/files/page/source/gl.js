@@ -16,6 +16,8 @@ const FORMATS = {
 export class Texture {
   constructor(gl, format, width, height, values = null) {
     [this.format, this.gl, this.width, this.height] = [FORMATS[format], gl, width, height];
+    const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+    if (width > most || height > most) throw new Error("the model is too large for this graphics card");
     this.texture = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
     for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])

@@ -19,7 +19,6 @@ async function begin(facts, payload) {
     stops = stopsOf(model);
   const picture = new Picture(canvas, model.texts, model);
   const worker = new Worker(URL.createObjectURL(new Blob([model.texts["worker.js"]], { type: "text/javascript" })));
-  worker.onerror = (event) => fallBack(event.message);
   worker.postMessage({
     scene: geometryOf(model),
     options: { antialiased: facts.antialiased, flipBelow: facts.flipBelow },
@@ -38,6 +37,7 @@ async function begin(facts, payload) {
       : fitted(cameraOf(state.pose.numbers(), state.lens.focal, state.lens.center, state.lens.size), scaled);
   };
   const viewer = new Viewer(picture, worker, wished);
+  viewer.onfailure = (error) => fallBack(error.message);
   let noted = 0;
   const note = () => {
     clearTimeout(noted);
@@ -78,7 +78,7 @@ async function begin(facts, payload) {
     viewer.change(false);
   });
   addEventListener("resize", () => viewer.change());
-  canvas.addEventListener("webglcontextlost", () => fallBack("the graphics card gave up"));
+  canvas.addEventListener("webglcontextlost", () => viewer.fail(new Error("the graphics card gave up")));
   follow();
   await viewer.settled();
   document.documentElement.classList.add("drawn");

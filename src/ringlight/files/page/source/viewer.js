@@ -15,7 +15,15 @@ export class Viewer {
     this.changed = -Infinity;
     this.shown = null; // what the last exact picture was made of
     this.waiting = [];
-    worker.onmessage = ({ data }) => this.arrived(data);
+    this.answers = [];
+    worker.onerror = (event) => this.fail(new Error(event.message));
+    worker.onmessage = ({ data }) => {
+      try {
+        this.arrived(data);
+      } catch (error) {
+        this.fail(error);
+      }
+    };
     this.look = { layer: "picture", residual: 1, background: picture.facts.background };
   }
 
@@ -26,12 +34,18 @@ export class Viewer {
     this.schedule();
   }
 
-  // Resolves when an exact picture of all that was wished until now has been drawn.
+  // Resolves when an exact picture of all that was wished until now has been drawn; rejects where none can be.
   settled() {
-    return new Promise((resolve) => {
-      this.waiting.push(resolve);
+    return new Promise((resolve, reject) => {
+      this.waiting.push({ resolve, reject });
       this.change(false);
     });
+  }
+
+  // Nothing can be drawn any more: `onfailure` says so to the person, whoever waits hears it.
+  fail(error) {
+    this.onfailure?.(error);
+    for (const { reject } of [...this.answers, ...this.waiting.splice(0)]) reject(error);
   }
 
   schedule() {
@@ -72,7 +86,7 @@ export class Viewer {
     const exact = this.picture.draw({ ...this.look, some: this.coarse });
     if (!exact) this.asked = true;
     if (this.coarse) this.keepTime();
-    for (const resolve of this.answers) resolve();
+    for (const { resolve } of this.answers) resolve();
     this.onpicture?.(this.coarse);
     this.schedule();
   }
