@@ -10,10 +10,10 @@ the lists, and megabytes. Then the sort of 300,000 depths alone.
 import argparse
 import statistics
 import sys
-from importlib.resources import files
 from pathlib import Path
 
 from browsers import Tab, chromium, playwright, tab
+from ringlight.files.page.document import SOURCE
 from ringlight.files.page.modules import joined
 
 REPEATS, SORTED = 3, 300_000
@@ -79,8 +79,7 @@ def main() -> None:
     parser.add_argument("--side", type=int, default=400)
     parser.add_argument("pages", nargs="*", type=Path)
     asked = parser.parse_args()
-    source = files("ringlight.files.page").joinpath("source")
-    modules = {entry.name: entry.read_text("utf-8") for entry in source.iterdir() if entry.name.endswith(".js")}
+    modules = {path.name: path.read_text("utf-8") for path in SOURCE.glob("*.js")}
     with playwright() as driver, chromium(driver) as browser:
         for file in asked.pages:
             with tab(browser, viewport={"width": asked.side, "height": asked.side}) as page:

@@ -10,15 +10,15 @@ import hashlib
 import html
 import json
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from string import Template
 from typing import Any
 
 from ringlight.files.page.modules import joined, slim
 from ringlight.files.page.text_bytes import text_from_bytes
 
-SOURCE = "source"
-"""Folder beside this file."""
+SOURCE = Path(__file__).parent / "source"
+"""The page's own files."""
 
 STRICT = '"use strict";\n'
 
@@ -65,8 +65,7 @@ def _json(value: object) -> str:
 
 @cache
 def _sources() -> dict[str, str]:
-    folder = files(__package__).joinpath(SOURCE)
-    return {entry.name: entry.read_text("utf-8") for entry in folder.iterdir()}
+    return {entry.name: entry.read_text("utf-8") for entry in sorted(SOURCE.iterdir()) if entry.is_file()}
 
 
 @cache

@@ -2,6 +2,7 @@
 const TURN = 0.006,
   ZOOM = 0.0012; // radians a pixel; share of the distance a wheel's pixel
 const FLY_SECONDS = 2.5; // to fly the distance of the subject
+const TAP = 1 / 20, LONGEST = 0.1; // seconds that a tap counts, and a picture at most
 const KEYS = {
   w: [0, 0, 1],
   s: [0, 0, -1],
@@ -75,28 +76,34 @@ export class Controls {
       return;
     }
     if (!this.held.size) this.last = performance.now();
-    this.held.add(key);
+    if (!this.held.has(key)) {
+      this.held.add(key);
+      this.step(TAP); // however slow pictures are, a tap moves
+    }
     this.fly();
   }
 
-  // As long as keys are held; in orbit the sideways ones turn about the subject.
+  // As long as keys are held.
   fly() {
     if (this.planned || !this.held.size) return;
     this.planned = true;
     requestAnimationFrame((now) => {
       this.planned = false;
-      const seconds = Math.min(Math.max(now - this.last, 0) / 1000, 0.1),
-        sum = [0, 0, 0];
+      this.step(Math.min(Math.max(now - this.last, 0) / 1000, LONGEST));
       this.last = now;
-      for (const key of this.held) KEYS[key].forEach((value, axis) => (sum[axis] += value));
-      const step = seconds / FLY_SECONDS;
-      if (this.flies) this.moved((pose) => pose.moved(...sum.map((value) => value * step * pose.reach)));
-      else
-        this.moved((pose) =>
-          pose.turned(2 * sum[0] * step, 2 * sum[1] * step, this.up, true).nearer(Math.exp(-sum[2] * step)),
-        );
       this.fly();
     });
+  }
+
+  // So many seconds of the keys that are held; in orbit the sideways ones turn about the subject.
+  step(seconds) {
+    const sum = [0, 0, 0], step = seconds / FLY_SECONDS;
+    for (const key of this.held) KEYS[key].forEach((value, axis) => (sum[axis] += value));
+    this.moved((pose) =>
+      this.flies
+        ? pose.moved(...sum.map((value) => value * step * pose.reach))
+        : pose.turned(2 * sum[0] * step, 2 * sum[1] * step, this.up, true).nearer(Math.exp(-sum[2] * step)),
+    );
   }
 }
 

@@ -17,7 +17,7 @@ export class Picture {
       depth: false,
       powerPreference: "high-performance",
     });
-    if (!gl) throw new Error("this browser has no WebGL2");
+    if (!gl) throw new Error("it has no WebGL2");
     Object.assign(this, { gl, canvas, facts: model.facts });
     this.kind = new (model.facts.kind === "mirror" ? MirrorKind : SplatKind)(gl, shaders, model);
     this.ellipses = numbered(gl, "rgba32f", 2 * model.facts.gaussians);
