@@ -22,6 +22,7 @@ def test_folder_holds_both_runs_and_the_sheet(finished):
         "demo.json",
         "contact_sheet.png",
         "report.html",
+        "share.html",
         *METHODS_SHOWN,
     }
     for method in METHODS_SHOWN:
@@ -37,7 +38,9 @@ def test_nothing_is_trained_again_when_all_is_there(finished, capsys):
     assert all(method in shown.out for method in METHODS_SHOWN)
     assert "contact_sheet.png" in shown.out
     assert "ringlight train my-photos ringlight" in shown.err
-    assert shown.out.splitlines()[-1] == f"open in a browser: {finished / 'report.html'}"
+    of_runs, of_model = shown.out.splitlines()[-2:]
+    assert of_runs == f"open in a browser: {finished / 'report.html'}, both runs beside each other"
+    assert of_model == f"open in a browser: {finished / 'share.html'}, the model of ringlight itself"
 
 
 def test_it_ends_with_a_page_about_both_runs(finished):
@@ -45,6 +48,11 @@ def test_it_ends_with_a_page_about_both_runs(finished):
     assert_loads_nothing(page)
     labels = {group["data-label"] for group in page.all("g") if "data-label" in group}
     assert labels == set(METHODS_SHOWN)
+
+
+def test_it_ends_with_a_page_that_shows_the_model(finished):
+    page = Parsed((finished / "share.html").read_text(encoding="utf-8"))
+    assert {script.get("id") for script in page.all("script")} == {None, "facts", "payload"}
 
 
 def test_a_folder_that_holds_something_is_left_alone(finished, capsys):

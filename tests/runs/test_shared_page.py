@@ -20,7 +20,7 @@ from ringlight.color.harmonics import sh_colors_reference
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Emission
 from ringlight.core.want import Want
-from ringlight.files.layer_pictures import layer_pictures
+from ringlight.files.layer_pictures import layer_pictures, looking
 from ringlight.files.packed import pack_tensors, unpack_tensors
 from ringlight.methods.store import StoredModel, model_of_tensors, save_model, tensors_from_cameras
 from ringlight.models.splats import SplatModel
@@ -125,7 +125,8 @@ def test_layers_are_those_of_render(method: str, runs: dict[str, Path], pages: d
     page.open(pages[method], "#view=train-2&bare")
     near, far = page.page.evaluate("window.ringlight.facts.nearFar")
     wanted = {"base": "base", "normals": "normal", "depth": "depth"}
-    found = layer_pictures(packed, stored.cameras[2], torch.ones(3), list(wanted.values()), (near, far))
+    look = looking(packed, torch.ones(3), list(wanted.values()))
+    found = layer_pictures(look(stored.cameras[2]), torch.ones(3), list(wanted.values()), (near, far))
     for layer, name in wanted.items():
         page.look(layer=layer)
         seen = page.values()

@@ -85,6 +85,8 @@ def _show(demo: "Demo", quiet: bool) -> None:
     from ringlight.cli.console import Screen
     from ringlight.measure.compare import compare
     from ringlight.pages.report.build import write_report_page
+    from ringlight.runs.opened import open_model
+    from ringlight.runs.share import share
     from ringlight.runs.sheet import write_sheet
 
     comparison = compare(demo.runs)
@@ -95,9 +97,11 @@ def _show(demo: "Demo", quiet: bool) -> None:
     if not quiet:
         sys.stderr.write(_next_steps(demo.runs[-1]))
     with stages(quiet):
-        page = write_report_page(demo.runs, demo.report)
-    # Last, so that it stands where one looks.
-    sys.stdout.write(f"open in a browser: {page.file}\n")
+        report = write_report_page(demo.runs, demo.report)
+        shared = share(open_model(demo.runs[-1]), demo.shared)
+    # Last, so that they stand where one looks.
+    sys.stdout.write(f"open in a browser: {report.file}, both runs beside each other\n")
+    sys.stdout.write(f"open in a browser: {shared.file}, the model of {demo.runs[-1].name} itself\n")
 
 
 def _next_steps(run: Path) -> str:

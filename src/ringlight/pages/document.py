@@ -4,12 +4,11 @@ The browser is told, by a Content-Security-Policy, to load nothing and to run th
 hash: what a hostile name might smuggle in would not run.
 """
 
-import base64
-import hashlib
 import re
 from importlib import resources
 from importlib.resources.abc import Traversable
 
+from ringlight.files.page_policy import page_policy
 from ringlight.pages.markup import Html, html_of
 
 PLACE = re.compile(r"\{\{(\w+)\}\}")
@@ -20,7 +19,7 @@ def document(folder: str, title: str, body: Html) -> str:
     sources = resources.files(folder)
     style, script = _source(sources / "page.css", "</style"), _source(sources / "page.js", "</script")
     parts = {
-        "policy": _policy(style, script),
+        "policy": page_policy([script], style),
         "title": html_of(title),
         "style": style,
         "script": script,
@@ -35,20 +34,3 @@ def _source(file: Traversable, end: str) -> str:
     if end in text.lower():
         raise ValueError(f"{file.name} holds {end!r}, which would end it")
     return text
-
-
-def _policy(style: str, script: str) -> str:
-    return "; ".join(
-        [
-            "default-src 'none'",
-            "img-src data:",
-            f"style-src '{_hash(style)}'",
-            f"script-src '{_hash(script)}'",
-            "base-uri 'none'",
-            "form-action 'none'",
-        ]
-    )
-
-
-def _hash(source: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()

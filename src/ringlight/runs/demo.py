@@ -21,12 +21,12 @@ METHODS_SHOWN = ("3dgs", "ringlight")
 
 PLAN_NAME = "demo.json"
 SHEET_NAME = "contact_sheet.png"
-PAGE_NAME = "report.html"
+REPORT_PAGE, SHARED_PAGE = "report.html", "share.html"
 
 
 @dataclass(frozen=True)
 class Demo:
-    """``folder`` holds demo.json, a run folder for each method, the contact sheet and the report's page.
+    """``folder`` holds demo.json, a run folder for each method, the contact sheet and two pages.
 
     demo.json keeps what is trained, so that the demo can go on after an interrupt.
     """
@@ -71,7 +71,12 @@ class Demo:
     @property
     def report(self) -> Path:
         """The page about both runs."""
-        return self.folder / PAGE_NAME
+        return self.folder / REPORT_PAGE
+
+    @property
+    def shared(self) -> Path:
+        """The page that shows the last method's model itself."""
+        return self.folder / SHARED_PAGE
 
     def session(self, method: str, loaded: Loaded = nobody) -> Session | None:
         """The training of ``method``, from its start or from where it stopped; None if it has been measured.

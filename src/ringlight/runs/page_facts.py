@@ -13,7 +13,7 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.want import Want
 from ringlight.core.words import numbered
-from ringlight.files.layer_pictures import common_depth_range
+from ringlight.files.layer_pictures import common_depth_range, looking
 from ringlight.files.orbit import orbit_of
 from ringlight.files.page.shown import Shown
 from ringlight.methods.store import StoredModel
@@ -51,7 +51,7 @@ def numbers_of_stops(stops: dict[str, Camera]) -> Float[Tensor, "M 18"]:
 def facts_of_page(stored: StoredModel, model: SplatModel, shown: Shown, stops: dict[str, Camera]) -> dict[str, Any]:
     """Everything but the caption and the number of Gaussians."""
     orbit = orbit_of(stored.cameras)
-    near, far = common_depth_range(model, stored.cameras)
+    near, far = common_depth_range(looking(model, background_of(stored), ("depth",)), stored.cameras)
     return {
         "kind": shown.kind,
         "flipBelow": shown.flip_below,

@@ -6,7 +6,6 @@ model brings, names and numbers, is JSON or text in elements that are not run, w
 """
 
 import base64
-import hashlib
 import html
 import json
 from functools import cache
@@ -16,6 +15,7 @@ from typing import Any
 
 from ringlight.files.page.modules import joined, slim
 from ringlight.files.page.text_bytes import text_from_bytes
+from ringlight.files.page_policy import page_policy
 
 SOURCE = Path(__file__).parent / "source"
 """The page's own files."""
@@ -27,7 +27,7 @@ def page_of(title: str, facts: dict[str, Any], payload: bytes, still: bytes) -> 
     """The HTML file. ``facts`` are JSON values; ``payload`` holds :func:`program_texts`; ``still`` is a JPEG."""
     script, style = _script(), slim(_sources()["style.css"])
     text = Template(_sources()["page.html"]).substitute(
-        policy=_policy([script, program_texts()["main.js"]], style),
+        policy=page_policy([script, program_texts()["main.js"]], style, workers=True),
         title=html.escape(title),
         style=style,
         still="data:image/jpeg;base64," + base64.b64encode(still).decode("ascii"),
@@ -37,24 +37,6 @@ def page_of(title: str, facts: dict[str, Any], payload: bytes, still: bytes) -> 
         script=script,
     )
     return text.encode()
-
-
-def _policy(scripts: list[str], style: str) -> str:
-    rules = {
-        "default-src": "'none'",
-        "script-src": " ".join(map(_hash, scripts)),
-        "style-src": _hash(style),
-        "worker-src": "blob:",
-        "img-src": "data:",
-        "base-uri": "'none'",
-        "form-action": "'none'",
-    }
-    return "; ".join(f"{name} {value}" for name, value in rules.items())
-
-
-def _hash(text: str) -> str:
-    digest = hashlib.sha256(text.encode()).digest()
-    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
 def _json(value: object) -> str:
