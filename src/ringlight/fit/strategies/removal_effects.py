@@ -24,10 +24,12 @@ def removal_effects(
     """Each row's squared change of all colours if it alone were gone, summed over all ``cameras``; an estimate.
 
     A pixel's colour C is linear in one Gaussian's alpha there, so that without it C changes by alpha dC/dalpha. The
-    square is summed by Hutchinson's estimator (1990), one draw a picture: with signs +1 and -1 drawn for each pixel and
-    colour, the picture's gradient along them is a sum of changes with these signs, and the mean of its square is the
-    sum of their squares. The deviation for n pictures that show a row is at most a factor of sqrt(2 / n). Where a
-    shader adds light the picture's gradient stands for the change. What a clamped alpha adds is left out.
+    square is summed by the trace estimator of Hutchinson ("A stochastic estimator of the trace of the influence matrix
+    for Laplacian smoothing splines", Communications in Statistics, 1990), one draw a picture: with signs +1 and -1
+    drawn for each pixel and colour, the picture's gradient along them is a sum of changes with these signs, and the
+    mean of its square is the sum of their squares. A row's deviation is at most sqrt(2) of its effect, where one
+    picture shows it, and sqrt(2 / n) where n pictures change alike. Where a shader adds light the picture's gradient
+    stands for the change. What a clamped alpha adds is left out.
     """
     total = torch.zeros_like(model.columns[LOGITS])
     with torch.no_grad():
