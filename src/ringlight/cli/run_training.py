@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ringlight.cli.arguments import Net
 from ringlight.cli.main import NO_MEMORY, Stopped, is_out_of_memory
+from ringlight.cli.signals import kept_signals
 from ringlight.core.command_line import command
 from ringlight.errors import BackendError, DivergedError, RecipeError, RinglightError, RunError
 
@@ -70,10 +71,6 @@ def check_watching(options: RunOptions) -> None:
         event_library()
 
 
-STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Ctrl-C, an orderly kill, and a terminal or connection that is closed; Windows has no SIGHUP."""
-
-
 def train_and_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report":
     """Train what remains, save, and measure the test views. Raises Stopped where a signal stopped it, which is saved.
 
@@ -107,7 +104,7 @@ def _train_save_measure(session: "Session", options: RunOptions, resume_with: st
     from ringlight.runs.finish import measure_session
 
     announce(session, options.quiet)
-    with _deferred_signals() as stopping:
+    with kept_signals(_act_at_second) as stopping:
         try:
             show_steps(session, options, stopping)
         except DivergedError as error:
@@ -138,24 +135,8 @@ def _saved_all_the_same(session: "Session") -> Iterator[None]:
         raise RunError(f"{NO_MEMORY}; {way}") from error
 
 
-@contextmanager
-def _deferred_signals() -> Iterator[list[int]]:
-    """Inside the block a signal only leaves its number, so that the step under way ends; a second one acts at once.
-
-    One that the parent had ignored (nohup, a job in the background) stays ignored.
-    """
-    numbers: list[int] = []
-
-    def remember(number: int, frame: object) -> None:
-        if numbers:
-            raise KeyboardInterrupt(number)
-        numbers.append(number)
-        sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
-
-    heard = [number for number in STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
-    previous = {number: signal.signal(number, remember) for number in heard}
-    try:
-        yield numbers
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+def _act_at_second(number: int, before: list[int]) -> None:
+    """The first signal lets the step under way end; a second one acts at once."""
+    if before:
+        raise KeyboardInterrupt(number)
+    sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")

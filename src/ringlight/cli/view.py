@@ -1,9 +1,6 @@
 """``ringlight view RUN|SCENE ...``: look at models, or at a scene's cameras, in a browser."""
 
-import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -13,7 +10,7 @@ import tyro
 from ringlight.cli.arguments import Device, MaybeFolder
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse, refuse
-from ringlight.cli.run_training import STOPPING
+from ringlight.cli.signals import kept_signals
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
 from ringlight.data.bundled import scene_folder
@@ -73,7 +70,7 @@ def main(arguments: list[str]) -> int:
     tell_address(page.address, asked.host, sys.stderr)
     viewer = Viewer(subject, page, wishes)
     try:
-        with signals() as stopping:
+        with kept_signals() as stopping:
             while not stopping:
                 wishes.changed.clear()
                 if not viewer.turn():
@@ -93,20 +90,3 @@ def tell_address(address: str, host: str, stream: TextIO) -> None:
         sys.stderr.write(
             f"warning: whoever reaches {host} may look, and steer; leave out --host for this machine alone\n"
         )
-
-
-@contextmanager
-def signals() -> Iterator[list[int]]:
-    """Inside the block a signal only leaves its number; one that the parent had ignored stays ignored."""
-    numbers: list[int] = []
-
-    def remember(number: int, frame: object) -> None:
-        numbers.append(number)
-
-    heard = [number for number in STOPPING if signal.getsignal(number) is not signal.SIG_IGN]
-    previous = {number: signal.signal(number, remember) for number in heard}
-    try:
-        yield numbers
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
