@@ -18,9 +18,11 @@ from jaxtyping import install_import_hook
 if os.environ.get("RINGLIGHT_TESTS") != "unchecked":
     install_import_hook("ringlight", "beartype.beartype")
 
+# A shell's job in the background, or one under nohup: commands would ignore these signals too.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # A shell's job in the background: commands would ignore the signal too, as they do under nohup.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 settings.register_profile("untimed", deadline=None)  # a loaded machine is no failure
 settings.load_profile("untimed")

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from in_bfloat16 import IN_BFLOAT16
 from ringlight.bench import step_parts
 from ringlight.bench.parts import bench_parts
 from ringlight.bench.step_parts import BALL_RADIUS, BETAS, EPSILON, PARTS, RATE, torch_step
@@ -32,7 +33,7 @@ def test_references_agree_with_what_they_are_timed_beside():
     rows = bench_parts(["reflection", "reflection-wide", "photometric"], [Size(1, 40)], ONCE, 0, CPU)
     for row in rows:
         assert [other.name for other in row.beside] == ["reference"]
-        assert row.largest_difference < 1e-4
+        assert row.largest_difference < (5e-3 if IN_BFLOAT16 else 1e-4)
 
 
 def test_parts_are_those_that_the_methods_train(monkeypatch):

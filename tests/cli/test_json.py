@@ -20,6 +20,7 @@ LINES = {
     "compare": ("compare", "{run}", "{other}"),
     "compare --sheet": ("compare", "{run}", "{other}", "--sheet", "{new}.png"),
     "report": ("report", "{run}", "{other}", "{new}.html"),
+    "share": ("share", "{run}", "{new}.html"),
     "study": ("study", "rank", "{scene}", *flags(steps=2, seeds=1), "--lpips", "--only", "rank-4", "--out", "{new}"),
     "study --dry-run": ("study", "rank", "{scene}", "--dry-run", "--out", "{new}"),
     "info": ("info", "{run}"),

@@ -7,12 +7,12 @@ from torch import Tensor
 
 STEP = 1e-6
 """Of a direction of unit length; the error of a central difference is of its square."""
-TOLERANCE = 1e-5
+TOLERANCE = 3e-5
 """Of a leaf's own slope; what is left is rounding over twice the step."""
 FLOOR = 1e-4
 """Of the largest slope of all leaves: a leaf whose slope is smaller is held against this much of it. All leaves
-share the rounding of the value, 1e-16 of it over a step of 1e-6 some ten times: 1e-9 of slopes as large as the value,
-which is ``TOLERANCE`` of this floor and no less of anything below it."""
+share the rounding of the value, 1e-16 of it over a step of 1e-6 some thirty times: 3e-9 of slopes as large as the
+value, which is ``TOLERANCE`` of this floor and no less of anything below it."""
 
 
 def slopes_differ(

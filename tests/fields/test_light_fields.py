@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from ringlight import _kernels
+from in_bfloat16 import IN_BFLOAT16, NEAR_KINKS
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.core.directions import normalize, octahedral_from_directions
@@ -202,9 +202,11 @@ def test_tables_know_their_way_back(kind: str, double: bool) -> None:
     by_tables = torch.autograd.grad(again, [leaves.axes, leaves.view, leaves.core], upstream)
     found = tables.backward(RingTables(*by_tables, tables.diagonal))
     assert found.keys() == expected.keys()
-    in_bfloat16 = not double and _kernels.isa() in ("avx512_bf16", "avx512_amx")
-    tolerance = 0.1 if in_bfloat16 else 1e-9 if double else 1e-4
+    tolerance = 1e-9 if double else 1e-4
     for name, gradient in expected.items():
+        if IN_BFLOAT16 and not double:
+            assert (found[name] - gradient).norm() <= NEAR_KINKS * gradient.norm(), name
+            continue
         largest = gradient.abs().max().item()
         torch.testing.assert_close(found[name], gradient, rtol=0, atol=tolerance * largest)
     with pytest.raises(RuntimeError, match=r"ask for it with Want\.GRADIENTS"):
