@@ -113,7 +113,9 @@ def test_an_unfinished_run_shows_its_curve_so_far(trained: dict[str, Path], tmp_
     shown = read(page)
     labels = {curve["data-label"] for curve in shown.all("g") if "data-label" in curve}
     assert labels == {"3dgs", "ringlight-basis"}, "its curve comes from the checkpoint"
-    assert "has no report.json" in shown.text
+    assert shown.text.count("has no report.json") == 1
+    (run / "recipe.json").write_text("{")
+    assert "go on with" not in ringlight("report", run, tmp_path / "no-record.html", "--no-layers").err
 
 
 @pytest.mark.parametrize("file", ["report.json", "recipe.json", "model.safetensors", "checkpoint.safetensors"])
@@ -162,6 +164,8 @@ def test_runs_of_different_scenes_and_views_stand_apart(
     shown = read(page)
     assert [a.get("id") for a in shown.all("h2")] == ["s0", "s1", "s2", "runs"]
     assert "Apart from the others of this scene" in shown.text
+    tables = [a for a in shown.all("table") if a.get("class") == "results"]
+    assert len(tables) == 3, "no best and no ratio goes across runs that do not compare"
 
 
 def test_mistakes_are_one_sentence(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:

@@ -73,7 +73,7 @@ def _print(asked: ReportArguments, written: "WrittenReport") -> None:
     sys.stderr.write("".join(f"{note}\n" for note in written.notes))
     if asked.json:
         runs = [
-            {"label": label, "folder": str(run.folder), "report": run.report}
+            {"scene": run.scene, "label": label, "folder": str(run.folder), "report": run.report}
             for label, run in zip(written.labels, written.runs, strict=True)
         ]
         record = {"page": str(written.file), "bytes": written.bytes, "runs": runs, "notes": written.notes}

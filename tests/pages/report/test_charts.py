@@ -58,3 +58,16 @@ def test_larger_is_higher_and_later_is_to_the_right() -> None:
     (x0, y0), (x1, y1) = (map(float, p.split()) for p in (page.all("path")[0]["d"] or "")[1:].split("L"))
     assert x1 > x0
     assert y1 < y0
+
+
+@pytest.mark.parametrize("tiny", [5e-324, 1e-310, 1e-20])
+def test_a_damaged_reports_smallest_numbers_are_drawn(tiny: float) -> None:
+    page = Parsed(drawn(Chart("t", "seconds", (Curve("a", 0, (tiny, 2 * tiny), (0.0, tiny)),))))
+    assert len(page.all("path")) == 1
+
+
+def test_no_name_turns_the_tip() -> None:
+    """The page's script shows these names as they are."""
+    chart = Chart("t", "worst to best", (Curve("a", 0, (0.0,), (1.0,)),), ("a\u202eb",))
+    frame = json.loads(Parsed(drawn(chart)).all("svg")[0]["data-frame"] or "")
+    assert frame["names"] == ["a\\u202eb"]

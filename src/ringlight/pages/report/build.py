@@ -61,16 +61,17 @@ def _body(groups: Sequence[Group], views: int, with_layers: bool) -> tuple[Html,
     members = [member for group in groups for member in group.members]
     notes = [trouble for member in members for trouble in member.run.troubles]
     parts = [_header(groups, members)]
-    measured = [(member.label, member.run.report) for member in members if member.run.report]
-    if measured:
-        lpips = stored_lpips_notes([report for _, report in measured])
-        parts.append(sections.table(ResultsTable(measured, measured[0][0], lpips)))
     for number, group in enumerate(groups):
         scene, of_scene = _scene(group, f"s{number}", views, with_layers, MOST_BYTES // len(groups))
         parts.append(scene)
         notes += of_scene
     parts.append(element("h2", "Runs", id="runs"))
-    parts += map(run_facts, members)
+    several = len({group.scene for group in groups}) > 1
+    parts += [
+        run_facts(member, f"{group.scene}: {member.label}" if several else member.label)
+        for group in groups
+        for member in group.members
+    ]
     footer = (
         f"Written by ringlight {ringlight.__version__}. Pictures are at most 800 pixels wide or high and lossy (WebP); "
     )
@@ -102,6 +103,10 @@ def _scene(group: Group, key: str, views: int, with_layers: bool, room: int) -> 
         notes.append(f"{group.why_apart}.")
         parts.append(element("p", f"Apart from the others of this scene: {group.why_apart}.", class_="trouble"))
     parts += [element("p", trouble, class_="trouble") for member in group.members for trouble in member.run.troubles]
+    measured = [(member.label, run.report) for member, run in group.measured]
+    if measured:  # of this group alone: others were measured on other photographs, and no best goes across
+        lpips = stored_lpips_notes([report for _, report in measured])
+        parts.append(sections.table(ResultsTable(measured, measured[0][0], lpips)))
     parts += [element("h3", "How training went"), sections.trainings(group, key)]
     if group.measured:
         parts.append(sections.view_cards(group, shown, f"{key}-views"))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ringlight.measure.curves import ticks
 from ringlight.measure.report import CurvePoint
-from ringlight.pages.markup import Html, element, joined
+from ringlight.pages.markup import Html, element, joined, visible
 
 WIDTH, HEIGHT = 420, 250
 """Units of a chart; a page scales it."""
@@ -22,6 +22,11 @@ NUMBER_DROP = 4
 
 COLORS = 6
 """Of lines; those beyond begin again, dashed."""
+
+
+def dot(index: int) -> Html:
+    """The mark of a run's colour beside its name."""
+    return element("i", class_=f"dot c{index % COLORS}")
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,9 @@ class Chart:
     names: tuple[str, ...] = ()
     dotted: bool = False
 
+
+LEAST_RANGE = 1e-12
+"""Of an axis: a smaller one, as of a damaged report, has no ticks that a double can count."""
 
 LARGEST = 1e12
 """Of values in a chart: steps, seconds, decibels, thousands."""
@@ -89,9 +97,10 @@ def drawn(chart: Chart) -> Html:
     ys = [y for curve in chart.curves for y in curve.ys]
     first, last = (min(xs), max(xs)) if chart.names else (0.0, max(xs))
     low, high = min(ys), max(ys)
-    room = ROOM * (high - low) or max(abs(high) * 0.01, 1e-3)
+    room = ROOM * (high - low) if high - low > LEAST_RANGE else max(abs(high) * 0.01, 1e-3)
     low, high = low - room, high + room
-    span = (last - first) or 1.0
+    span = last - first if abs(last - first) > LEAST_RANGE else 1.0
+    last = first + span
 
     def across(x: float) -> float:
         return LEFT + (x - first) / span * (WIDTH - LEFT - RIGHT)
@@ -109,7 +118,14 @@ def drawn(chart: Chart) -> Html:
     parts += [_line(curve, across, down, chart.dotted) for curve in chart.curves]
     # What the script needs to find the values under the pointer.
     frame = {"left": LEFT, "right": WIDTH - RIGHT, "top": TOP, "bottom": HEIGHT - BOTTOM}
-    scale = {"first": first, "span": span, "low": low, "high": high, "x": chart.x_name, "names": chart.names}
+    scale = {
+        "first": first,
+        "span": span,
+        "low": low,
+        "high": high,
+        "x": chart.x_name,
+        "names": list(map(visible, chart.names)),
+    }
     return element(
         "svg",
         *parts,

@@ -2,19 +2,21 @@
 
 from collections.abc import Sequence
 
+import ringlight
+from ringlight.measure.machine import source_commit
 from ringlight.measure.report import Report
 from ringlight.pages.markup import Html, element, joined, name
+from ringlight.pages.report.charts import dot
 from ringlight.pages.report.groups import Member
 from ringlight.pages.report.repeated import commands, options_changed, settings_changed, written
 
 MEGABYTE = 1e6
 
 
-def run_facts(member: Member) -> Html:
-    """The section of one run."""
+def run_facts(member: Member, label: str) -> Html:
+    """The section of one run; its troubles stand with its scene. ``label`` tells it from the runs of all scenes."""
     run = member.run
-    parts = [element("h3", element("i", class_=f"dot c{member.index % 6}"), name(member.label))]
-    parts += [element("p", trouble, class_="trouble") for trouble in run.troubles]
+    parts = [element("h3", dot(member.index), name(label))]
     if run.report is not None:
         parts.append(_made(run.report))
     parts += [_settings(member), _repeat(member)]
@@ -75,9 +77,14 @@ def _repeat(member: Member) -> Html:
     record = member.run.record
     if record is None:
         return Html("")
-    at = member.run.report.commit if member.run.report else None
+    here = f"For ringlight {ringlight.__version__}, whose defaults it leaves out."
+    report = member.run.report
+    same = record.version == ringlight.__version__ and (report is None or report.commit == source_commit())
     note = "The same seed on the same kind of machine gives the same bits."
-    note += f" At commit {at}." if at else f" With ringlight {record.version}."
+    if not same:
+        made = f"ringlight {record.version}" + (f", commit {report.commit}" if report and report.commit else "")
+        note = f"The run was made by {made}: defaults and bits may differ."
+    note = f"{here} {note}"
     code = [element("pre", element("code", line)) for line in commands(record)]
     return joined([element("h4", "How to repeat it"), *code, element("p", note, class_="faint")])
 

@@ -76,5 +76,6 @@ def _curve_so_far(run: RunFolder, record: RunRecord | None) -> tuple[CurvePoint,
 def _unfinished(folder: Path, record: RunRecord | None, curve: tuple[CurvePoint, ...]) -> str:
     planned = f" of {record.steps:,}" if record else ""
     reached = f"its last checkpoint's curve ends at step {curve[-1].step:,}{planned}" if curve else "it has no curve"
-    go_on = command("train", "--resume", folder)
-    return f"{folder}: has no {REPORT_NAME}, so there are neither numbers nor pictures; {reached}; go on with: {go_on}"
+    told = f"{folder}: has no {REPORT_NAME}, so there are neither numbers nor pictures; {reached}"
+    # Without its record no run goes on.
+    return f"{told}; go on with: {command('train', '--resume', folder)}" if record else told

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from ringlight.core.words import counted
 from ringlight.measure.columns import MISSING
 from ringlight.measure.table import ResultsTable
-from ringlight.pages.markup import Html, element, joined, name
-from ringlight.pages.report.charts import COLORS, Chart, Curve, drawable, drawn, training_charts
+from ringlight.pages.markup import Html, element, joined, name, visible
+from ringlight.pages.report.charts import Chart, Curve, dot, drawable, drawn, training_charts
 from ringlight.pages.report.encoded import scale_url
 from ringlight.pages.report.groups import Group, Member
 from ringlight.pages.report.layers import CAPTIONS, LayersShown, layer_names
@@ -14,10 +14,8 @@ from ringlight.pages.report.views import RunPicture, ViewShown, ViewsShown, rank
 
 
 def table(results: ResultsTable) -> Html:
-    """All columns that any run has; the best of each scene is marked."""
-    grid = results.grid()
-    if len(grid.scenes) == 1:
-        grid = grid.without("scene")
+    """Runs of one group: all columns that any of them has; the best is marked."""
+    grid = results.grid().without("scene")
     head = element("tr", *(element("th", column.title, class_=_kind(column.is_name)) for column in grid.columns))
     bodies = []
     for scene in grid.scenes:
@@ -42,7 +40,7 @@ def _kind(is_name: bool) -> str:
 
 def legend(members: Sequence[Member]) -> Html:
     """Which colour is which run's."""
-    keys = [element("span", element("i", class_=f"dot c{one.index % COLORS}"), name(one.label)) for one in members]
+    keys = [element("span", dot(one.index), name(one.label)) for one in members]
     return element("p", *keys, class_="legend")
 
 
@@ -66,7 +64,10 @@ def trainings(group: Group, key: str) -> Html:
         if missing
         else []
     )
-    about = "Each point is the mean over four training photographs, before their step."
+    about = (
+        "Each point of PSNR and loss is the mean over up to four training photographs, before their step: "
+        "fewer in a short run."
+    )
     note = element("p", about, class_="faint")
     return element("div", *choices, legend(group.members), *sets, note, *notes, class_="switched")
 
@@ -118,9 +119,8 @@ def _left_side(view: ViewShown, key: str) -> Html:
 def _card(view: ViewShown, key: str, scale: Html) -> Html:
     size = {"width": view.width, "height": view.height}
     mean = sum(run.psnr for run in view.runs) / len(view.runs)
-    place = (
-        "worst view" if view.rank == 0 else "best view" if view.rank == view.of - 1 else f"{view.rank + 1} of {view.of}"
-    )
+    ends = {} if view.of == 1 else {0: "worst view", view.of - 1: "best view"}
+    place = ends.get(view.rank, "the only view" if view.of == 1 else f"{view.rank + 1} of {view.of}")
     words = element("h4", name(view.name), element("span", f"{place}, {mean:.2f} dB", class_="faint"))
     alone = len(view.runs) == 1
     photograph = element(
@@ -145,9 +145,8 @@ def _card(view: ViewShown, key: str, scale: Html) -> Html:
 def _shot(run: RunPicture, key: str, best: float | None, size: dict[str, int], *below: Html) -> Html:
     number = f"{run.psnr:.2f} dB"
     psnr = element("b", number, class_="best") if run.psnr == best else element("span", number)
-    dot = element("i", class_=f"dot c{run.member.index % COLORS}")
     picture = element("img", src=run.picture, alt="picture", id=f"{key}-{run.member.index}", **size)
-    label = element("figcaption", dot, name(run.member.label), " ", psnr)
+    label = element("figcaption", dot(run.member.index), name(run.member.label), " ", psnr)
     return element("figure", label, element("div", picture, class_="curtain"), *below)
 
 
@@ -157,10 +156,11 @@ def layers(shown: Sequence[LayersShown], troubles: Sequence[str]) -> Html:
     if not shown:
         return element("section", *parts)
     first = shown[0]
-    about = f"Training camera {first.camera} of {first.of}, drawn by each run's model."
+    about = f"Training camera {first.camera + 1} of {first.of} of {visible(first.member.label)}"
+    about += ", drawn by each run's model." if len(shown) > 1 else "."
     parts.append(element("p", about, class_="faint"))
     for one in shown:
-        parts.append(element("h4", element("i", class_=f"dot c{one.member.index % COLORS}"), name(one.member.label)))
+        parts.append(element("h4", dot(one.member.index), name(one.member.label)))
         figures = [
             element(
                 "figure",
