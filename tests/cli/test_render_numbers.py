@@ -60,6 +60,16 @@ def test_16_bits_say_their_unit(run: Path, tmp_path: Path, ringlight: Command) -
     assert scale["step"] < depth.max() / 10_000
 
 
+def test_a_folder_of_other_numbers_keeps_what_they_mean(run: Path, tmp_path: Path, ringlight: Command) -> None:
+    words = ("--layers", "depth", "--path", "train", "--frames", "1", "--quiet", "--overwrite", "--out", tmp_path / "o")
+    for _ in range(2):
+        assert ringlight("render", run, *words, "--format", "png16").code == 0
+    before = (tmp_path / "o" / "cameras.json").read_bytes()
+    for kind in ("npy", "png"):
+        refused(ringlight("render", run, *words, "--format", kind), 1, "cameras.json", "choose another folder")
+    assert (tmp_path / "o" / "cameras.json").read_bytes() == before
+
+
 def test_exr_holds_the_same_numbers(run: Path, tmp_path: Path, ringlight: Command) -> None:
     library = pytest.importorskip("OpenEXR")
     words = ("--layers", "depth", "--path", "train", "--frames", "1", "--quiet")

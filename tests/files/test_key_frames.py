@@ -111,8 +111,9 @@ def test_frames_by_seconds_and_by_number(written) -> None:
     assert flight.seconds == 6, "two seconds from stop to stop"
     assert len(frame_times(flight, None, 30.0, 1000)) == 181
     assert frame_times(flight, 4, 30.0, 1000).tolist() == [0, 2, 4, 6]
-    with pytest.raises(SceneError, match="at most 100"):
-        frame_times(flight, None, 30.0, 100)
+    for fps in (30.0, 1e308):
+        with pytest.raises(SceneError, match="at most 100"):
+            frame_times(flight, None, fps, 100)
     alone = read(written(LOOKING | {"stops": LOOKING["stops"][:1]}))
     assert len(frame_times(alone, None, 30.0, 1000)) == 1
     assert len(flown(alone, np.array([0.0]))) == 1
@@ -156,6 +157,8 @@ def stop_with(**values: object) -> dict:
         (change(height=1e9), "height"),
         (change(fov=180), "fov"),
         (change(fps=0), "fps"),
+        (change(clsoed=True), "clsoed"),
+        (stop_with(look_At=[0, 0, 0]), "look_At"),
         (change(closed=3), "closed"),
         (change(up=[0, 0, 0]), "up"),
         (change(seconds=-1), "seconds"),
@@ -178,8 +181,15 @@ def test_damage_is_one_sentence(written, document: dict, words: str) -> None:
     assert str(error.value).startswith(str(file))
 
 
-def test_times_must_rise(written) -> None:
-    stops = [dict(stop, time=time) for stop, time in zip(LOOKING["stops"], (0, 2, 2, 3), strict=True)]
+def test_times_and_seconds_of_an_open_flight_are_refused(written) -> None:
+    stops = [dict(stop, time=time) for time, stop in enumerate(LOOKING["stops"])]
+    with pytest.raises(SceneError, match="leave one out"):
+        read(written(change(stops=stops, seconds=9)))
+
+
+@pytest.mark.parametrize("times", [(0, 2, 2, 3), (-1000, 1e-20, 2e-20, 1), (0, 1e-320, 1, 2)])
+def test_times_must_rise(times: tuple[float, ...], written) -> None:
+    stops = [dict(stop, time=time) for stop, time in zip(LOOKING["stops"], times, strict=True)]
     with pytest.raises(SceneError, match="do not rise"):
         read(written(change(stops=stops)))
 

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ringlight.core.camera import Camera
+from ringlight.errors import OutputError
 from ringlight.files.atomic import write_text
 from ringlight.files.number_files import NumberFormat, Scale
 from ringlight.files.rigs import Rig, Stereo
@@ -34,11 +35,13 @@ def write_camera_records(
     names: Sequence[str],
     cameras: Sequence[Camera],
 ) -> None:
-    """Write the record into ``folder``; ``names`` are the files in each layer's folder. Raises OutputError."""
-    layers = {}
+    """Write the record into ``folder``; ``names`` are the files in each layer's folder. Raises OutputError, also over a
+    record of numbers that mean something else."""
+    layers: dict[str, object] = {}
     for layer, scale in scales.items():
         meaning = ALONG_RAYS if layer == "depth" and rig.name == "panorama" else MEANINGS.get(layer, layer)
         layers[layer] = {"meaning": meaning} | ({"stored": asdict(scale)} if kind == "png16" else {})
+    refuse_other_numbers(folder, kind, layers)
     document = {
         "program": "ringlight render",
         "axes": "camera: x right, y down, z forward; pixel centres at .5; world_to_camera is rigid",
@@ -50,6 +53,21 @@ def write_camera_records(
         "frames": [_frame(name, camera) for name, camera in zip(names, cameras, strict=True)],
     }
     write_text(folder / RECORD_NAME, json.dumps(document, indent=1) + "\n")
+
+
+def refuse_other_numbers(folder: Path, kind: str, layers: dict[str, object]) -> None:
+    """Raises OutputError where ``folder`` records layers of another format or scale: its older files would lose what
+    they mean, and lie among new ones."""
+    record = folder / RECORD_NAME
+    if not record.exists():
+        return
+    try:
+        old = json.loads(record.read_bytes())
+        same = old["format"] == kind and old["layers"] == layers
+    except (OSError, ValueError, TypeError, KeyError):
+        same = False
+    if not same:
+        raise OutputError(f"{record}: tells of numbers in another format or scale; choose another folder")
 
 
 def _frame(name: str, camera: Camera) -> dict[str, object]:

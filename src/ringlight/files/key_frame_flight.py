@@ -30,9 +30,13 @@ STEEPEST = 1e-4
 
 
 def frame_times(flight: KeyFrames, frames: int | None, fps: float, most: int) -> Float[np.ndarray, "F"]:
-    """Seconds of the frames: every 1 / ``fps`` from the first stop to the last, or so many at even distances. A closed
-    flight has no frame twice. Raises SceneError for more than ``most``."""
+    """Seconds of the frames: at even distances from the first stop to the last, about 1 / ``fps`` apart, or so many. No
+    frame need lie on a stop between. A closed flight has no frame twice. Raises SceneError for more than ``most``."""
     if frames is None:
+        if flight.seconds * fps > most + 1:  # refused before it is rounded: infinity has no integer
+            raise SceneError(
+                f"the flight has far more frames than fit; give at most {most:,}, by fewer --frames or --fps"
+            )
         frames = 1 if len(flight.stops) == 1 else max(round(flight.seconds * fps) + (not flight.closed), 1)
     if frames > most:
         raise SceneError(f"the flight has {frames:,} frames; give at most {most:,}, by fewer --frames or --fps")

@@ -6,6 +6,7 @@ all stops: ``fov``, ``up``, ``width`` and ``height`` (pixels), ``fps``, ``second
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -25,11 +26,18 @@ Array = NDArray[np.float64]
 
 MARK, VERSION = "ringlight_path", 1
 
+OF_FILE = (MARK, "stops", "fov", "up", "width", "height", "fps", "seconds", "closed")
+OF_STOP = ("position", "look_at", "camera_to_world", "time", "fov")
+"""All names that the format knows."""
+
 MOST_STOPS = 10_000
 """More are no key frames; nerfstudio's camera_path.json holds every frame."""
 
 LONGEST = 3600.0
 """Seconds of a flight."""
+
+LEAST_GAP = 1e-6
+"""Seconds from one stop to the next: no film tells nearer ones apart, and speeds between them overflow."""
 
 PACE = 2.0
 """Seconds from one stop to the next where the file says no time."""
@@ -76,6 +84,7 @@ def read_key_frames(path: Path, like: Camera | None, up: Array | None) -> KeyFra
     document = read_object(path)
     if document.get(MARK) != VERSION:
         raise SceneError(f"{path}: {MARK!r} is not {VERSION}; this version of ringlight reads no other format")
+    _refuse_unknown(document, OF_FILE, str(path))
     entries = document.get("stops")
     if not isinstance(entries, list) or not 1 <= len(entries) <= MOST_STOPS:
         raise SceneError(f"{path}: holds no list of 1 to {MOST_STOPS:,} 'stops'; see docs/render.md")
@@ -102,10 +111,18 @@ def read_key_frames(path: Path, like: Camera | None, up: Array | None) -> KeyFra
 def _stop(entry: Any, where: str) -> Fields:
     if not isinstance(entry, dict):
         raise SceneError(f"{where} is not an object; give 'position' and 'look_at', or 'camera_to_world'")
+    _refuse_unknown(entry, OF_STOP, where)
     named = {"position", "look_at"} & entry.keys()
     if ("camera_to_world" in entry) == bool(named) or len(named) == 1:
         raise SceneError(f"{where} needs 'position' and 'look_at', or 'camera_to_world' alone; correct it")
     return entry
+
+
+def _refuse_unknown(fields: Fields, known: Sequence[str], where: str) -> None:
+    """A misspelt name would be a setting that nobody obeys."""
+    unknown = next((name for name in fields if name not in known), None)
+    if unknown is not None:
+        raise SceneError(f"{where}: {unknown!r} is none of {', '.join(known)}; correct it or leave it out")
 
 
 def _placed(stop: Fields, focal: float, time: float, where: str) -> Stop:
@@ -137,12 +154,15 @@ def _times(document: Fields, stops: list[Fields], closed: bool, path: Path) -> t
     if not any(said):
         seconds = _between(document, "seconds", str(path), PACE * legs or 1 / FPS, 0.0, LONGEST)
         return [seconds * index / max(legs, 1) for index in range(len(stops))], seconds
+    if "seconds" in document and not closed:
+        raise SceneError(f"{path}: gives 'seconds' and the 'time' of its stops, which end the flight; leave one out")
     if not all(said):
         raise SceneError(f"{path}: stop {said.index(False)} has no 'time', and others have; give all or none")
     times = [finite(stop["time"], f"{path}: 'time' of stop {index}") for index, stop in enumerate(stops)]
-    if any(later <= earlier for earlier, later in pairwise(times)):
-        raise SceneError(f"{path}: the times of its stops do not rise; put them in order, each later than the last")
     times = [time - times[0] for time in times]
+    if any(later - earlier < LEAST_GAP for earlier, later in pairwise(times)):
+        order = f"put them in order, each at least {LEAST_GAP:g} seconds later than the last"
+        raise SceneError(f"{path}: the times of its stops do not rise; {order}")
     end = times[-1] + (times[-1] / (len(times) - 1) if closed and len(times) > 1 else 0.0) or 1 / FPS
     seconds = _between(document, "seconds", str(path), end, 0.0, LONGEST) if closed else end
     if seconds > LONGEST or (closed and seconds <= times[-1]):

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, UInt16
 from torch import Tensor
 
-from ringlight.errors import BackendError
+from ringlight.errors import BackendError, OutputError
 from ringlight.files.atomic import written_atomically
 
 NumberFormat = Literal["png16", "exr", "npy"]
@@ -55,7 +55,10 @@ def write_numbers(path: Path, layer: str, values: Float[Tensor, "H W c"], scale:
     Raises OutputError, and BackendError for EXR without its library.
     """
     array = np.ascontiguousarray(values.detach().cpu().float().numpy())
-    content = WRITERS[path.suffix](layer, array, scale)
+    try:
+        content = WRITERS[path.suffix](layer, array, scale)
+    except (OSError, RuntimeError) as error:  # of OpenEXR's library, which writes to a disk
+        raise OutputError(f"{path}: cannot be written: {error}; free some space or choose another folder") from error
     with written_atomically(path) as file:
         file.write(content)
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
-from ringlight.files.camera_records import write_camera_records
+from ringlight.files.camera_records import refuse_other_numbers, write_camera_records
 from ringlight.files.false_color import nearest_depth
 from ringlight.files.layer_pictures import ALPHA, DEPTH_SAMPLES, common_depth_range, layer_pictures, looking
 from ringlight.files.number_files import SUFFIXES, NumberFormat, scale_of, write_numbers
@@ -45,6 +45,7 @@ def render_film(
     The model, which has the layers, is asked for all of a frame at once. Raises OutputError where a picture cannot be
     written.
     """
+    refuse_other_numbers(folder, "png", {})
     look = looking(model, background, layers)
     near_far = common_depth_range(partial(rig.see, look), film.cameras) if "depth" in layers else (0.0, 1.0)
     folders = {layer: make_folder(folder / layer) for layer in layers}
@@ -77,6 +78,8 @@ def render_numbers(
     scales = {layer: scale_of(layer, deepest) for layer in layers}
     folders = {layer: make_folder(folder / layer) for layer in layers}
     names = [str(Path(name).with_suffix(SUFFIXES[kind])) for name in film.names]
+    # First: numbers in 16 bits that an interrupt leaves without their step are worth nothing.
+    write_camera_records(folder, rig, kind, scales, names, film.cameras)
     too_deep = 0
     for done, (camera, name) in enumerate(zip(film.cameras, names, strict=True), 1):
         found = rig.see(look, camera)
@@ -84,7 +87,6 @@ def render_numbers(
         for layer in layers:
             write_numbers(folders[layer] / name, layer, found[layer], scales[layer])
         tell(done, len(film.cameras))
-    write_camera_records(folder, rig, kind, scales, names, film.cameras)
     return too_deep
 
 

@@ -127,7 +127,7 @@ def _errors(name: str, photographs: PictureFolder, whole: _Whole) -> list[Float[
 
 def _thinned(errors: Sequence[Float[np.ndarray, "H W"]]) -> Float[np.ndarray, "K n"]:
     """Every n-th pixel: enough to choose a scale, of hundreds of large pictures too."""
-    step = max(1, max(errors[0].shape) // MOST_SIDE)
+    step = -(-max(errors[0].shape) // MOST_SIDE)
     return np.stack([error[::step, ::step].ravel() for error in errors])
 
 
