@@ -174,6 +174,7 @@ def test_mistakes_are_one_sentence(trained: dict[str, Path], tmp_path: Path, rin
     refused(ringlight("report", run), 2, ".html")
     refused(ringlight("report", page), 2, "no runs")
     refused(ringlight("report", run, page, "--views", "-1"), 1, "--views is -1")
+    refused(ringlight("report", run, page, "--views", "1001"), 1, "--views is 1001")
     refused(ringlight("report", tmp_path / "gone", page), 1, tmp_path / "gone")
     refused(ringlight("report", run.parent, page), 1, run.parent, run)
     refused(ringlight("report", run, tmp_path / "none" / "out.html"), 1, "does not exist")

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 PAGE = ".html"
 MEGABYTE = 1e6
 
+MOST_VIEWS = 1000
+"""Of each scene: their pictures fill the page's room long before, and each is read twice."""
+
 
 @dataclass(frozen=True)
 class ReportArguments:
@@ -53,8 +56,8 @@ def main(arguments: list[str]) -> int:
         refuse("report", f"the last name is the page to write, and {str(page)!r} does not end in {PAGE}")
     if not runs:
         refuse("report", "no runs are named; give the folders that 'ringlight train' wrote, then the page")
-    if asked.views < 0:
-        raise RecipeError(f"--views is {asked.views}; give 0 for none, or more")
+    if not 0 <= asked.views <= MOST_VIEWS:
+        raise RecipeError(f"--views is {asked.views}; give 0 for none, or up to {MOST_VIEWS:,}")
     check_threads(asked.threads)
     refuse_existing(page, asked.overwrite)
     with stages(quiet=not sys.stderr.isatty()) as line:

@@ -1,6 +1,6 @@
 """Test views on the page: the worst, the best and some between, each as photographed and as every run shows it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,20 +115,26 @@ def views_shown(group: Group, count: int, room: int) -> ViewsShown:
 _Whole = Sequence[tuple[Member, ComparedRun, PictureFolder]]
 
 
-def _errors(name: str, photographs: PictureFolder, whole: _Whole) -> list[Float[np.ndarray, "H W"]]:
-    """Mean over the channels of the difference to the photograph, of each run."""
+def _errors(name: str, photographs: PictureFolder, whole: _Whole) -> Iterator[Float[np.ndarray, "H W"]]:
+    """Mean over the channels of the difference to the photograph, of one run after the other: pictures may be of a
+    hundred megapixels, and runs many."""
     truth = photographs[name].numpy()
-    renders = [renders[name].numpy() for _, _, renders in whole]
-    sizes = {f"{picture.shape[1]}x{picture.shape[0]}" for picture in (truth, *renders)}
-    if len(sizes) > 1:
-        raise RunError(f"view {name}: its pictures differ in size ({', '.join(sorted(sizes))}); evaluate all runs anew")
-    return [np.abs(render - truth).mean(-1) for render in renders]
+    for _, _, renders in whole:
+        render = renders[name].numpy()
+        sizes = {f"{picture.shape[1]}x{picture.shape[0]}" for picture in (truth, render)}
+        if len(sizes) > 1:
+            told = ", ".join(sorted(sizes))
+            raise RunError(f"view {name}: its pictures differ in size ({told}); evaluate all runs anew")
+        yield np.abs(render - truth).mean(-1)
 
 
-def _thinned(errors: Sequence[Float[np.ndarray, "H W"]]) -> Float[np.ndarray, "K n"]:
+def _thinned(errors: Iterable[Float[np.ndarray, "H W"]]) -> Float[np.ndarray, "K n"]:
     """Every n-th pixel: enough to choose a scale, of hundreds of large pictures too."""
-    step = -(-max(errors[0].shape) // MOST_SIDE)
-    return np.stack([error[::step, ::step].ravel() for error in errors])
+    thin = []
+    for error in errors:
+        step = -(-max(error.shape) // MOST_SIDE)
+        thin.append(error[::step, ::step].flatten())  # a copy: a view of it would keep the whole alive
+    return np.stack(thin)
 
 
 def _view(name: str, rank: int, of: int, photographs: PictureFolder, whole: _Whole, top: float) -> ViewShown:
