@@ -237,19 +237,3 @@ def test_words_of_the_first_lines_are_those_of_photographers(tiny: Path, tmp_pat
         assert explained in said
     for of_the_trade in ("deferred", "forward", "harmonics", "hull", "background photograph", "lit per pixel"):
         assert of_the_trade not in said
-
-
-def test_a_model_without_a_recipe_says_its_step_alone(run_folder: Path, ringlight: Command, monkeypatch) -> None:
-    from dataclasses import replace
-
-    from ringlight.runs import facts
-
-    real = facts.facts_of
-    monkeypatch.setattr(facts, "facts_of", lambda path: _without_recipe(real(path), replace))
-    shown = ringlight("info", run_folder).out
-    assert "step 40\n" in shown
-    assert "None" not in shown.splitlines()[1]
-
-
-def _without_recipe(found, replace):  # type: ignore[no-untyped-def]
-    return replace(found, run=None, header=replace(found.header, recipe={}))
