@@ -1,11 +1,14 @@
 """ringlight-basis: small rows, rates by the length, refusals."""
 
 import dataclasses
+import math
 
 import pytest
 import torch
 
 from ringlight.errors import RecipeError
+from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
@@ -27,6 +30,34 @@ def test_base_colours_learn_as_those_of_3dgs_and_fall_in_any_run(steps: int):
     assert ours.at(0.75) == theirs.at(0.75) == theirs.start
     assert ours.at(1.0) == pytest.approx(ours.start / 10)
     assert (ours == theirs) is (steps < 30_000)
+
+
+@pytest.mark.parametrize(
+    ("steps", "threshold", "share"),
+    [(300, 1e-4, 0.7), (7_000, 1e-4, 0.7), (30_000, 2e-4, 0.4), (90_000, 2e-4, 0.4)],
+)
+def test_long_runs_grow_less_and_drop_less(steps: int, threshold: float, share: float):
+    decided = RingLightBasisRecipe(steps=steps).at_length().densify
+    assert (decided.threshold, decided.drop_share) == (threshold, pytest.approx(share))
+
+
+def test_growth_in_between_lies_in_between_and_what_the_user_says_holds():
+    decided = RingLightBasisRecipe(steps=15_000).at_length().densify
+    assert 1e-4 < (decided.threshold or 0) < 2e-4
+    assert 0.4 < (decided.drop_share or 0) < 0.7
+    said = DensifySettings(threshold=3e-5, drop_share=0.25)
+    assert said.growth(15_000) == (3e-5, 0.25)
+    assert RingLightBasisRecipe(steps=15_000, densify=said).at_length().densify.growth(300) == (3e-5, 0.25)
+
+
+def test_without_a_bound_a_photograph_has_seventeen_gaussians_for_twenty_pixels():
+    scene = tiny_scene()
+    (growing,) = [
+        strategy
+        for strategy in RingLightBasisRecipe(steps=30_000).build(scene, rasterizer_for("auto"), 0).strategies
+        if isinstance(strategy, Densify)
+    ]
+    assert growing.settings.max_gaussians == math.ceil(0.85 * scene.pixels)
 
 
 @pytest.mark.parametrize(

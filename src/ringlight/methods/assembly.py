@@ -62,7 +62,7 @@ def empty_model(recipe: SplatRecipe, box: Float[Tensor, "2 3"], rasterize: Raste
 def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: Rasterizer, seed: int) -> Training:
     """The model at its start, a Gaussian on each of the ``points``, and everything that trains it.
 
-    Without a bound in its settings density control ends with as many Gaussians as the largest photograph has pixels.
+    Without a bound in its settings density control ends with as many Gaussians as suit the photographs' pixels.
     """
     recipe = recipe.at_length()
     course, (color, shader) = recipe.course(scene), recipe.parts(scene.box, seed)
@@ -71,7 +71,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     model = SplatModel(table, color, shader, rasterize, options)
     for buffer in course.unlocks:
         model.get_buffer(buffer).zero_()
-    steps, densify = recipe.steps, recipe.densify.within(scene.pixels)
+    steps, densify = recipe.steps, recipe.densify.within(recipe.most_by_pixels(scene.pixels))
     groups = recipe.rates.groups(scene.extent) | course.groups
     growing = Densify(densify, scene.extent, steps, seed, white=scene.background == "white")
     dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)

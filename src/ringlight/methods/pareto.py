@@ -57,7 +57,8 @@ def _lengths(series: str, method: str, recipe: SplatRecipe) -> tuple[Variant, ..
 
 
 def _sizes(series: str, method: str, recipe: SplatRecipe, whole: str) -> tuple[Variant, ...]:
-    eager = replace(recipe, densify=replace(recipe.densify, threshold=EAGER * recipe.densify.threshold))
+    threshold = EAGER * recipe.densify.growth(recipe.steps).threshold
+    eager = replace(recipe, densify=replace(recipe.densify, threshold=threshold))
     curve = (Curve(series, "size"),)
     return tuple(
         Variant(

@@ -67,6 +67,11 @@ class SplatRecipe(ABC):
 
         return empty_model(self, box, rasterize)
 
+    def most_by_pixels(self, pixels: int) -> int:
+        """How many Gaussians it ends with where nobody says so; ``pixels`` are those of the largest training
+        photograph."""
+        return pixels
+
     @property
     def most(self) -> int | None:
         """How many Gaussians the user lets it end with; None where the photographs' pixels say so."""
@@ -80,4 +85,4 @@ class SplatRecipe(ABC):
     def never_above(self: Splats, most: int) -> Splats:
         """The same with no more than ``most`` at any step: it ends with what is left of them once some are dropped."""
         drops = bool(self.densify.drop_rounds(self.steps))
-        return self.ending_with(max(int(most * (1 - self.densify.drop_share)), 1) if drops else most)
+        return self.ending_with(max(int(most * (1 - self.densify.growth(self.steps).drop_share)), 1) if drops else most)

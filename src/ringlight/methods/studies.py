@@ -151,7 +151,7 @@ def _varied(
 
 def _scaled(recipe: RingLightRingRecipe, scale: float) -> RingLightRingRecipe:
     """The loss's scale; the densification threshold, a gradient, goes with it."""
-    threshold = recipe.densify.threshold * scale / recipe.loss.scale
+    threshold = recipe.densify.growth(recipe.steps).threshold * scale / recipe.loss.scale
     densify = replace(recipe.densify, threshold=threshold)
     return replace(recipe, loss=replace(recipe.loss, scale=scale), densify=densify)
 

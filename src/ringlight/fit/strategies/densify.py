@@ -35,7 +35,7 @@ class Densify:
 
     def __init__(self, settings: DensifySettings, extent: float, steps: int, seed: int, white: bool):
         self.settings, self.extent, self.seed = settings, extent, seed
-        self.first_step = settings.first_step(steps)
+        self.first_step, self.threshold = settings.first_step(steps), settings.growth(steps).threshold
         self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
         self.reset_every = settings.paced(settings.reset_every, steps)
         self.white_reset = settings.paced(WHITE_RESET_STEP, steps) if white else None
@@ -101,7 +101,7 @@ class Densify:
 
     def _strongest(self, means: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
         """Rows over the threshold; where all would exceed the budget, those with the largest gradient."""
-        strong = means > self.settings.threshold
+        strong = means > self.threshold
         room = max(self.most - count, 0) if self.most else count
         if int(strong.sum()) > room:
             chosen = means.argsort(descending=True, stable=True)[:room]

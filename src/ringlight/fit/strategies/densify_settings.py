@@ -1,7 +1,8 @@
 """Settings of adaptive density control. Torch-free: recipes hold these."""
 
+import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
@@ -21,12 +22,38 @@ FEWEST_GROWTHS = 5
 """With fewer rounds of density control nothing is dropped: most Gaussians are still the first ones then."""
 
 
+class Growth(NamedTuple):
+    """How readily Gaussians are added, and which share of them is dropped again."""
+
+    threshold: float
+    drop_share: float
+
+
+SHORT_STEPS, SHORT_GROWTH = 7_000, Growth(threshold=1e-4, drop_share=0.7)
+"""In runs of so many steps, and in shorter ones, most Gaussians are dropped again. Models take about a third of the
+bytes of 3dgs; a larger share would gain as much again in bytes, at a tenth more time
+(docs/experiments/growing-and-dropping.md)."""
+
+LONG_GROWTH = Growth(threshold=2e-4, drop_share=0.4)
+"""In runs as long as 3DGS's. There are five times as many rounds of growing: what suits short runs grows three
+Gaussians a pixel before the first is dropped, for a step four times as long (docs/experiments/results.md)."""
+
+
+def growth_at(steps: int) -> Growth:
+    """What suits a run of so many ``steps``: from short to long ones, even in their logarithm."""
+    long = math.log(max(steps, 1) / SHORT_STEPS) / math.log(PAPER_STEPS / SHORT_STEPS)
+    share = min(max(long, 0.0), 1.0)
+    threshold = SHORT_GROWTH.threshold ** (1 - share) * LONG_GROWTH.threshold**share
+    return Growth(threshold, (1 - share) * SHORT_GROWTH.drop_share + share * LONG_GROWTH.drop_share)
+
+
 @dataclass(frozen=True)
 class DensifySettings:
     """Adaptive density control (3DGS, section 5.2)."""
 
-    threshold: float = 2e-4
-    """A Gaussian is cloned or split if its mean screen-space gradient, dL/d(NDC position), exceeds this."""
+    threshold: float | None = 2e-4
+    """A Gaussian is cloned or split if its mean screen-space gradient, dL/d(NDC position), exceeds this. None, the
+    default of ringlight-basis: 1e-4 in runs of up to 7,000 steps, 2e-4 from 30,000 steps on."""
     begin: int | None = None
     """Gaussians are added after this step. By default 500 as in 3DGS, or a tenth of the run if that is less."""
     stop: float = 0.5
@@ -50,15 +77,16 @@ class DensifySettings:
     run is shorter. Without it they are steps of any run, as in 3DGS."""
     max_gaussians: int = 0
     """Most Gaussians at the end of density control, unless it began with more and drops none. The largest gradients
-    come first. 0 takes as many as a training photograph has pixels, since no view could tell more apart. Where a
-    subject is cut out, ringlight-mirror takes one for every seven pixels, but at least 10,000 if there are as many
-    pixels."""
+    come first. 0 takes as many as a training photograph has pixels, since no view could tell more apart;
+    ringlight-basis takes 0.85 of them. Where a subject is cut out, ringlight-mirror takes one for every seven pixels,
+    but at least 10,000 if there are as many pixels."""
     pixel_bound: bool = later(True)
     """Whether max_gaussians of 0 takes the photographs' pixels. Without it 0 is no bound, as in 3DGS: a run ends with
     an error once they need more than half of the machine's memory."""
-    drop_share: float = 0.0
+    drop_share: float | None = 0.0
     """Share of the Gaussians that is dropped once no more are added: those that add least to the training photographs.
-    Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does."""
+    Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does. None, the default of
+    ringlight-basis: 0.7 in runs of up to 7,000 steps, 0.4 from 30,000 steps on."""
     drop_until: float = 0.75
     """Share of all steps at which the last Gaussians are dropped."""
     drop_by: Literal["weights", "effects"] = later("weights")
@@ -70,9 +98,9 @@ class DensifySettings:
             if (getattr(self, name) or 0) < least:
                 raise RecipeError(f"densify.{name} is {getattr(self, name)}; give at least {least}")
         for name in ("threshold", "clone_below", "prune_scale"):
-            if not getattr(self, name) >= 0:
+            if not (getattr(self, name) or 0) >= 0:
                 raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 or more")
-        if not 0 <= self.drop_share < 1:
+        if self.drop_share is not None and not 0 <= self.drop_share < 1:
             raise RecipeError(f"densify.drop_share is {self.drop_share:g}; give 0 (keep all) or more, below 1")
         if not 0 <= self.drop_until <= 1:
             raise RecipeError(f"densify.drop_until is {self.drop_until:g}; give a share of all steps, from 0 to 1")
@@ -85,9 +113,18 @@ class DensifySettings:
 
     def at_length(self, steps: int) -> "DensifySettings":
         """The same with what is left to the run's length, ``steps``, decided."""
-        if self.begin is not None:
-            return self
-        return replace(self, begin=PAPER_BEGIN if self.in_proportion else self.first_step(steps))
+        begin = self.begin
+        if begin is None:
+            begin = PAPER_BEGIN if self.in_proportion else self.first_step(steps)
+        return replace(self, begin=begin, **self.growth(steps)._asdict())
+
+    def growth(self, steps: int) -> Growth:
+        """What a run of so many ``steps`` adds and drops."""
+        suits = growth_at(steps)
+        return Growth(
+            threshold=suits.threshold if self.threshold is None else self.threshold,
+            drop_share=suits.drop_share if self.drop_share is None else self.drop_share,
+        )
 
     def first_step(self, steps: int) -> int:
         """The step after which rows may be added."""
@@ -101,20 +138,22 @@ class DensifySettings:
             return step
         return max(round(step * min(steps / PAPER_STEPS, 1.0)), 1)
 
-    def within(self, pixels: int) -> "DensifySettings":
-        """These settings with a bound that is a number, unless they want none; ``pixels`` are those of the largest
-        training photograph."""
-        return self if self.max_gaussians or not self.pixel_bound else replace(self, max_gaussians=pixels)
+    def within(self, most: int) -> "DensifySettings":
+        """These settings with a bound that is a number, ``most`` where they say none, unless they want none."""
+        return self if self.max_gaussians or not self.pixel_bound else replace(self, max_gaussians=most)
 
     def most_growing(self, steps: int) -> int:
         """The bound until Gaussians are dropped, in a run of so many ``steps``; 0 where there is none."""
-        return int(self.max_gaussians / (1 - self.drop_share)) if self.drop_rounds(steps) else self.max_gaussians
+        if not self.drop_rounds(steps):
+            return self.max_gaussians
+        return int(self.max_gaussians / (1 - self.growth(steps).drop_share))
 
     def drop_rounds(self, steps: int) -> frozenset[int]:
         """The steps after which Gaussians are dropped; none in runs too short to have grown what could be spared, nor
         where density control goes on to the end."""
         last, until = self.last_step(steps), int(self.drop_until * steps)
-        if not self.drop_share or last // self.every - self.first_step(steps) // self.every < FEWEST_GROWTHS:
+        growths = last // self.every - self.first_step(steps) // self.every
+        if not self.growth(steps).drop_share or growths < FEWEST_GROWTHS:
             return frozenset()
         rounds = [last + 1 + index * max(until - last, 0) // DROP_ROUNDS for index in range(DROP_ROUNDS)]
         return frozenset(rounds) if max(rounds) <= steps else frozenset()

@@ -36,7 +36,7 @@ class DropLeast(Stateless):
     ):
         self.rounds, self.cameras, self.bound = settings.drop_rounds(steps), cameras, settings.max_gaussians
         self.by, self.background, self.seed = settings.drop_by, background, seed
-        self.kept = (1 - settings.drop_share) ** (1 / max(len(self.rounds), 1))
+        self.kept = (1 - settings.growth(steps).drop_share) ** (1 / max(len(self.rounds), 1))
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step not in self.rounds:
