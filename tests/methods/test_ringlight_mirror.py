@@ -29,7 +29,7 @@ def test_training_begins_opaque_and_unlit_and_within_the_bound():
     training = RECIPE.build(scene, rasterizer_for("auto"), seed=0)
     table = training.model.gaussians
     torch.testing.assert_close(table.opacities, torch.full((len(table),), RECIPE.opacity))
-    assert len(table) == math.ceil(RECIPE.start_share * most_gaussians(48 * 48))
+    assert len(table) == math.ceil(RECIPE.start_share * most_gaussians(48 * 48, 1))
     view = scene.train[0]
     rendering = training.model.render(view.camera, scene.background_color)
     assert torch.equal(rendering.color, rendering.buffers["rgb"])
@@ -49,7 +49,7 @@ def test_where_no_hull_cuts_the_subject_out_there_may_be_a_gaussian_for_every_pi
     scene = tiny_scene(views=2, size=110)
     opaque = dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))
     bounds = [bound(RECIPE, each) for each in (scene, opaque)]
-    assert bounds == [most_gaussians(scene.pixels), scene.pixels]
+    assert bounds == [most_gaussians(scene.pixels, len(scene.train)), scene.pixels]
     assert bounds[0] < bounds[1]
     asked = dataclasses.replace(RECIPE, densify=dataclasses.replace(RECIPE.densify, max_gaussians=1234))
     assert bound(asked, opaque) == 1234
@@ -102,4 +102,7 @@ def test_settings_out_of_range_are_named(setting: str, value: float):
 
 
 def test_large_photographs_get_fewer_gaussians_than_pixels():
-    assert [most_gaussians(pixels) for pixels in (500, 40_000, 140_000)] == [500, 10_000, 20_000]
+    assert [most_gaussians(pixels, 50) for pixels in (500, 40_000, 140_000)] == [500, 10_000, 20_000]
+    assert [most_gaussians(40_000, views) for views in (1, 70, 100, 1000)] == [10_000, 14_000, 20_000, 20_000]
+    assert most_gaussians(15_000, 100) == 15_000
+    assert most_gaussians(160_000, 100) == 22_858

@@ -47,7 +47,8 @@ class GrowthBound:
     max_gaussians: int = 0
     """Density control ends with no more than this many, unless it began with more. 0: as many as a training photograph
     has pixels, 0.85 of them where Gaussians have weights of a shared basis; where pixels of a subject that is cut out
-    are lit, one for every seven, or 10,000 if there are as many pixels."""
+    are lit, one for every seven, but at least 200 for each photograph, between 10,000 and 20,000, if there are as
+    many pixels."""
 
     def __post_init__(self) -> None:
         if self.max_gaussians < 0:

@@ -79,7 +79,7 @@ class DensifySettings:
     """Most Gaussians at the end of density control, unless it began with more and drops none. The largest gradients
     come first. 0 takes as many as a training photograph has pixels, since no view could tell more apart;
     ringlight-basis takes 0.85 of them. Where a subject is cut out, ringlight-mirror takes one for every seven pixels,
-    but at least 10,000 if there are as many pixels."""
+    but at least 200 for each photograph, between 10,000 and 20,000, if there are as many pixels."""
     pixel_bound: bool = later(True)
     """Whether max_gaussians of 0 takes the photographs' pixels. Without it 0 is no bound, as in 3DGS: a run ends with
     an error once they need more than half of the machine's memory."""
