@@ -16,6 +16,7 @@ from ringlight.color.light_fields import FIELDS
 from ringlight.color.mirror import Mirror
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.regularizers.contract import Regularizer
@@ -52,6 +53,7 @@ COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "light, no base colour": lambda: RingLight(replace(LIGHT, base_color=False), BOX, 1),
     "mirror": lambda: Mirror(latents=3, seed=1),
     "mirror, many latents": lambda: Mirror(latents=12, seed=1),
+    "mirror, varying": lambda: VaryingMirror(latents=3, basis_size=2, seed=1),
     "plug: directional opacity": DirectionalOpacity,
     "plug: harmonics with normals": HarmonicsWithNormals,
 }

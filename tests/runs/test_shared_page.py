@@ -155,9 +155,9 @@ def test_the_fader_changes_pixels_as_python_says(
 def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
     """The picture with so much of what depends on the direction, by the colour model's own parts."""
     if model.shader.adds_light:
-        shown = model.render(camera, torch.ones(3), Want.EXACT, tuple(model.shader.needs))
-        base = shown.buffers["rgb"]
-        return base + amount * (shown.color - base)
+        layers = model.layers(camera)
+        base = layers["base"] + (1 - layers["alpha"])
+        return base + amount * (model.render(camera, torch.ones(3), Want.EXACT).color - base)
     gaussians = model.gaussians
     harmonics = model.harmonics(gaussians)
     if harmonics is not None:

@@ -15,7 +15,7 @@ from ringlight.fit.rates import Adam, GaussianRates, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.surface_start import SurfaceStart
-from ringlight.methods.three_dgs import COARSE_SHARE, DEGREE_SHARE, harmonics_rates
+from ringlight.methods.three_dgs import COARSE_SHARE, degrees_by_step, harmonics_rates
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from ringlight.methods.assembly import Course
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
-
-HIGHEST_DEGREE = 3
-"""Of the shared functions: what 3DGS stores for each Gaussian, and what viewers know."""
 
 HOLD = 0.75
 """Of the run, of any length: a quarter of it, after the last Gaussians are dropped, settles what was learned at high
@@ -102,7 +99,6 @@ class RingLightBasisRecipe(SplatRecipe):
     def course(self, scene: "Scene") -> "Course":
         from ringlight.methods.assembly import Course
 
-        every = max(min(self.sh_every, self.steps // DEGREE_SHARE), 1)
         of_dc, _ = harmonics_rates(self.sh_rate, None, self.steps)
         held = self.rates.at_length(self.steps).held
         return Course(
@@ -111,7 +107,7 @@ class RingLightBasisRecipe(SplatRecipe):
                 "columns.basis_weights": Adam(held(self.weights_rate)),
                 "color.basis": Adam(held(self.basis_rate)),
             },
-            unlocks={"color.active_degree": {degree * every: degree for degree in range(1, HIGHEST_DEGREE + 1)}},
+            unlocks={"color.active_degree": degrees_by_step(self.sh_every, self.steps)},
             surface_opacity=self.start.opacity,
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
         )

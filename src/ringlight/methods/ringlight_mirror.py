@@ -11,12 +11,14 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ringlight.core.kernel_limits import SH_MAX_BASIS
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import FAST_SCALES, Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.methods.three_dgs import degrees_by_step
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 if TYPE_CHECKING:
@@ -79,6 +81,15 @@ class RingLightMirrorRecipe(SplatRecipe):
     undo_collapse: bool = later(False, now=True)
     """Whether a shader that collapses is noticed, and the run set back to where it was good, with half of the shader's
     rates from there on."""
+    basis_size: int = later(0, now=8)
+    """Weights of each Gaussian, of harmonics that all share, by which its base colour changes with the view: what one
+    part of a scene reflects of another. 0 to 16; 0 keeps base colours constant."""
+    sh_every: int = later(1000)
+    """Steps after which one more degree of these harmonics is switched on (a seventh of the run if that is less)."""
+    weights_rate: float = later(5e-3)
+    """Learning rate of the weights at the start; it ends at a tenth."""
+    basis_rate: float = later(1e-2)
+    """Learning rate of what is shared; it ends alike."""
     antialiased: bool = True
     """Rasterize with the opacity compensation of Mip-Splatting, which is worth 0.4 dB on chrome."""
     visible_only: bool = False
@@ -103,6 +114,8 @@ class RingLightMirrorRecipe(SplatRecipe):
 
     def __post_init__(self) -> None:
         check_rates(**{name: value for name, value in vars(self).items() if name.endswith("_rate")})
+        if not 0 <= self.basis_size <= SH_MAX_BASIS:
+            raise RecipeError(f"basis_size is {self.basis_size}; give 0 (constant base colours) to {SH_MAX_BASIS}")
         if not 0 <= self.warmup <= 1:
             raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
         if not 0 < self.opacity < 1:
@@ -112,9 +125,12 @@ class RingLightMirrorRecipe(SplatRecipe):
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.mirror import Mirror
+        from ringlight.color.varying_mirror import VaryingMirror
         from ringlight.shade.reflection import ReflectionShader
 
-        return Mirror(self.shader.latents, seed), ReflectionShader(self.shader, box, seed)
+        latents, size = self.shader.latents, self.basis_size
+        color = VaryingMirror(latents, size, seed) if size else Mirror(latents, seed)
+        return color, ReflectionShader(self.shader, box, seed)
 
     def densify_on_hull(self, scene: "Scene") -> DensifySettings:
         """Density control of a subject that a hull cuts out."""
@@ -150,9 +166,15 @@ class RingLightMirrorRecipe(SplatRecipe):
         def lit(rate: float) -> Adam:
             return Adam(Rate(rate, DECAY * rate), begins=first_lit)
 
+        varying = {
+            "columns.basis_weights": lit(self.weights_rate),
+            "color.varying.basis": lit(self.basis_rate),
+        }
+        degrees = {"color.varying.active_degree": degrees_by_step(self.sh_every, self.steps)}
         return Course(
             groups={
                 "columns.base": Adam(Rate.constant(self.base_rate)),
+                **(varying if self.basis_size else {}),
                 "columns.normals": lit(self.normals_rate),
                 "columns.latents": lit(self.latents_rate),
                 "shader.maps.*": lit(self.maps_rate),
@@ -161,7 +183,7 @@ class RingLightMirrorRecipe(SplatRecipe):
                 "shader.places.*": lit(self.axes_rate),
                 "shader.sphere": lit(self.sphere_rate),
             },
-            unlocks={"shader.lit": {first_lit: 1}},
+            unlocks={"shader.lit": {first_lit: 1}, **(degrees if self.basis_size else {})},
             surface_opacity=self.opacity,
             light=(SHADER,) if self.undo_collapse else (),
             first_lit=first_lit,

@@ -164,7 +164,7 @@ class SplatModel(nn.Module):
         buffers["normal"] = normalize(buffers["normal"])
         if "residual" not in buffers:
             shown = self.render(camera, torch.zeros(3))
-            buffers["residual"] = shown.color - shown.buffers["rgb"]
+            buffers["residual"] = shown.color - buffers.get("base", shown.buffers["rgb"])
         return buffers
 
     @torch.no_grad()

@@ -7,10 +7,13 @@ else. So kinds are told apart by type here, and a model of another kind or shape
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from torch import nn
+
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.mirror import FLIP_BELOW, Mirror
 from ringlight.color.ringlight import RingLight
 from ringlight.color.shared_basis import SharedBasis
+from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.errors import RecipeError
 from ringlight.fields.encoding import FourierCode
 from ringlight.fields.heads import position_code, view_code
@@ -53,8 +56,8 @@ def shown_of(model: object) -> Shown:
         return Shown("harmonics", 0.0, stored > 0, {"BASIS": 0, "STORED": stored}, {"degree": int(color.active_degree)})
     if type(color) is RingLight and type(shader) is PassThrough:
         return _ring(color)
-    if type(color) is Mirror and type(shader) is ReflectionShader:
-        return _mirror(shader)
+    if isinstance(shader, ReflectionShader) and type(color) in (Mirror, VaryingMirror):
+        return _mirror(color, shader)
     raise _refused(f"a {type(color).__name__} with a {type(shader).__name__}")
 
 
@@ -94,7 +97,7 @@ def _unfit(width: int) -> bool:
     return bool(width % FOUR) or width > WIDEST_HIDDEN
 
 
-def _mirror(shader: ReflectionShader) -> Shown:
+def _mirror(color: nn.Module, shader: ReflectionShader) -> Shown:
     settings = shader.settings
     network = sum(parameter.numel() for parameter in shader.mlp.parameters()) * 4
     for wrong, what in (
@@ -106,7 +109,11 @@ def _mirror(shader: ReflectionShader) -> Shown:
     ):
         if wrong:
             raise _refused(what)
+    basis, degree = 0, 0
+    if isinstance(color, VaryingMirror):
+        basis, degree = len(color.varying.basis), int(color.varying.active_degree)
     sizes = {
+        "BASIS": basis,
         "LATENTS": settings.latents,
         "LEVELS": len(settings.levels),
         "AXIS_NODES": settings.axis_nodes,
@@ -118,9 +125,13 @@ def _mirror(shader: ReflectionShader) -> Shown:
     return Shown(
         "mirror",
         FLIP_BELOW,
-        bool(shader.lit),
+        bool(shader.lit) or degree > 0,
         sizes,
-        {"mirror": {"parallax": settings.parallax}, "box": shader.box.tolist()},
+        {
+            "mirror": {"parallax": settings.parallax, "lit": bool(shader.lit)},
+            "box": shader.box.tolist(),
+            "degree": degree,
+        },
     )
 
 

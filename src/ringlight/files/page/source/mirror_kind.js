@@ -1,14 +1,18 @@
 // Mirrors: channels are blended, and each pixel is shaded once by the trained network.
-import { numbered, Program, Texture } from "./gl.js";
+import { Colors } from "./colors.js";
+import { inTexels, numbered, Program, Texture } from "./gl.js";
 import { inFours, layersOf } from "./networks.js";
-import { surfacesOf } from "./splat_kind.js";
+import { basisOf, surfacesOf } from "./splat_kind.js";
+
+const GREY = 0.5,
+  C0 = 0.28209479177387814; // a colour is grey and the constant harmonic times its coefficient
 
 export class MirrorKind {
   constructor(gl, shaders, { tensors, facts, normals }) {
     const { mirror, box } = facts,
       surfaces = surfacesOf(tensors, normals);
     this.surfaces = numbered(gl, "rgba32f", surfaces.length / 4, surfaces);
-    this.lit = facts.lit;
+    this.lit = mirror.lit;
     const maps = mapsOf(gl, tensors, facts.sizes.LEVELS),
       half = Math.max(...box[1].map((high, k) => high - box[0][k])) / 2;
     this.textures = { maps: maps.texture, places: placesOf(gl, tensors, facts.sizes) };
@@ -33,6 +37,7 @@ export class MirrorKind {
       "mirror_main.glsl",
     ];
     const sizes = { ...facts.sizes, WEIGHTS: network.length / 4 };
+    this.colored = facts.sizes.BASIS ? coloredOf(gl, shaders, { tensors, facts }, surfaces) : null;
     this.program = new Program(
       gl,
       picture.map((name) => shaders[name]),
@@ -40,19 +45,39 @@ export class MirrorKind {
     );
   }
 
-  // Nothing of a Gaussian depends on the camera but which way its normal looks, and that the lists say.
-  prepare() {
-    return true;
+  // Nothing else of a Gaussian depends on the camera but which way its normal looks, and that the lists say. Colours
+  // are whole whatever the fader says: the network sees them, and what they have of the view is faded in the picture.
+  prepare(camera, _, some) {
+    return this.colored?.prepare(camera, 1, some) ?? true;
   }
 
   bound(lists, camera, residual) {
     const [a, b, c, , d, e, f, , g, h, i] = camera.pose,
       { focal, center, position } = camera;
     const toWorld = [a, b, c, d, e, f, g, h, i]; // the rotation's transpose, columns first
-    const program = this.program.use().textures({ ...lists, surfaces: this.surfaces, ...this.textures });
+    const colors = this.colored ? { colors: this.colored.colors } : {};
+    const program = this.program.use().textures({ ...lists, surfaces: this.surfaces, ...this.textures, ...colors });
     program.wholes(this.wholes).block("Network", this.network);
-    return program.numbers({ ...this.numbers, toWorld, focal, center, position, residual: this.lit ? residual : 0 });
+    const light = this.lit ? residual : 0;
+    return program.numbers({ ...this.numbers, toWorld, focal, center, position, residual, light });
   }
+}
+
+// Base colours that change with the view: the constant ones, and weights of shared harmonics.
+function coloredOf(gl, shaders, { tensors, facts }, surfaces) {
+  const rows = facts.gaussians,
+    texels = surfaces.length / rows,
+    constants = new Float32Array(4 * rows);
+  for (let row = 0; row < rows; row++)
+    for (let k = 0; k < 3; k++) constants[4 * row + k] = (surfaces[texels * row + k] - GREY) / C0;
+  const means = inTexels(tensors.get("columns.means").values, 3);
+  const textures = {
+    means: numbered(gl, "rgba32f", rows, means),
+    dc: numbered(gl, "rgba32f", rows, constants),
+    ...basisOf(gl, tensors, "color.varying.basis"),
+  };
+  const recolor = new Program(gl, [shaders["numbered.glsl"], shaders["harmonics.glsl"]], facts.sizes);
+  return new Colors(gl, recolor, rows, { textures, wholes: { degree: facts.degree } });
 }
 
 // Octahedral maps of several sizes below each other; where the square's edge shows one direction twice, with the mean.

@@ -3,7 +3,7 @@ uniform sampler2D maps, places;
 uniform mat3 toWorld;
 uniform vec3 position, boxMiddle;
 uniform vec2 focal, center;
-uniform float boxHalf, residual;
+uniform float boxHalf, residual, light;
 uniform vec4 sphere;
 uniform int map_sides[LEVELS], map_rows[LEVELS];
 layout(std140) uniform Network { vec4 weights[WEIGHTS]; };
@@ -113,6 +113,11 @@ void main() {
   vec3 color = base + left * background;
   if (layer == NORMAL) color = normalPicture(normal, alpha);
   else if (layer == DEPTH) color = depthPicture(depthSum, alpha);
-  else if (alpha > FAINTEST_SHADED && residual != 0.0) color += residual * alpha * reflectedLight(alpha);
+  else {
+    if (alpha > FAINTEST_SHADED && light != 0.0) color += light * alpha * reflectedLight(alpha);
+#if BASIS > 0
+    color += (1.0 - residual) * (constant - base);
+#endif
+  }
   shown = vec4(color, 1.0);
 }

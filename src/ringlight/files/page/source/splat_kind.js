@@ -1,24 +1,20 @@
-// Models whose Gaussians are coloured each by itself: harmonics, a shared basis of them, the ring. Colours are made
-// again only when the camera's position or the fader changes.
-import { inTexels, numbered, Program, Texture, texelRows } from "./gl.js";
+// Models whose Gaussians are coloured each by itself: harmonics, a shared basis of them, the ring.
+import { Colors } from "./colors.js";
+import { inTexels, numbered, Program } from "./gl.js";
 import { axisTable, viewTable } from "./heads.js";
 import { inFours, layersOf } from "./networks.js";
-
-const HEIGHT_AT_ONCE = 8; // rows of 2048 Gaussians that a moving camera recolours in one picture
 
 export class SplatKind {
   constructor(gl, shaders, model) {
     const { tensors, facts } = model,
       means = tensors.get("columns.means").values;
-    this.gl = gl;
-    this.rows = facts.gaussians;
-    const shared = { means: numbered(gl, "rgba32f", this.rows, inTexels(means, 3)) };
-    this.normals = numbered(gl, "rgba32f", this.rows, inTexels(model.normals, 3));
+    const rows = facts.gaussians,
+      shared = { means: numbered(gl, "rgba32f", rows, inTexels(means, 3)) };
+    this.normals = numbered(gl, "rgba32f", rows, inTexels(model.normals, 3));
     const source = facts.kind === "ring" ? ringOf(gl, model) : harmonicsOf(gl, model);
-    this.textures = { ...shared, ...source.textures };
-    this.constants = source;
     const code = facts.kind === "ring" ? "ring.glsl" : "harmonics.glsl";
-    this.recolor = new Program(gl, [shaders["numbered.glsl"], shaders[code]], facts.sizes);
+    const recolor = new Program(gl, [shaders["numbered.glsl"], shaders[code]], facts.sizes);
+    this.colored = new Colors(gl, recolor, rows, { ...source, textures: { ...shared, ...source.textures } });
     const picture = [
       "numbered.glsl",
       "layers.glsl",
@@ -31,58 +27,23 @@ export class SplatKind {
       gl,
       picture.map((name) => shaders[name]),
     );
-    this.colors = new Texture(gl, "rgba32ui", 2048, texelRows(this.rows));
-    this.target = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.colors.texture, 0);
-    // Camera position and fader of the colours, how many rows of 2048 are still of earlier ones, and the next of them.
-    this.made = null;
   }
 
   // Bring the colours up to date; with `some` only a part of them, if there are many. True once all are.
   prepare(camera, residual, some) {
-    const wish = [...camera.position, residual].join(),
-      height = this.colors.height;
-    if (this.made?.wish !== wish) this.made = { wish, left: height, next: this.made?.next ?? 0 };
-    if (!this.made.left) return true;
-    const gl = this.gl,
-      lines = some ? Math.min(HEIGHT_AT_ONCE, this.made.left) : this.made.left;
-    const first = this.made.next,
-      { numbers = {}, wholes = {} } = this.constants;
-    this.recolor
-      .use()
-      .textures(this.textures)
-      .numbers({ ...numbers, position: camera.position, residual });
-    this.recolor.wholes({ ...wholes, rows: this.rows });
-    gl.enable(gl.SCISSOR_TEST);
-    for (let line = 0; line < lines;) {
-      const from = (first + line) % height,
-        here = Math.min(lines - line, height - from);
-      gl.scissor(0, from, 2048, here);
-      this.recolor.draw(this.target, 2048, height);
-      line += here;
-    }
-    gl.disable(gl.SCISSOR_TEST);
-    this.made.next = (first + lines) % height;
-    this.made.left -= lines;
-    return this.made.left === 0;
+    return this.colored.prepare(camera, residual, some);
   }
 
   // The program of pictures with what is this kind's own.
   bound(lists) {
-    return this.program.use().textures({ ...lists, colors: this.colors, normals: this.normals });
+    return this.program.use().textures({ ...lists, colors: this.colored.colors, normals: this.normals });
   }
 }
 
 function harmonicsOf(gl, { tensors, parts, facts }) {
   const textures = { dc: numbered(gl, "rgba32f", facts.gaussians, inTexels(tensors.get("columns.sh_dc").values, 3)) };
-  if (facts.kind === "basis") {
-    const weights = tensors.get("columns.basis_weights"),
-      basis = tensors.get("color.basis").values;
-    const texels = inTexels(weights.values, weights.shape[1]);
-    textures.weights = numbered(gl, "rgba32f", texels.length / 4, texels);
-    textures.basis = numbered(gl, "rgba32f", basis.length / 3, inTexels(basis, 3));
-  } else {
+  if (facts.kind === "basis") Object.assign(textures, basisOf(gl, tensors, "color.basis"));
+  else {
     const { codes, low, step } = parts.get("columns.sh_rest"),
       width = low.values.length;
     const scales = Float32Array.from({ length: 4 * width }, (_, k) =>
@@ -93,6 +54,17 @@ function harmonicsOf(gl, { tensors, parts, facts }) {
     textures.scales = numbered(gl, "rgba32f", Math.max(width, 1), width ? scales : new Float32Array(4));
   }
   return { textures, wholes: { degree: facts.degree } };
+}
+
+// Weights of each Gaussian, and the shared functions that they mix.
+export function basisOf(gl, tensors, name) {
+  const weights = tensors.get("columns.basis_weights"),
+    basis = tensors.get(name).values;
+  const texels = inTexels(weights.values, weights.shape[1]);
+  return {
+    weights: numbered(gl, "rgba32f", texels.length / 4, texels),
+    basis: numbered(gl, "rgba32f", basis.length / 3, inTexels(basis, 3)),
+  };
 }
 
 function ringOf(gl, { tensors, facts }) {

@@ -1,0 +1,90 @@
+"""What Gaussians emit for deferred reflection shading where their base colour changes with the view as well.
+
+A reflection of the surroundings is the same function of the reflected direction all over a mirror, and the shader knows
+it. What one ball shows of the next one is not. A few weights for each Gaussian, of harmonics that all share, hold what
+is left: smooth, and of its own place (``color/shared_basis.py``).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.color.mirror import Mirror
+from ringlight.color.ringlight import BASE
+from ringlight.color.shared_basis import BASIS, DC, WEIGHTS, SharedBasis
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
+from ringlight.core.gradients import COLOR, COLUMNS, Gradients, dense
+from ringlight.core.rendering import Channels, Emission
+from ringlight.core.scene import PointCloud
+from ringlight.core.sh_basis import C0, sh_from_rgb
+from ringlight.core.want import Want
+
+VARYING = "varying."
+"""What the names of the shared parameters begin with."""
+
+RGB = 3
+"""Channels of the colour, which come first."""
+
+
+class VaryingMirror(Mirror):
+    """A :class:`Mirror` whose "rgb" is max(0, sigmoid(base) + what ``basis_weights`` [N K] mix of harmonics).
+
+    Shared: ``varying``, a :class:`SharedBasis` of K functions; its degree grows during training. What the shader adds
+    comes on top. Raises RecipeError for a ``basis_size`` K that the kernels do not take.
+    """
+
+    def __init__(self, latents: int, basis_size: int, seed: int = 0):
+        super().__init__(latents, seed)
+        self.varying = SharedBasis(basis_size, seed)
+
+    def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
+        """Those of a mirror, and weights of zero."""
+        return super().new_columns(points) | {WEIGHTS: self.varying.new_columns(points)[WEIGHTS]}
+
+    def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
+        """See :meth:`Mirror.emit`; "rgb" may exceed 1."""
+        plain = super().emit(gaussians, camera, names, want)
+        colors = self.varying.emit(self._on_basis(gaussians), camera, ("rgb",), want)
+        channels = torch.cat([colors.channels, plain.channels[:, RGB:]], -1)
+        if want is not Want.GRADIENTS:
+            return Emission(plain.widths, channels)
+
+        def backward(grad_channels: Tensor, grad_factor: Tensor | None, into: Gradients) -> None:
+            found = Gradients()
+            colors.backward(grad_channels[:, :RGB].contiguous(), None, found)
+            into.add_all(_by_our_names(found))
+            reached = grad_channels.clone()  # the base colour's part: nothing where the sum is clamped
+            reached[:, :RGB] = dense(found[COLUMNS + DC]) / C0
+            plain.backward(reached, grad_factor, into)
+
+        return Emission(plain.widths, channels, backward=backward)
+
+    @torch.no_grad()
+    def _on_basis(self, gaussians: Gaussians) -> Gaussians:
+        """The same rows as the shared basis knows them: the base colour as a constant coefficient."""
+        base, weights = gaussians.appearance[BASE].sigmoid(), gaussians.appearance[WEIGHTS]
+        return replace(gaussians, appearance={DC: sh_from_rgb(base), WEIGHTS: weights})
+
+
+def _by_our_names(found: Gradients) -> Gradients:
+    """What the basis calls ``color.basis`` is ``color.varying.basis``; its constant coefficient is none of ours."""
+    names = {COLOR + BASIS: COLOR + VARYING + BASIS}
+    return Gradients({names.get(name, name): value for name, value in found.items() if name != COLUMNS + DC})
+
+
+def varying_channels_reference(
+    columns: dict[str, Float[Tensor, "N c"]], basis: Float[Tensor, "K 15 3"], camera: Camera, degree: int
+) -> Channels:
+    """What is emitted, in torch and in any precision, from the columns by name."""
+    from ringlight.color.harmonics import sh_colors_reference
+    from ringlight.color.mirror import mirror_channels_reference
+    from ringlight.color.shared_basis import mixed_harmonics
+
+    plain = mirror_channels_reference(columns, camera)
+    rest = mixed_harmonics(columns[WEIGHTS], basis)
+    dc = sh_from_rgb(plain["rgb"])
+    return plain | {"rgb": sh_colors_reference(columns["means"], dc, rest, camera.position, degree)}
