@@ -54,18 +54,26 @@ def test_rows_lose_half_a_scale_of_their_own(shape: list[int], seed: int, spread
     assert (error <= largest / 254 * (1 + 1e-5)).all()
 
 
-@pytest.mark.parametrize("width", [1, 2, 3])
+@pytest.mark.parametrize("bits", [8, 10, 12, 16, 24])
 @MANY
 @given(rows=ROWS, seed=SEEDS, spread=SPREAD, shift=st.sampled_from([0.0, -3.0, 1000.0]))
 def test_fixed_point_loses_half_a_step_of_the_columns_range(
-    width: int, rows: int, seed: int, spread: float, shift: float
+    bits: int, rows: int, seed: int, spread: float, shift: float
 ) -> None:
     values = noise(rows, 2, 3, seed=seed, spread=spread) + shift
-    error = (there_and_back(f"fixed{8 * width}", values) - values).abs()
+    error = (there_and_back(f"fixed{bits}", values) - values).abs()
     if rows:
         reach = values.double().amax(0) - values.double().amin(0)
         rounding = values.abs().double() * 2**-23
-        assert (error.double() <= reach / (2 ** (8 * width) - 1) / 2 * (1 + 1e-9) + rounding).all()
+        assert (error.double() <= reach / (2**bits - 1) / 2 * (1 + 1e-9) + rounding).all()
+
+
+@pytest.mark.parametrize("bits", [10, 12])
+@pytest.mark.parametrize("rows", [0, 1, 2, 7])
+def test_bits_below_a_byte_fill_bytes(bits: int, rows: int) -> None:
+    parts = PACKINGS[f"fixed{bits}"].pack(noise(rows, 3, seed=1))
+    assert parts["codes"].shape == (rows, 3)
+    assert len(parts["fine"]) == math.ceil(rows * 3 * (bits - 8) / 8)
 
 
 def test_a_column_that_is_constant_is_kept() -> None:
@@ -153,7 +161,7 @@ def test_a_model_is_packed_by_what_its_tensors_hold() -> None:
     packed = pack_tensors(tensors)
     assert packed.packing == {
         "columns.means": "fixed16",
-        "columns.log_scales": "fixed8",
+        "columns.log_scales": "fixed10",
         "columns.quats": "quaternions32",
         "columns.opacity_logits": "share8",
         "columns.base": "share8",
@@ -212,6 +220,18 @@ def test_a_packed_file_reads_as_a_model(tmp_path: Path) -> None:
     assert all(torch.equal(found.tensors[name], tensor) for name, tensor in expected.items())
 
 
+def test_files_of_earlier_versions_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    earlier = {"columns.log_scales": "fixed8", "columns.sh_dc": "fixed16"}
+    monkeypatch.setattr("ringlight.files.packed.PLAN", (*earlier.items(), *PLAN))
+    tensors = model_tensors() | {"columns.sh_dc": noise(300, 3, seed=12)}
+    write_model_file(tmp_path / "m", pack_tensors(tensors), HEADER)
+    monkeypatch.undo()
+    found = read_model_file(tmp_path / "m")
+    assert found.stored.packing.items() >= earlier.items()
+    for name in earlier:
+        assert (found.tensors[name] - tensors[name]).abs().amax() < 0.01
+
+
 def damaged(path: Path, change) -> str:  # type: ignore[no-untyped-def]
     """The sentence about a packed file after ``change(tensors, metadata)``."""
     write_model_file(path, pack_tensors(model_tensors()), HEADER)
@@ -232,6 +252,9 @@ def damaged(path: Path, change) -> str:  # type: ignore[no-untyped-def]
         ("columns.means:codes", torch.zeros(7, dtype=torch.uint8)),
         ("columns.means:step", torch.zeros(4, dtype=torch.float64)),
         ("columns.quats:words", torch.zeros(300, 5, dtype=torch.uint8)),
+        ("columns.log_scales:fine", torch.zeros(224, dtype=torch.uint8)),
+        ("columns.log_scales:fine", torch.zeros(225, dtype=torch.int8)),
+        ("columns.log_scales:codes", torch.zeros((), dtype=torch.uint8)),
         ("columns.normals:high", torch.zeros(149, dtype=torch.uint8)),
         ("columns.normals:low", torch.zeros(300, 3, dtype=torch.uint8)),
         ("color.ring.core:scale", torch.zeros(23)),

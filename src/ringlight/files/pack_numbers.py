@@ -82,12 +82,7 @@ def pack_fixed(values: Float[Tensor, "N *column"], width: int) -> Parts:
 
     The code of a value is its bytes along a last dimension, the lowest first.
     """
-    column = values.shape[1:]
-    wide = values.double()
-    low = wide.amin(0) if len(wide) else wide.new_zeros(column)
-    high = wide.amax(0) if len(wide) else low
-    step = (high - low) / ((1 << BYTE * width) - 1)
-    codes = ((wide - low) / torch.where(step > 0, step, 1)).round().long()
+    codes, low, step = _over_range(values, BYTE * width)
     places = [(codes >> BYTE * place) & 0xFF for place in range(width)]
     return {"codes": torch.stack(places, -1).to(torch.uint8), "low": low, "step": step}
 
@@ -101,6 +96,41 @@ def unpack_fixed(parts: Parts) -> Float[Tensor, "N *column"]:
         raise ValueError("codes, low ends and steps of different shapes")
     whole = sum(codes[..., place].double() * 2.0 ** (BYTE * place) for place in range(width))
     return (low + step * whole).float()
+
+
+def pack_fine(values: Float[Tensor, "N *column"], bits: int) -> Parts:
+    """Whole numbers of 8 and ``bits`` more bits, evenly over each column's own range: an error of half a step at most.
+
+    ``codes`` are the upper bytes; the bits below, 2 or 4 so that none lie in two bytes, fill those of ``fine`` one after
+    the other, from the lowest on.
+    """
+    whole, low, step = _over_range(values, BYTE + bits)
+    below, each = (whole & ((1 << bits) - 1)).flatten(), BYTE // bits
+    below = torch.nn.functional.pad(below, (0, -len(below) % each)).reshape(-1, each)
+    fine = sum(below[:, place] << bits * place for place in range(each))
+    codes = (whole >> bits).to(torch.uint8)
+    return {"codes": codes, "fine": torch.as_tensor(fine).to(torch.uint8), "low": low, "step": step}
+
+
+def unpack_fine(parts: Parts, bits: int) -> Float[Tensor, "N *column"]:
+    """Inverse of :func:`pack_fine`."""
+    codes, fine = part(parts, "codes", torch.uint8), part(parts, "fine", torch.uint8, 1)
+    low, step = part(parts, "low", torch.float64), part(parts, "step", torch.float64)
+    each = BYTE // bits
+    if not codes.dim() or not low.shape == step.shape == codes.shape[1:] or len(fine) != -(-codes.numel() // each):
+        raise ValueError("codes, bits below them, low ends and steps of different shapes")
+    below = torch.stack([(fine >> bits * place) & ((1 << bits) - 1) for place in range(each)], -1).flatten()
+    whole = codes.double() * (1 << bits) + below[: codes.numel()].reshape(codes.shape)
+    return (low + step * whole).float()
+
+
+def _over_range(values: Float[Tensor, "N *column"], bits: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Whole numbers of so many bits, and of each column what the lowest stands for and the step, float64."""
+    wide = values.double()
+    low = wide.amin(0) if len(wide) else wide.new_zeros(values.shape[1:])
+    high = wide.amax(0) if len(wide) else low
+    step = (high - low) / ((1 << bits) - 1)
+    return ((wide - low) / torch.where(step > 0, step, 1)).round().long(), low, step
 
 
 def pack_share(logits: Float[Tensor, "*shape"]) -> Parts:

@@ -25,10 +25,12 @@ from ringlight.files.pack_directions import (
 from ringlight.files.pack_numbers import (
     LARGEST_HALF,
     Parts,
+    pack_fine,
     pack_fixed,
     pack_half,
     pack_rows,
     pack_share,
+    unpack_fine,
     unpack_fixed,
     unpack_half,
     unpack_rows,
@@ -51,6 +53,8 @@ PACKINGS = {
     "half": Packing(pack_half, unpack_half),
     "rows8": Packing(pack_rows, unpack_rows),
     "fixed8": Packing(partial(pack_fixed, width=1), unpack_fixed),
+    "fixed10": Packing(partial(pack_fine, bits=2), partial(unpack_fine, bits=2)),
+    "fixed12": Packing(partial(pack_fine, bits=4), partial(unpack_fine, bits=4)),
     "fixed16": Packing(partial(pack_fixed, width=2), unpack_fixed),
     "fixed24": Packing(partial(pack_fixed, width=3), unpack_fixed),
     "share8": Packing(pack_share, unpack_share),
@@ -60,14 +64,14 @@ PACKINGS = {
 """By the names that model files use; a name never changes its meaning."""
 
 PLAN = (
-    ("columns.log_scales", "fixed8"),
+    ("columns.log_scales", "fixed10"),
     ("columns.quats", "quaternions32"),
     ("columns.opacity_logits", "share8"),
     ("columns.base", "share8"),
     ("columns.latents", "fixed8"),
     ("columns.basis_weights", "fixed8"),
     ("columns.normals", "directions20"),
-    ("columns.sh_dc", "fixed16"),
+    ("columns.sh_dc", "fixed12"),
     ("columns.sh_rest", "fixed8"),
     ("columns.*", "half"),
     ("color.*", "rows8"),

@@ -14,6 +14,8 @@ const UNPACKINGS = {
   half: (parts) => ({ shape: parts.half.shape, values: Float32Array.from(parts.half.values, floatFromHalf) }),
   rows8: unpackRows,
   fixed8: unpackFixed,
+  fixed10: (parts) => unpackFine(parts, 2),
+  fixed12: (parts) => unpackFine(parts, 4),
   fixed16: unpackFixed,
   fixed24: unpackFixed,
   share8: unpackShare,
@@ -56,6 +58,18 @@ function unpackFixed({ codes, low, step }) {
     values[index] = low.values[column] + step.values[column] * whole;
   }
   return { shape: codes.shape.slice(0, -1), values };
+}
+
+// A byte and so many bits below it, which follow each other in the bytes of `fine`.
+function unpackFine({ codes, fine, low, step }, bits) {
+  const columns = low.values.length,
+    mask = (1 << bits) - 1;
+  const values = Float32Array.from(codes.values, (code, index) => {
+    const column = index % columns,
+      below = (fine.values[(index * bits) >> 3] >> ((index * bits) & 7)) & mask;
+    return low.values[column] + step.values[column] * ((code << bits) | below);
+  });
+  return { shape: codes.shape, values };
 }
 
 function unpackShare({ share }) {
