@@ -12,7 +12,7 @@ from ringlight.core.directions import normalize
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
-from ringlight.files.packed import PACKINGS, PLAN, Packed, bytes_stored, pack_tensors, unpack_tensors
+from ringlight.files.packed import COEFFICIENT_STEP, PACKINGS, PLAN, Packed, bytes_stored, pack_tensors, unpack_tensors
 from ringlight.files.tensor_file import read_tensors, write_tensors
 
 SEEDS = st.integers(0, 10_000)
@@ -74,6 +74,23 @@ def test_bits_below_a_byte_fill_bytes(bits: int, rows: int) -> None:
     parts = PACKINGS[f"fixed{bits}"].pack(noise(rows, 3, seed=1))
     assert parts["codes"].shape == (rows, 3)
     assert len(parts["fine"]) == math.ceil(rows * 3 * (bits - 8) / 8)
+
+
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=st.sampled_from([1e-6, 1e-2, 1.0, 20.0]))
+def test_weights_lose_half_a_step_of_the_coefficients_that_they_add(rows: int, seed: int, spread: float) -> None:
+    weights, basis = noise(rows, 3, seed=seed, spread=spread), noise(3, 15, 3, seed=seed + 1)
+    packed = pack_tensors({"columns.basis_weights": weights, "color.basis": basis})
+    assert packed.packing["columns.basis_weights"] in ("fixed8", "fixed16")
+    error = (unpack_tensors(packed)["columns.basis_weights"] - weights).abs().double()
+    half = COEFFICIENT_STEP / basis.flatten(1).double().norm(dim=1) / 2
+    assert (error <= half * (1 + 1e-9) + weights.abs() * 2**-23).all()
+
+
+def test_weights_that_are_too_many_steps_from_zero_are_packed_over_their_range() -> None:
+    weights, basis = 1e6 * noise(9, 2, seed=1), noise(2, 15, 3, seed=2)
+    packed = pack_tensors({"columns.basis_weights": weights, "color.varying.basis": basis})
+    torch.testing.assert_close(unpack_tensors(packed)["columns.basis_weights"], weights, rtol=0, atol=100.0)
 
 
 def test_a_column_that_is_constant_is_kept() -> None:

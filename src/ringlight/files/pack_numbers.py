@@ -87,6 +87,24 @@ def pack_fixed(values: Float[Tensor, "N *column"], width: int) -> Parts:
     return {"codes": torch.stack(places, -1).to(torch.uint8), "low": low, "step": step}
 
 
+def pack_in_steps(values: Float[Tensor, "N K"], step: Float[Tensor, "K"]) -> Parts:
+    """Parts of :func:`pack_fixed` whose columns have these steps, of one byte where all codes fit, else of two.
+
+    Zero stands in the middle of the lowest byte's range, so that deflating finds small values alike. Raises ValueError
+    where two bytes are too few.
+    """
+    codes = (values.double() / step).round()
+    middle = 1 << BYTE - 1
+    furthest = float(codes.abs().amax()) if codes.numel() else 0.0
+    width = 1 if furthest < middle else 2
+    if furthest >= 1 << BYTE * width - 1:
+        raise ValueError("a value is too many steps from zero")
+    middle += (width - 1) * (1 << BYTE * width - 1)
+    whole = codes.long() + middle
+    places = [(whole >> BYTE * place) & 0xFF for place in range(width)]
+    return {"codes": torch.stack(places, -1).to(torch.uint8), "low": -middle * step, "step": step}
+
+
 def unpack_fixed(parts: Parts) -> Float[Tensor, "N *column"]:
     """Inverse of :func:`pack_fixed`."""
     codes = part(parts, "codes", torch.uint8)
@@ -101,8 +119,8 @@ def unpack_fixed(parts: Parts) -> Float[Tensor, "N *column"]:
 def pack_fine(values: Float[Tensor, "N *column"], bits: int) -> Parts:
     """Whole numbers of 8 and ``bits`` more bits, evenly over each column's own range: an error of half a step at most.
 
-    ``codes`` are the upper bytes; the bits below, 2 or 4 so that none lie in two bytes, fill those of ``fine`` one after
-    the other, from the lowest on.
+    ``codes`` are the upper bytes; the bits below, 2 or 4 so that none lie in two bytes, fill those of ``fine`` one
+    after the other, from the lowest on.
     """
     whole, low, step = _over_range(values, BYTE + bits)
     below, each = (whole & ((1 << bits) - 1)).flatten(), BYTE // bits

@@ -28,6 +28,7 @@ from ringlight.files.pack_numbers import (
     pack_fine,
     pack_fixed,
     pack_half,
+    pack_in_steps,
     pack_rows,
     pack_share,
     unpack_fine,
@@ -69,7 +70,7 @@ PLAN = (
     ("columns.opacity_logits", "share8"),
     ("columns.base", "share8"),
     ("columns.latents", "fixed8"),
-    ("columns.basis_weights", "fixed8"),
+    ("columns.basis_weights", "fixed16"),
     ("columns.normals", "directions20"),
     ("columns.sh_dc", "fixed12"),
     ("columns.sh_rest", "fixed8"),
@@ -79,7 +80,14 @@ PLAN = (
 )
 """Name patterns and packings; the first that fits counts. Positions are decided by :func:`_positions`."""
 
-MEANS, SCALES = "columns.means", "columns.log_scales"
+MEANS, SCALES, WEIGHTS = "columns.means", "columns.log_scales", "columns.basis_weights"
+
+BASES = ("color.basis", "color.varying.basis")
+"""What the weights mix."""
+
+COEFFICIENT_STEP = 1 / 32
+"""Of a weight, in the length of the coefficients that it adds. Half of it moves a coefficient by a few thousandths, as
+8 bit move a base colour."""
 
 FEWEST_ROWS8, FEWEST_PACKED = 1024, 64
 """Shared tensors of fewer values than the first are half floats, of fewer than the second stay as they are: biases and
@@ -107,8 +115,11 @@ def pack_tensors(tensors: Mapping[str, Tensor]) -> Packed:
         if chosen is None:
             stored[name] = tensor
             continue
+        parts = _weights_in_steps(tensor, tensors) if name == WEIGHTS else None
+        if parts is not None:
+            chosen = f"fixed{8 * parts['codes'].shape[-1]}"
         packing[name] = chosen
-        parts = PACKINGS[chosen].pack(tensor.detach().cpu())
+        parts = parts or PACKINGS[chosen].pack(tensor.detach().cpu())
         stored |= {f"{name}{SEPARATOR}{part}": value for part, value in parts.items()}
     return Packed(stored, packing)
 
@@ -157,6 +168,23 @@ def _chosen(name: str, tensor: Tensor, log_scales: Tensor | None) -> str | None:
     if plan == "half" and tensor.numel() and tensor.abs().amax() > LARGEST_HALF:
         return None
     return plan
+
+
+def _weights_in_steps(weights: Float[Tensor, "N K"], tensors: Mapping[str, Tensor]) -> Parts | None:
+    """Each column in steps of its own; None where the basis is not there, or of another size."""
+    basis = next((tensors[name].detach().cpu().double() for name in BASES if name in tensors), None)
+    if basis is None or weights.dim() != 2 or len(basis) != weights.shape[1]:
+        return None
+    lengths = basis.flatten(1).norm(dim=1)
+    step = COEFFICIENT_STEP / lengths.clamp_min(SHORTEST_FUNCTION)
+    try:
+        return pack_in_steps(weights.detach().cpu(), step)
+    except ValueError:
+        return None
+
+
+SHORTEST_FUNCTION = 1e-3
+"""Length of the coefficients of a shared function; what is shorter shows nothing."""
 
 
 def _positions(means: Float[Tensor, "N 3"], log_scales: Tensor | None) -> str:

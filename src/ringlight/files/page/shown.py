@@ -7,8 +7,7 @@ else. So kinds are told apart by type here, and a model of another kind or shape
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from torch import nn
-
+from ringlight.color.contract import ColorModel
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.mirror import FLIP_BELOW, Mirror
 from ringlight.color.ringlight import RingLight
@@ -97,7 +96,7 @@ def _unfit(width: int) -> bool:
     return bool(width % FOUR) or width > WIDEST_HIDDEN
 
 
-def _mirror(color: nn.Module, shader: ReflectionShader) -> Shown:
+def _mirror(color: ColorModel, shader: ReflectionShader) -> Shown:
     settings = shader.settings
     network = sum(parameter.numel() for parameter in shader.mlp.parameters()) * 4
     for wrong, what in (
