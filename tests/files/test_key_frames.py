@@ -13,7 +13,7 @@ from posed_cameras import assert_rigid, camera_at
 
 from ringlight.errors import SceneError
 from ringlight.files.key_frame_flight import flown, frame_times
-from ringlight.files.key_frames import KeyFrames, holds_key_frames, read_key_frames
+from ringlight.files.key_frames import KeyFrames, holds_key_frames, read_key_frames, write_key_frames
 
 LIKE = camera_at(torch.tensor([3.0, 0.0, 1.0]), torch.zeros(3))
 UP = np.array([0.0, 0.0, 1.0])
@@ -205,6 +205,24 @@ def test_what_nothing_says_is_asked_for(written) -> None:
     for document, words in ((bare, "width"), (bare | {"width": 9}, "fov"), (LOOKING, "up")):
         with pytest.raises(SceneError, match=words):
             read_key_frames(written(document), None, None)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("looks", [False, True])
+def test_what_is_written_flies_the_same(written, tmp_path: Path, closed: bool, looks: bool) -> None:
+    stops = LOOKING["stops"]
+    if not looks:
+        stops = [*stops[:3], {"camera_to_world": matrix_of(camera_at(torch.tensor([0.5, 1, 1]), torch.zeros(3)))}]
+    first = read(written(LOOKING | {"stops": stops, "closed": closed, "seconds": 5, "up": [0, 0.1, 2], "fps": 24}))
+    write_key_frames(tmp_path / "again.json", first)
+    again = read_key_frames(tmp_path / "again.json", None, None if not looks else UP)
+    assert (again.seconds, again.closed, again.fps) == (first.seconds, closed, 24)
+    times = frame_times(first, None, 24.0, 1000)
+    assert (times == frame_times(again, None, 24.0, 1000)).all()
+    for one, other in zip(flown(first, times), flown(again, times), strict=True):
+        torch.testing.assert_close(one.world_to_camera, other.world_to_camera, atol=1e-6, rtol=0)
+        assert other.focal == pytest.approx(one.focal, rel=1e-9)
+        assert (one.width, one.height) == (other.width, other.height)
 
 
 def test_which_files_are_ours(written) -> None:

@@ -1,6 +1,6 @@
 """A page that remembers what it was told, and small subjects for it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
 from ringlight.fit.train import Training, train
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.view.page import Curves
+from ringlight.view.curves import Curves
 from ringlight.view.standpoint import Standpoint, standpoint_at
 from ringlight.view.subject import Subject, subject
 from small_recipes import small
@@ -27,7 +27,7 @@ class RecordedPage:
         self.places: list[tuple[int, Standpoint]] = []
         self.sentences: list[tuple[int, str, bool]] = []
         self.states: list[tuple[str, bool]] = []
-        self.drawn: list[Curves] = []
+        self.drawn: list[Mapping[str, Curves]] = []
         self.thumbnails: dict[str, np.ndarray] = {}
         self.key_cameras: list[Camera] = []
         self.hidden: frozenset[str] = frozenset()
@@ -45,7 +45,7 @@ class RecordedPage:
     def status(self, text: str, is_paused: bool) -> None:
         self.states.append((text, is_paused))
 
-    def curves(self, curves: Curves) -> None:
+    def curves(self, curves: Mapping[str, Curves]) -> None:
         self.drawn.append(curves)
 
     def thumbnail(self, view: str, picture: np.ndarray) -> None:

@@ -158,7 +158,8 @@ def test_facts_and_curves_of_a_run(started: Callable[[str, str], Session]):
         run.viewer._share.note(-1.0, -1.0)
         run.see(progress, [])
     assert page.states[-1][0].startswith("step 40 of 40, ")
-    assert page.drawn[-1].psnr_steps == tuple(range(1, 41))
-    assert len(page.drawn[-1].loss) == len(page.drawn[-1].loss_steps) == 40
-    assert page.drawn[-1].loss[-1] < page.drawn[-1].loss[0]
+    (curves,) = page.drawn[-1].values()
+    assert curves.psnr_steps == tuple(range(1, 41))
+    assert len(curves.loss) == len(curves.loss_steps) == 40
+    assert curves.loss[-1] < curves.loss[0]
     session.lock.release()

@@ -10,8 +10,9 @@ from recorded_page import Clock, RecordedPage, standing, subject_of, trained
 
 from ringlight.core.scene import Scene
 from ringlight.errors import OutputError, SceneError
+from ringlight.view.curves import Curves
+from ringlight.view.key_frames import FRAMES
 from ringlight.view.pacing import REST_SECONDS
-from ringlight.view.page import Curves
 from ringlight.view.subject import PHOTOGRAPH, subject
 from ringlight.view.viewer import Trained, Viewer, first_wishes
 from ringlight.view.wishes import Ask
@@ -178,7 +179,14 @@ def test_key_frames_are_previewed_and_written(looking: Looking, scene: Scene, tm
     looking.wishes.ask(Ask.WRITE_PATH, 0, "nonsense")
     looking.viewer.turn()
     assert f"--path {tmp_path / 'path-1.json'}" in looking.page.sentences[-1][1]
-    assert len(json.loads((tmp_path / "path-1.json").read_text())["camera_path"]) == 30
+    assert len(json.loads((tmp_path / "path-1.json").read_text())["stops"]) == 2
+    for value in ((2.0, FRAMES), (2.0, "no such file"), (None,), ("x", 3)):
+        looking.wishes.ask(Ask.WRITE_PATH, 0, value)
+    looking.viewer.turn()
+    assert len(json.loads((tmp_path / "path-2.json").read_text())["camera_path"]) == 61
+    for number in (3, 4, 5):
+        assert "stops" in json.loads((tmp_path / f"path-{number}.json").read_text())
+    assert not any(trouble for _, _, trouble in looking.page.sentences)
 
 
 def test_a_damaged_photograph_is_one_sentence(scene: Scene, tmp_path: Path):
@@ -210,7 +218,9 @@ class Steps:
         return "saved"
 
     def trained(self) -> Trained:
-        return Trained(lambda: self.step, lambda: f"step {self.step}", lambda: Curves((1,), (2.0,), (3,)), self.save)
+        return Trained(
+            lambda: self.step, lambda: f"step {self.step}", lambda: {"a": Curves((1,), (2.0,), (3,))}, self.save
+        )
 
 
 def test_a_resting_viewer_takes_a_bounded_share_of_a_training(scene: Scene, model, tmp_path: Path):
@@ -227,7 +237,7 @@ def test_a_resting_viewer_takes_a_bounded_share_of_a_training(scene: Scene, mode
         spent += (looking.clock.seconds - before) if drew else 0.0
         looking.clock.seconds += 0.01
     assert 0 < spent / (looking.clock.seconds - begun) < 0.06
-    assert looking.page.drawn[-1].psnr == (2.0,)
+    assert looking.page.drawn[-1]["a"].psnr == (2.0,)
     assert looking.page.states[-1][0].startswith("step ")
 
 

@@ -14,8 +14,12 @@ from browser import Browser
 from recorded_page import standing, subject_of, trained
 
 from ringlight.errors import BackendError, RunError
+from ringlight.files.key_frame_flight import flown
+from ringlight.files.key_frames import read_key_frames
 from ringlight.files.nerfstudio_path import read_nerfstudio_path
 from ringlight.view import viser_server
+from ringlight.view.curves import Curves
+from ringlight.view.key_frames import FRAMES
 from ringlight.view.viewer import Viewer, first_wishes
 from ringlight.view.viser_page import ViserPage
 from tiny_scene import tiny_scene
@@ -94,9 +98,32 @@ def test_controls_are_wishes(served: Served, browser: Browser):
         browser.press("add key frame")
     browser.press("write")
     served.until(browser, lambda: (served.home / "path-1.json").exists())
-    film = read_nerfstudio_path(served.home / "path-1.json", 1000).cameras
+    flight = read_key_frames(served.home / "path-1.json", None, None)
+    assert torch.allclose(flown(flight, np.zeros(1))[0].world_to_camera, POINT.camera().world_to_camera, atol=1e-5)
+    browser.set("file of", FRAMES)
+    browser.press("write")
+    served.until(browser, lambda: (served.home / "path-2.json").exists())
+    film = read_nerfstudio_path(served.home / "path-2.json", 1000).cameras
     assert torch.allclose(film[0].world_to_camera, POINT.camera().world_to_camera, atol=1e-5)
     served.until(browser, lambda: browser.last("NotificationShowMessage") is not None)
+
+
+def test_curves_of_runs_are_drawn_and_those_without_are_not(served: Served, browser: Browser):
+    browser.listen(0.5)
+    made = [message["props"] for message in browser.messages if message["type"] == "GuiUplotMessage"]
+    assert [props["title"] for props in made] == ["training PSNR, dB", "loss", "size"]
+    assert not any(props["visible"] for props in made)
+    assert HOSTILE in {series["label"] for series in made[0]["series"]}
+    served.page.curves({HOSTILE: Curves((1, 3), (20.0, 21.0), (5, 6))})
+    served.until(browser, lambda: len(shown_charts(browser)) == 2)
+    browser.listen(0.5)
+    assert len(shown_charts(browser)) == 2, "no loss is known"
+
+
+def shown_charts(browser: Browser) -> list[dict]:
+    updates = [m for m in browser.messages if m["type"] == "GuiUpdateMessage" and m["updates"].get("visible")]
+    charts = {m["uuid"] for m in browser.messages if m["type"] == "GuiUplotMessage"}
+    return [update for update in updates if update["uuid"] in charts]
 
 
 def test_names_are_shown_as_text_and_never_as_markdown(browser: Browser):

@@ -61,14 +61,14 @@ def main(arguments: list[str]) -> int:
         viser_library()  # before anything large is read
         use_threads(asked.threads)
         tell_of_build(asked.device)
-        subject, missing = open_subject([scene_folder(path) for path in asked.paths], asked.scene, asked.device)
-        wishes = first_wishes(subject)
-        page = ViserPage(subject, wishes, asked.host, asked.port, is_trained=False)
+        found = open_subject([scene_folder(path) for path in asked.paths], asked.scene, asked.device)
+        wishes = first_wishes(found.subject)
+        page = ViserPage(found.subject, wishes, asked.host, asked.port, is_trained=False)
         line.wiped()
-    for sentence in missing:
+    for sentence in found.missing:
         sys.stderr.write(f"warning: {sentence}\n")
     tell_address(page.address, asked.host, sys.stderr)
-    viewer = Viewer(subject, page, wishes)
+    viewer = Viewer(found.subject, page, wishes, files=found.files)
     try:
         with kept_signals() as stopping:
             while not stopping:

@@ -5,6 +5,7 @@ axes right, down, forward), and maybe ``time`` (seconds) and ``fov`` (degrees fr
 all stops: ``fov``, ``up``, ``width`` and ``height`` (pixels), ``fps``, ``seconds``, ``closed``.
 """
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
 from ringlight.data.json_fields import Fields, finite, matrix_of, number, read_object
 from ringlight.data.poses import MAX_COORDINATE, OPENGL_TO_OPENCV, world_to_camera_from_opengl
 from ringlight.errors import SceneError
+from ringlight.files.atomic import write_text
 from ringlight.files.nerfstudio_path import FASTEST, NARROWEST, WIDEST
 
 Array = NDArray[np.float64]
@@ -106,6 +108,27 @@ def read_key_frames(path: Path, like: Camera | None, up: Array | None) -> KeyFra
             raise SceneError(f"{where} has no 'fov', and neither has the file; give degrees from bottom to top")
         found.append(_placed(stop, focal, time, where))
     return KeyFrames(tuple(found), seconds, closed, _up(document, up, found, path), width, height, fps)
+
+
+def write_key_frames(path: Path, flight: KeyFrames) -> None:
+    """A file of which :func:`read_key_frames` makes the same flight: each stop with its time. Raises OutputError."""
+    document: dict[str, Any] = {MARK: VERSION, "width": flight.width, "height": flight.height, "fps": flight.fps}
+    if flight.closed:
+        document |= {"closed": True, "seconds": flight.seconds}
+    if any(stop.target is not None for stop in flight.stops):
+        document["up"] = flight.up.tolist()
+    document["stops"] = [_written(stop, flight.height) for stop in flight.stops]
+    write_text(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+def _written(stop: Stop, height: int) -> dict[str, Any]:
+    fields: dict[str, Any] = {"time": stop.time, "fov": math.degrees(2 * math.atan(height / 2 / stop.focal))}
+    if stop.rotation is None:
+        assert stop.target is not None  # a stop has one of the two
+        return fields | {"position": stop.position.tolist(), "look_at": stop.target.tolist()}
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = stop.rotation.T, stop.position
+    return fields | {"camera_to_world": matrix.tolist()}
 
 
 def _stop(entry: Any, where: str) -> Fields:

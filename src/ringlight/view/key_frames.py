@@ -1,4 +1,4 @@
-"""Key frames, and the film between them."""
+"""Key frames, the flight through them, and its file."""
 
 from pathlib import Path
 
@@ -6,7 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ringlight.core.camera import Camera
-from ringlight.files.camera_paths import flight, position_of
+from ringlight.files.camera_paths import position_of, rotation_of
+from ringlight.files.key_frame_flight import flown, frame_times
+from ringlight.files.key_frames import KeyFrames, Stop, write_key_frames
 from ringlight.files.nerfstudio_path import write_nerfstudio_path
 
 FPS = 30.0
@@ -20,9 +22,13 @@ LONGEST = 300.0
 
 SHORTEST = 1.0
 
+STOPS, FRAMES = "key frames", "all frames, as nerfstudio"
+FILES = (STOPS, FRAMES)
+"""What a written file holds; of either `ringlight render` makes the film that was previewed."""
 
-class KeyFrames:
-    """Cameras that a film passes in this order; all have the first one's picture size."""
+
+class Keys:
+    """Cameras that a film passes in this order, evenly spaced in time; all have the first one's picture size."""
 
     def __init__(self) -> None:
         self.cameras: list[Camera] = []
@@ -39,21 +45,38 @@ class KeyFrames:
         """The last."""
         del self.cameras[-1:]
 
+    def flight(self, seconds: float) -> KeyFrames:
+        """Through them, of which there is at least one."""
+        first, seconds = self.cameras[0], min(max(seconds, SHORTEST), LONGEST)
+        times = np.linspace(0.0, seconds, len(self.cameras)).tolist()
+        stops = tuple(
+            Stop(position_of(camera), rotation_of(camera), None, camera.focal[1], time)
+            for camera, time in zip(self.cameras, times, strict=True)
+        )
+        # Every stop has its rotation, so that nothing goes by the up axis.
+        return KeyFrames(stops, seconds, False, np.array([0.0, 0.0, 1.0]), first.width, first.height, FPS)
+
     def film(self, seconds: float) -> list[Camera]:
-        """The cameras of a film of so many seconds, at FPS; empty without key frames."""
-        seconds = min(max(seconds, SHORTEST), LONGEST)
-        return flight(self.cameras, max(round(seconds * FPS), len(self.cameras))) if self.cameras else []
+        """The cameras of a film of so many seconds, at FPS; one with a single key frame, none without."""
+        if not self.cameras:
+            return []
+        flight = self.flight(seconds)
+        return flown(flight, frame_times(flight, None, FPS, round(LONGEST * FPS) + 1))
 
     def way(self) -> Float[np.ndarray, "F 3"]:
         """Where the camera goes, world units; empty with fewer than two key frames."""
         if len(self.cameras) < 2:
             return np.zeros((0, 3))
-        return np.stack([position_of(camera) for camera in flight(self.cameras, max(SHOWN, len(self.cameras)))])
+        flight = self.flight(SHORTEST)
+        return np.stack([position_of(camera) for camera in flown(flight, np.linspace(0.0, flight.seconds, SHOWN))])
 
-    def write(self, folder: Path, seconds: float) -> Path:
-        """The film as a new file in ``folder``. Raises OutputError."""
+    def write(self, folder: Path, seconds: float, holds: str = STOPS) -> Path:
+        """The film as a new file in ``folder`` that ``holds`` one of FILES. Raises OutputError."""
         number = 1
         while (path := folder / f"path-{number}.json").exists():
             number += 1
-        write_nerfstudio_path(path, self.film(seconds), FPS)
+        if holds == FRAMES:
+            write_nerfstudio_path(path, self.film(seconds), FPS)
+        else:
+            write_key_frames(path, self.flight(seconds))
         return path

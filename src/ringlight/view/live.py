@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 from ringlight.errors import RinglightError
 from ringlight.fit.train import Progress
 from ringlight.runs.session import Session
-from ringlight.view.page import Curves, Page
+from ringlight.view.curves import Curves, curves_of
+from ringlight.view.page import Page
 from ringlight.view.subject import Subject, subject
 from ringlight.view.viewer import Trained, Viewer, first_wishes
 from ringlight.view.wishes import Wishes
@@ -40,7 +42,9 @@ class LiveRun:
         )
         self._losses = LossCurve(training.steps)
         self.wishes = first_wishes(about)
-        trained = Trained(lambda: training.step, self._facts, self._curves, self._save)
+        trained = Trained(
+            lambda: training.step, self._facts, lambda: {session.record.preset: self._curves()}, self._save
+        )
         self.viewer = Viewer(about, make_page(about, self.wishes), self.wishes, trained)
         self._is_over = False
 
@@ -86,14 +90,9 @@ class LiveRun:
         return f"step {training.step:,} of {training.steps:,}{decibels}, {training.model.counted()}"
 
     def _curves(self) -> Curves:
-        points = self.session.history.points
-        return Curves(
-            tuple(point.step for point in points),
-            tuple(point.psnr for point in points),
-            tuple(point.counted for point in points),
-            tuple(self._losses.steps),
-            tuple(self._losses.values),
-        )
+        """Its loss is finer than that of the points."""
+        steps, values = tuple(self._losses.steps), tuple(self._losses.values)
+        return replace(curves_of(self.session.history.points), loss_steps=steps, loss=values)
 
 
 class LossCurve:

@@ -1,19 +1,18 @@
 """Runs, model files or a scene folder, as the subject of a viewer."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-
-import torch
 
 from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene, camera_extent
 from ringlight.data.load import has_cameras, load_scene
 from ringlight.data.options import SceneOptions
-from ringlight.errors import RecipeError, RinglightError, RunError
+from ringlight.errors import RecipeError, RinglightError
 from ringlight.runs.folder import MODEL_NAME
-from ringlight.runs.imported import PLY, model_of_ply
-from ringlight.runs.opened import Opened, open_model, recorded_scene, scene_of
+from ringlight.runs.opened import Opened, recorded_scene, scene_of
 from ringlight.runs.record import RECORD_NAME
+from ringlight.view.on_disk import Following, OnDisk
 from ringlight.view.standpoint import is_same_pose
 from ringlight.view.subject import Subject, subject
 
@@ -24,9 +23,17 @@ def is_scene(path: Path) -> bool:
     return not is_run and has_cameras(path)
 
 
-def open_subject(paths: Sequence[Path], asked: Path | None, device: str) -> tuple[Subject, list[str]]:
-    """What there is to see of ``paths``, one or more runs or model files of one scene, or one scene's folder; and
-    sentences on what is missing.
+@dataclass(frozen=True)
+class Found:
+    """What there is to see; the ``files`` of its models, by their names; a sentence on each thing that is missing."""
+
+    subject: Subject
+    files: Mapping[str, OnDisk]
+    missing: list[str]
+
+
+def open_subject(paths: Sequence[Path], asked: Path | None, device: str) -> Found:
+    """What there is to see of ``paths``, one or more runs or model files of one scene, or one scene's folder.
 
     ``asked`` is the folder of the photographs, where it is not the models' own. Raises RecipeError for models of
     different scenes, and as the readers do.
@@ -35,8 +42,9 @@ def open_subject(paths: Sequence[Path], asked: Path | None, device: str) -> tupl
         if len(paths) > 1 or asked is not None:
             raise RecipeError("a scene's folder is looked at alone; name the photographs of runs by --scene FOLDER")
         alone = load_scene(paths[0])
-        return subject(alone.name, {}, [], alone, Path.cwd()), []
-    models = {name: _open(path, device) for name, path in _named(paths).items()}
+        return Found(subject(alone.name, {}, [], alone, Path.cwd()), {}, [])
+    files = {name: OnDisk(path, device) for name, path in _named(paths).items()}
+    models = {name: file.opened for name, file in files.items()}
     first = next(iter(models.values()))
     for opened in models.values():
         _refuse_other_scene(first, opened, asked)
@@ -45,9 +53,9 @@ def open_subject(paths: Sequence[Path], asked: Path | None, device: str) -> tupl
     cameras = next((opened.stored.cameras for opened in models.values() if opened.stored.cameras), ())
     if not cameras and scene is None:
         missing.append(f"{first.file}: holds no cameras; name the folder of photographs by --scene to see from theirs")
-    shown = {name: (opened.stored.model, _behind(opened)) for name, opened in models.items()}
-    title = ", ".join(f"{name}: {opened.stored.model.counted()}" for name, opened in models.items())
-    return subject(title, shown, cameras, scene, first.file.parent, paths[0]), missing
+    shown = {name: (file.opened.stored.model, file.background) for name, file in files.items()}
+    about = subject(Following(files).title, shown, cameras, scene, first.file.parent, paths[0])
+    return Found(about, files, missing)
 
 
 def _named(paths: Sequence[Path]) -> Mapping[str, Path]:
@@ -60,18 +68,6 @@ def _named(paths: Sequence[Path]) -> Mapping[str, Path]:
             name, number = f"{path.resolve().name} {number}", number + 1
         named[name] = path
     return named
-
-
-def _open(path: Path, device: str) -> Opened:
-    if path.suffix.lower() == PLY and not path.is_dir():
-        return Opened(path, None, model_of_ply(path))
-    if not path.exists():
-        raise RunError(f"{path}: there is no such run, model file or scene folder; check the path")
-    return open_model(path, device)
-
-
-def _behind(opened: Opened) -> torch.Tensor:
-    return torch.zeros(3) if opened.stored.header.scene.background == "black" else torch.ones(3)
 
 
 def _refuse_other_scene(first: Opened, other: Opened, asked: Path | None) -> None:

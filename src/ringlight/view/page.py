@@ -1,7 +1,6 @@
 """What the viewer needs of whatever shows its pictures: a server of a web page, or a test's record."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -9,19 +8,8 @@ from jaxtyping import Float, UInt8
 
 from ringlight.core.camera import Camera
 from ringlight.files.camera_paths import Array
+from ringlight.view.curves import Curves
 from ringlight.view.standpoint import Standpoint
-
-
-@dataclass(frozen=True)
-class Curves:
-    """How a training went, each over its own steps: PSNR of training photographs in dB, loss, and what the model is
-    made of."""
-
-    psnr_steps: tuple[int, ...] = ()
-    psnr: tuple[float, ...] = ()
-    counted: tuple[int, ...] = ()
-    loss_steps: tuple[int, ...] = ()
-    loss: tuple[float, ...] = ()
 
 
 @runtime_checkable
@@ -44,8 +32,8 @@ class Page(Protocol):
         """The line on top, and whether the button says continue."""
         ...
 
-    def curves(self, curves: Curves) -> None:
-        """Draw them."""
+    def curves(self, curves: Mapping[str, Curves]) -> None:
+        """Draw them, by the names of the sources that they belong to."""
         ...
 
     def thumbnail(self, view: str, picture: UInt8[np.ndarray, "h w 3"]) -> None:

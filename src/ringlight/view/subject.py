@@ -1,7 +1,7 @@
 """What is looked at: models of one scene, its cameras with their photographs, its points."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +69,11 @@ class Subject:
         object.__setattr__(self, "sources_shown", shown)
         places = [position_of(camera) for camera in self.views.values()]
         object.__setattr__(self, "_places", np.stack(places) if places else np.zeros((0, 3)))
+
+    def with_model(self, name: str, model: Model, background: Float[Tensor, "3"]) -> "Subject":
+        """The same with another model in the place of the one of that ``name``."""
+        source = Source(model, background, layers_of(model, self.start))
+        return replace(self, sources={**self.sources, name: source})
 
     def views_near(self, places: Float[np.ndarray, "P 3"]) -> frozenset[str]:
         """Cameras within NEAR_SHARE of the extent of any of these places, world units."""

@@ -5,17 +5,18 @@ models and changes nothing, so a training has the same bits whether or not someb
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ringlight.core.camera import Camera
-from ringlight.core.command_line import command
 from ringlight.errors import RinglightError
-from ringlight.view.key_frames import FPS, KeyFrames
+from ringlight.view.curves import Curves
+from ringlight.view.flight import Flight
+from ringlight.view.on_disk import Following, OnDisk
 from ringlight.view.pacing import MOVING_SHARE, REST_SECONDS, RESTING_SHARE, Pace, Share, next_scale
-from ringlight.view.page import Curves, Page
+from ringlight.view.page import Page
 from ringlight.view.pictures import Pictures
 from ringlight.view.standpoint import looked_at, standpoint_at
 from ringlight.view.subject import PHOTOGRAPH, Subject
@@ -25,32 +26,32 @@ from ringlight.view.wishes import ALL, ALONE, ARRANGEMENTS, Ask, Look, Seen, Wis
 STATUS_SECONDS = 1.0
 """Between two changes of the status line and the curves."""
 
-NO_KEYS = "there is no key frame yet; add some where the camera shall pass"
-
 
 @dataclass(frozen=True)
 class Shown:
-    """What a browser has: drawn where, how, after which step, and with which factor on the window's sides."""
+    """What a browser has: drawn where, how, of which state of the models, and with which factor on the window's
+    sides."""
 
     seen: Seen
     look: Look
-    step: int
+    state: int
     scale: float
 
 
 @dataclass(frozen=True)
 class Trained:
-    """What the viewer may ask of a training: the step that it has done, its facts in a line, its curves; ``save``
-    writes it and returns the sentence that says so, or raises RinglightError."""
+    """What the viewer may ask of a training: the step that it has done, its facts in a line, its curves by its source's
+    name; ``save`` writes it and returns the sentence that says so, or raises RinglightError."""
 
     step: Callable[[], int]
     facts: Callable[[], str]
-    curves: Callable[[], Curves]
+    curves: Callable[[], Mapping[str, Curves]]
     save: Callable[[], str]
 
 
 class Viewer:
-    """Shows ``subject`` on ``page`` as ``wishes`` say; ``trained`` where it is being trained."""
+    """Shows ``subject`` on ``page`` as ``wishes`` say; ``trained`` where it is being trained here. ``files`` are those
+    of its models, by their names, that others may write again."""
 
     def __init__(
         self,
@@ -59,20 +60,26 @@ class Viewer:
         wishes: Wishes,
         trained: Trained | None = None,
         now: Callable[[], float] = time.monotonic,
+        files: Mapping[str, OnDisk] | None = None,
     ):
-        self.subject, self.page, self.wishes, self.trained = subject, page, wishes, trained
+        self.page, self.wishes, self.trained = page, wishes, trained
         self.is_paused = False
-        self.key_frames = KeyFrames()
         self._now = now
         self._pace, self._share = Pace(), Share()
         self._shown: dict[int, Shown] = {}
         self._last = -1
         self._look, self._changed = wishes.look, now()
-        self._film: tuple[int, list[Camera], float] | None = None
         self._said, self._told = ("", False), -np.inf
         self._standing: frozenset[tuple[float, float, float]] = frozenset()
-        self._thumbnails = Thumbnails(subject)
+        self._thumbnails, self._flight = Thumbnails(subject), Flight(page, subject)
         self._pictures = Pictures(subject)
+        self._following, self._times_read = Following(files or {}), 0
+        page.curves(self._following.curves)
+
+    @property
+    def subject(self) -> Subject:
+        """What is looked at now."""
+        return self._pictures.subject
 
     def turn(self) -> bool:
         """Do what was asked, and draw at most one picture; whether there was anything to do."""
@@ -80,8 +87,9 @@ class Viewer:
         browsers, now = self.wishes.browsers, self._now()
         self._shown = {browser: shown for browser, shown in self._shown.items() if browser in browsers}
         if not browsers:
-            self._film = None
+            self._flight.stop()
             return asked
+        self._follow(browsers, now)
         look = self.wishes.look
         if look != self._look:
             self._look, self._changed = look, now
@@ -102,7 +110,7 @@ class Viewer:
     def is_moving(self) -> bool:
         """Whether a camera or the look changed just now, so that there will be a finer picture soon."""
         moved = [self._changed, *(seen.moved for seen in self.wishes.browsers.values())]
-        return self._film is not None or self._now() - max(moved) < REST_SECONDS
+        return self._flight.plays or self._now() - max(moved) < REST_SECONDS
 
     def close(self) -> None:
         """End the page's server."""
@@ -125,18 +133,18 @@ class Viewer:
     def _due(self, browser: int, seen: Seen, look: Look, now: float) -> tuple[float, bool] | None:
         """The factor on the sides of the picture that a browser shall get now, and whether it is the finest; None where
         it has that."""
-        before, step = self._shown.get(browser), self._step()
+        before = self._shown.get(browser)
         is_same_view = before is not None and before.seen == seen and before.look == look
         point = seen.standpoint
-        rests = now - max(seen.moved, self._changed) >= REST_SECONDS and self._film is None
+        rests = now - max(seen.moved, self._changed) >= REST_SECONDS and not self._flight.plays
         have = before.scale if before is not None and is_same_view else None
-        is_stale = before is None or before.step != step
+        is_stale = before is None or before.state != self._state()
         return next_scale(
             self._pace, self._pictures.kind(look), (point.width, point.height), have, is_stale, rests, self._is_training
         )
 
     def _draw(self, browser: int, seen: Seen, look: Look, scale: float, is_final: bool) -> None:
-        begun, step = self._now(), self._step()
+        begun, state = self._now(), self._state()
         camera = seen.standpoint.camera(scale)
         try:
             picture = self._pictures.picture(camera, look)
@@ -145,14 +153,15 @@ class Viewer:
             self.page.tell(browser, str(error), is_trouble=True)
         self.page.show(browser, picture, is_final)
         self._pace.note(self._pictures.kind(look), camera.width * camera.height, self._now() - begun)
-        self._shown[browser] = Shown(seen, look, step, scale)
+        self._shown[browser] = Shown(seen, look, state, scale)
 
     @property
     def _is_training(self) -> bool:
         return self.trained is not None and not self.is_paused
 
-    def _step(self) -> int:
-        return 0 if self.trained is None else self.trained.step()
+    def _state(self) -> int:
+        """Another number whenever the models have changed."""
+        return self._times_read if self.trained is None else self.trained.step()
 
     # What is asked
 
@@ -171,39 +180,12 @@ class Viewer:
             self._told = -np.inf
         elif what is Ask.SAVE and self.trained is not None:
             self.page.tell(browser, self.trained.save())
-        elif what is Ask.STOP:
-            self._film = None
-        elif what is Ask.WRITE_PATH:
-            self._write_path(browser, _seconds(value))
-        elif what is Ask.DROP_KEY:
-            self.key_frames.drop()
-            self.page.keys(self.key_frames.cameras, self.key_frames.way())
-        else:
+        elif what in Flight.asks:
+            self._flight.do(what, browser, self.wishes.browsers.get(browser), value, self._now())
+        elif what is Ask.GO_TO_VIEW and isinstance(value, str) and value in self.subject.views:
             seen = self.wishes.browsers.get(browser)
             if seen is not None:  # else it was closed since
-                self._do_there(what, browser, seen, value)
-
-    def _do_there(self, what: Ask, browser: int, seen: Seen, value: object) -> None:
-        """What depends on where the browser's camera is."""
-        if what is Ask.ADD_KEY:
-            self.key_frames.add(seen.standpoint.camera())
-            self.page.keys(self.key_frames.cameras, self.key_frames.way())
-        elif what is Ask.PLAY:
-            film = self.key_frames.film(_seconds(value))
-            self._film = (browser, film, self._now()) if film else None
-            if not film:
-                self.page.tell(browser, NO_KEYS)
-        elif what is Ask.GO_TO_VIEW and isinstance(value, str) and value in self.subject.views:
-            self._place(browser, seen, self.subject.views[value])
-
-    def _write_path(self, browser: int, seconds: float) -> None:
-        if not self.key_frames.cameras:
-            self.page.tell(browser, NO_KEYS)
-            return
-        path = self.key_frames.write(self.subject.home, seconds)
-        film = self.subject.film_of
-        render = "" if film is None else f"; render it with: {command('render', film, '--path', path)}"
-        self.page.tell(browser, f"written to {path}{render}")
+                self._place(browser, seen, self.subject.views[value])
 
     def _place(self, browser: int, seen: Seen, camera: Camera) -> None:
         point = standpoint_at(camera, seen.standpoint.width, seen.standpoint.height)
@@ -211,14 +193,29 @@ class Viewer:
 
     def _play(self, now: float) -> None:
         """Move the browser that plays to where its film is now."""
-        if self._film is None:
+        place = self._flight.place(now)
+        if place is None:
             return
-        browser, film, begun = self._film
-        seen, frame = self.wishes.browsers.get(browser), int((now - begun) * FPS)
-        if seen is None or frame >= len(film):
-            frame, self._film = len(film) - 1, None
-        if seen is not None:
-            self._place(browser, seen, film[frame])
+        browser, camera = place
+        seen = self.wishes.browsers.get(browser)
+        if seen is None:
+            self._flight.stop()
+        else:
+            self._place(browser, seen, camera)
+
+    def _follow(self, browsers: dict[int, Seen], now: float) -> None:
+        """Take what another process has written since."""
+        news, curves_changed = self._following.look(now)
+        for one in news:
+            if not one.is_trouble:
+                file = self._following.files[one.name]
+                self._pictures.subject = self.subject.with_model(one.name, file.opened.stored.model, file.background)
+                self._times_read += 1
+                self.page.status(self._following.title, False)
+            for browser in browsers:
+                self.page.tell(browser, one.sentence, one.is_trouble)
+        if curves_changed:
+            self.page.curves(self._following.curves)
 
     def _hide_cameras(self, browsers: dict[int, Seen]) -> None:
         """Those that somebody stands in."""
@@ -244,7 +241,3 @@ def first_wishes(subject: Subject) -> Wishes:
     second = shown[1] if len(shown) > 1 else shown[0]
     look = Look(shown[0], second, arrangement=ALL if len(subject.sources) > 1 else ALONE)
     return Wishes(look, {"layer": subject.layers, "left": shown, "right": shown, "arrangement": ARRANGEMENTS})
-
-
-def _seconds(value: object) -> float:
-    return float(value) if isinstance(value, int | float) and np.isfinite(value) else 0.0

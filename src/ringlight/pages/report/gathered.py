@@ -1,15 +1,13 @@
 """What a run folder still tells: its report, its record, its curve; what is missing or damaged becomes a sentence."""
 
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.core.command_line import command
-from ringlight.errors import ModelFileError, RunError
-from ringlight.files.tensor_file import read_metadata
+from ringlight.errors import RunError
 from ringlight.measure.report import REPORT_NAME, CurvePoint, Report, folders_with, read_report
+from ringlight.runs.curves import curve_so_far
 from ringlight.runs.folder import RunFolder
-from ringlight.runs.history import History
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
 
@@ -57,20 +55,10 @@ def gathered(folder: Path) -> GatheredRun:
             report = read_report(folder)
     except RunError as error:
         troubles.append(str(error))
-    curve = report.curve if report else _curve_so_far(run, record)
+    curve = report.curve if report else tuple(curve_so_far(run))
     if report is None and not run.report.is_file():
         troubles.append(_unfinished(folder, record, curve))
     return GatheredRun(folder, report, record, curve, tuple(troubles))
-
-
-def _curve_so_far(run: RunFolder, record: RunRecord | None) -> tuple[CurvePoint, ...]:
-    """Of the newest checkpoint that can be read."""
-    history = History(record.steps if record else 1)
-    for checkpoint in run.checkpoints:
-        with suppress(ModelFileError, ValueError):
-            history.go_on_from(read_metadata(checkpoint))
-            return tuple(history.points)
-    return ()
 
 
 def _unfinished(folder: Path, record: RunRecord | None, curve: tuple[CurvePoint, ...]) -> str:
