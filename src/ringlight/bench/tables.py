@@ -8,21 +8,22 @@ from rich.table import Table
 from rich.text import Text
 
 from ringlight.bench.fps import FpsBench
+from ringlight.bench.page import PageBench
 from ringlight.bench.parts import PartRow, PartsBench
 from ringlight.bench.raster import Passes, RasterBench
 from ringlight.bench.record import Circumstances
 from ringlight.bench.step import StepBench, StepRow
 from ringlight.bench.timing import SHORTEST_MS, Timing
-from ringlight.core.words import counted
+from ringlight.core.words import MEGABYTE, counted
 
-Record = RasterBench | PartsBench | StepBench | FpsBench
+Record = RasterBench | PartsBench | StepBench | FpsBench | PageBench
 Block = Table | Text
 Cell = str | int | float | None
 """Words, a count, milliseconds, or nothing."""
 
 COMMIT_DIGITS = 10
 
-NAMES = ("size", "part", "stage", "method")
+NAMES = ("page", "size", "part", "stage", "method")
 """Titles of columns that hold words."""
 
 
@@ -122,11 +123,44 @@ def fps_tables(record: FpsBench) -> Iterator[Block]:
     yield Text(record.rows[0].note if record.rows else "", style="dim")
 
 
+def page_tables(record: PageBench) -> Iterator[Block]:
+    """What pages cost in a browser, and what a picture reads and writes."""
+    yield from _head("shared pages in a browser, milliseconds, medians", record.circumstances)
+    yield Text(f"{record.browser}, {record.renderer}", style="dim")
+    yield Text(f"sort of {record.sorted:,} depths in a worker: {record.sort_ms:.1f} ms", style="dim")
+    sizes = [f"{row.side}x{row.side}" for row in record.rows]
+    yield _table(
+        ("page", "size", "MB", "first", "worker", "picture", "colours"),
+        (
+            (
+                row.name,
+                size,
+                f"{row.bytes_page / MEGABYTE:.2f}",
+                row.first_ms,
+                row.project_ms + row.sort_ms + row.lists_ms,
+                row.picture_ms,
+                row.recolored_ms,
+            )
+            for size, row in zip(sizes, record.rows, strict=True)
+        ),
+    )
+    yield Text("worker: projection, sort, lists; colours: the picture with all made anew", style="dim")
+    yield _table(
+        ("page", "size", "Gaussians", "entries", "a pixel", "MB"),
+        (
+            (row.name, size, row.seen, row.entries, row.tests_per_pixel, f"{row.bytes_picture / MEGABYTE:.1f}")
+            for size, row in zip(sizes, record.rows, strict=True)
+        ),
+    )
+    yield Text("counted: entries of the tiles' lists, those of a pixel; MB moved for a picture", style="dim")
+
+
 TABLES: dict[type, Callable[[Any], Iterator[Block]]] = {
     RasterBench: raster_tables,
     PartsBench: parts_tables,
     StepBench: step_tables,
     FpsBench: fps_tables,
+    PageBench: page_tables,
 }
 
 

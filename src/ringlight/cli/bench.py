@@ -1,4 +1,4 @@
-"""``ringlight bench raster|parts|step|fps``: how fast this machine is, and where the time goes."""
+"""``ringlight bench raster|parts|step|fps|page``: how fast this machine is, and where the time goes."""
 
 import datetime
 import sys
@@ -10,6 +10,7 @@ import tyro
 
 from ringlight.bench.timing import Budget
 from ringlight.cli.arguments import Device
+from ringlight.cli.bench_page import PageArguments
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
@@ -180,7 +181,8 @@ class BenchArguments:
         Annotated[RasterArguments, tyro.conf.subcommand("raster", prefix_name=False)]
         | Annotated[PartsArguments, tyro.conf.subcommand("parts", prefix_name=False)]
         | Annotated[StepArguments, tyro.conf.subcommand("step", prefix_name=False)]
-        | Annotated[FpsArguments, tyro.conf.subcommand("fps", prefix_name=False)],
+        | Annotated[FpsArguments, tyro.conf.subcommand("fps", prefix_name=False)]
+        | Annotated[PageArguments, tyro.conf.subcommand("page", prefix_name=False)],
         tyro.conf.arg(name=""),
     ]
 
@@ -198,7 +200,7 @@ def main(arguments: list[str]) -> int:
     if common.save is not None:
         result_path(common.save)
     use_threads(common.threads)
-    if not isinstance(asked, StepArguments | FpsArguments):
+    if not isinstance(asked, StepArguments | FpsArguments | PageArguments):
         import torch
 
         from ringlight import _kernels

@@ -14,7 +14,7 @@ from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
 from ringlight.core.command_line import command
-from ringlight.core.words import counted, numbered
+from ringlight.core.words import MEGABYTE, counted, numbered
 from ringlight.data.options import ReadingOptions, SceneOptions
 from ringlight.errors import RecipeError, RunError, SceneError
 
@@ -91,8 +91,8 @@ def _sentences(compressed: "Compressed") -> str:
     losses = compressed.losses
     ratio = losses.bytes_before / max(losses.bytes_after, 1)
     lines = [
-        f"{compressed.file}: {numbered(compressed.counted, compressed.noun)}, {compressed.bytes_file / 1e6:.3f} MB "
-        f"instead of {compressed.bytes_file_before / 1e6:.3f} MB",
+        f"{compressed.file}: {numbered(compressed.counted, compressed.noun)}, "
+        f"{compressed.bytes_file / MEGABYTE:.3f} MB instead of {compressed.bytes_file_before / MEGABYTE:.3f} MB",
         f"  what rendering needs: {losses.bytes_after:,} of {losses.bytes_before:,} bytes, {ratio:.2f} times smaller",
     ]
     if losses.picture_psnr is not None:

@@ -11,7 +11,7 @@ from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
-from ringlight.core.words import counted, numbered
+from ringlight.core.words import MEGABYTE, counted, numbered
 from ringlight.errors import RecipeError
 from ringlight.files.formats.table import WRITERS
 
@@ -71,7 +71,7 @@ ring's light has 55, mirrors 24 to 31 (docs/experiments/export.md)."""
 
 
 def _sentences(exported: "Exported") -> str:
-    size = f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / 1e6:.2f} MB"
+    size = f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / MEGABYTE:.2f} MB"
     loss = exported.loss
     if loss is None:
         return f"{size}\nother viewers show the colours as the model has them: exact\n"

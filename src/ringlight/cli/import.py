@@ -9,6 +9,7 @@ import tyro
 
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
+from ringlight.core.words import MEGABYTE
 from ringlight.errors import ModelFileError
 
 
@@ -51,6 +52,6 @@ def main(arguments: list[str]) -> int:
         sys.stdout.write(to_json(record))
     else:
         degree = stored.header.recipe["sh_degree"]
-        size = out.stat().st_size / 1e6
+        size = out.stat().st_size / MEGABYTE
         sys.stdout.write(f"{out}: {count}, harmonics of degree {degree}, {size:.2f} MB\n")
     return 0

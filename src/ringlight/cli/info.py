@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
-from ringlight.core.words import counted, numbered
+from ringlight.core.words import MEGABYTE, counted, numbered
 
 if TYPE_CHECKING:
     from ringlight.runs.facts import ModelFacts, RunFacts
 
-MEGABYTE = 1e6
 MARGIN = 13
 """Width of the column of labels."""
 

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
 
 from ringlight.cli.console import Screen
-from ringlight.core.words import counted
+from ringlight.core.words import MEGABYTE, counted
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
 from ringlight.runs.finish import psnr_of_views
@@ -142,7 +142,7 @@ class _Meter:
         count, size = self.session.training.model.rendering_size()
         rate = [f"{self.rate:6.1f} it/s"] if math.isfinite(self.rate) else []
         training = [f"training {self.decibels:5.2f} dB"] if math.isfinite(self.decibels) else []
-        return [*rate, *training, str(count), f"{size / 1e6:.2f} MB"]
+        return [*rate, *training, str(count), f"{size / MEGABYTE:.2f} MB"]
 
     def _time(self, step: int, second: float) -> None:
         """Steps a second since the mark, which moves on every few seconds, and back where the training does."""

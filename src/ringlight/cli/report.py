@@ -10,6 +10,7 @@ import tyro
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.core.words import MEGABYTE
 from ringlight.errors import RecipeError
 from ringlight.files.atomic import refuse_existing
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from ringlight.pages.report.build import WrittenReport
 
 PAGE = ".html"
-MEGABYTE = 1e6
 
 MOST_VIEWS = 1000
 """Of each scene: their pictures fill the page's room long before, and each is read twice."""

@@ -11,12 +11,10 @@ from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
-from ringlight.core.words import counted, numbered
+from ringlight.core.words import MEGABYTE, counted, numbered
 
 if TYPE_CHECKING:
     from ringlight.runs.share import Shared
-
-MEGABYTE = 1e6
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,8 @@
 """Numbers with their noun, in sentences for people."""
 
+MEGABYTE = 1e6
+"""Bytes: sizes are said in powers of ten, as disks and networks count."""
+
 
 def counted(number: int, noun: str) -> str:
     """ "1 step", "3,000 steps"; for nouns whose plural takes an s."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
-from ringlight.core.words import numbered
+from ringlight.core.words import MEGABYTE, numbered
 from ringlight.measure.report import Report
 
 Value = float | int | None
@@ -18,9 +18,6 @@ UNAVAILABLE = "unavailable"
 
 LPIPS_NETS = ("vgg", "alex")
 """In order of preference; a table shows one."""
-
-MEGABYTE = 1e6
-"""10^6 bytes, as surveys of the field count."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ringlight.core.raw_bytes import FLOAT_BYTES
+from ringlight.core.words import MEGABYTE
 from ringlight.measure.report import Report
 from ringlight.measure.table import markdown_row
 
@@ -109,7 +110,7 @@ def _row(label: Label, scene: str, seeds: list[list[Report]]) -> StudyRow:
         missing = any(getattr(report, measure) is None for reports in seeds for report in reports)
         return None if missing else spread(measure)
 
-    size = [fmean(report.bytes_raw / 1e6 for report in reports) for reports in seeds]
+    size = [fmean(report.bytes_raw / MEGABYTE for report in reports) for reports in seeds]
     shared = [fmean(shared_parameters(report) for report in reports) for reports in seeds]
     return StudyRow(
         scene, label.name, label.about, label.at, label.paper, len(seeds),

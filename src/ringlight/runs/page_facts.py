@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.want import Want
-from ringlight.core.words import numbered
+from ringlight.core.words import MEGABYTE, numbered
 from ringlight.files.layer_pictures import common_depth_range, looking
 from ringlight.files.orbit import orbit_of
 from ringlight.files.page.shown import Shown
@@ -24,8 +24,6 @@ MOST_STOPS = 100
 
 STILL_SIDE, STILL_QUALITY = 400, 60
 """Longer side in pixels, and quality, of the JPEG for browsers that cannot draw the model: 8 to 20 kB."""
-
-MEGABYTE = 1e6
 
 
 def background_of(stored: StoredModel) -> Float[Tensor, "3"]:

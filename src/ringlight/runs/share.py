@@ -11,6 +11,7 @@ from torch import Tensor
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.stages import counted, tell
 from ringlight.core.want import Want
+from ringlight.core.words import MEGABYTE
 from ringlight.errors import OutputError, RecipeError, RunError
 from ringlight.files.atomic import refuse_existing, written_atomically
 from ringlight.files.packed import Packed, pack_tensors, unpack_tensors
@@ -23,7 +24,6 @@ from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_
 from ringlight.models.splats import SplatModel
 from ringlight.runs.opened import Opened
 from ringlight.runs.page_facts import (
-    MEGABYTE,
     background_of,
     caption_of,
     facts_of_page,

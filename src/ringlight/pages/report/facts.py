@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 
 import ringlight
+from ringlight.core.words import MEGABYTE
 from ringlight.measure.machine import source_commit
 from ringlight.measure.report import Report
 from ringlight.pages.markup import Html, element, joined, name
 from ringlight.pages.report.charts import dot
 from ringlight.pages.report.groups import Member
 from ringlight.pages.report.repeated import commands, options_changed, settings_changed, written
-
-MEGABYTE = 1e6
 
 
 def run_facts(member: Member, label: str) -> Html:
