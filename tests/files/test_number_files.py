@@ -1,5 +1,6 @@
 """Layers as numbers, read back by others: NumPy, FFmpeg's PNG, OpenEXR's own library."""
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -84,3 +85,31 @@ def test_exr_holds_the_numbers_by_their_usual_names(
 def test_a_folder_that_is_gone_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="create it first"):
         write_numbers(tmp_path / "gone" / "x.npy", "depth", DEPTH, UNIT)
+
+
+def test_exr_is_written_beside_its_target_and_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = pytest.importorskip("OpenEXR")
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "none"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    target = tmp_path / "x.exr"
+    write_numbers(target, "depth", DEPTH, UNIT)
+    before = target.read_bytes()
+    assert [file.name for file in tmp_path.iterdir()] == ["x.exr"]
+
+    class Full:
+        ZIP_COMPRESSION, scanlineimage = library.ZIP_COMPRESSION, library.scanlineimage
+
+        class File:
+            def __init__(self, *_: object) -> None: ...
+
+            def write(self, name: str) -> None:
+                Path(name).write_bytes(b"half")
+                raise RuntimeError("no space")
+
+    monkeypatch.setattr("ringlight.files.number_files.exr_library", lambda: Full)
+    with pytest.raises(OutputError, match=r"x\.exr: cannot be written.*no space"):
+        write_numbers(target, "depth", 2 * DEPTH, UNIT)
+    assert target.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["x.exr"]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from posed_cameras import camera_at
 
 from ringlight.core.camera import Camera
+from ringlight.files import rigs
 from ringlight.files.rigs import FACES, Panorama, Pinhole, Stereo, comfortable_baseline
 
 CAMERA = camera_at(torch.tensor([3.0, 1.0, 0.5]), torch.tensor([0.0, 0.2, 0.1]))
@@ -113,3 +114,29 @@ def test_a_pinhole_is_itself() -> None:
     assert Panorama(100).size(CAMERA) == (100, 50)
     face = Panorama(100).faces(CAMERA)[0]
     assert math.degrees(2 * math.atan(math.ceil(100 / math.pi) / 2 / face.focal[0])) == pytest.approx(90)
+
+
+@pytest.mark.parametrize("pixels", [1, 100, 4096])
+def test_bands_make_the_whole(pixels: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture that is one band, and one of bands of a row or a few."""
+
+    def look(camera: Camera) -> dict[str, torch.Tensor]:
+        rays = camera.ray_directions() @ torch.tensor([[1.0, 2.0, 0.5], [0.0, 1.0, 1.0], [3.0, 0.0, 1.0]])
+        return {"color": rays.sin(), "depth": 2 + rays[..., :1].cos(), "normal": rays.cos()}
+
+    whole = Panorama(64).see(look, CAMERA)
+    monkeypatch.setattr(rigs, "BAND_PIXELS", pixels)
+    banded = Panorama(64).see(look, CAMERA)
+    assert whole.keys() == banded.keys()
+    for name in whole:
+        assert whole[name].shape[:2] == (32, 64)
+        torch.testing.assert_close(banded[name], whole[name], rtol=0, atol=1e-6)
+
+
+@given(st.integers(1, 300), st.integers(1, 300), st.integers(1, 5000))
+def test_bands_cover_every_row_once_and_are_bounded(height: int, width: int, pixels: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rigs, "BAND_PIXELS", pixels)
+        found = [range(height)[rows] for rows in rigs.bands(height, width)]
+    assert [row for rows in found for row in rows] == list(range(height))
+    assert all(len(rows) == 1 or len(rows) * width <= pixels for rows in found)

@@ -5,17 +5,15 @@ import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import ModuleType
-from typing import Literal
+from typing import BinaryIO, Literal
 
 import numpy as np
 from jaxtyping import Float, UInt16
 from torch import Tensor
 
-from ringlight.errors import BackendError, OutputError
+from ringlight.errors import BackendError
 from ringlight.files.atomic import written_atomically
 
 NumberFormat = Literal["png16", "exr", "npy"]
@@ -55,12 +53,8 @@ def write_numbers(path: Path, layer: str, values: Float[Tensor, "H W c"], scale:
     Raises OutputError, and BackendError for EXR without its library.
     """
     array = np.ascontiguousarray(values.detach().cpu().float().numpy())
-    try:
-        content = WRITERS[path.suffix](layer, array, scale)
-    except (OSError, RuntimeError) as error:  # of OpenEXR's library, which writes to a disk
-        raise OutputError(f"{path}: cannot be written: {error}; free some space or choose another folder") from error
     with written_atomically(path) as file:
-        file.write(content)
+        WRITERS[path.suffix](file, layer, array, scale)
 
 
 def exr_library() -> ModuleType:
@@ -93,28 +87,30 @@ def _chunk(name: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
 
 
-def _as_png16(layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> bytes:
+def _as_png16(file: BinaryIO, layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> None:
     stored = np.rint((np.nan_to_num(values.astype(np.float64)) - scale.low) / scale.step)
-    return png16(stored.clip(0, TOP).astype(np.uint16))
+    file.write(png16(stored.clip(0, TOP).astype(np.uint16)))
 
 
-def _as_npy(layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> bytes:
+def _as_npy(file: BinaryIO, layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> None:
     """NumPy's format: [H W] of one channel, else [H W c]."""
-    file = BytesIO()
     np.save(file, values[..., 0] if values.shape[-1] == 1 else values)
-    return file.getvalue()
 
 
-def _as_exr(layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> bytes:
+def _as_exr(file: BinaryIO, layer: str, values: Float[np.ndarray, "H W c"], scale: Scale) -> None:
     library = exr_library()
     names = EXR_NORMALS if layer == "normal" else tuple("RGB") if values.shape[-1] == 3 else (EXR_CHANNELS[layer],)
     channels = {name: np.ascontiguousarray(values[..., index]) for index, name in enumerate(names)}
     header = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
-    # The library writes to names alone; what it wrote then goes the way of all files.
-    with TemporaryDirectory() as folder:
-        whole = Path(folder) / "layer.exr"
-        library.File(header, channels).write(str(whole))
-        return whole.read_bytes()
+    try:
+        # The library writes to names alone: to that of the file which takes its own name when it is whole.
+        library.File(header, channels).write(file.name)
+    except RuntimeError as error:  # of the library, which does not say which
+        raise OSError(f"OpenEXR cannot write it: {error}") from error
 
 
-WRITERS: dict[str, Callable[[str, np.ndarray, Scale], bytes]] = {".png": _as_png16, ".npy": _as_npy, ".exr": _as_exr}
+WRITERS: dict[str, Callable[[BinaryIO, str, np.ndarray, Scale], None]] = {
+    ".png": _as_png16,
+    ".npy": _as_npy,
+    ".exr": _as_exr,
+}

@@ -2,12 +2,12 @@
 and makes one picture of what they show."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
@@ -99,6 +99,9 @@ FACES = torch.tensor(
 BORDER = 2
 """Pixels round a face's 90 degrees, so that a pixel at its edge has neighbours on all sides."""
 
+BAND_PIXELS = 1 << 19
+"""Of a panorama that are worked on at once: what is kept of each on the way takes some hundred bytes."""
+
 NEAREST_ONLY = ("depth", "normal")
 """Layers whose values must not be mixed across an edge: no surface lies between two surfaces."""
 
@@ -119,26 +122,29 @@ class Panorama:
         return self.width, self.width // 2
 
     def see(self, look: Look, camera: Camera) -> Channels:
-        directions = self.directions()
-        face_of = (directions @ FACES[:, 2].T).argmax(-1)
+        face_of = torch.empty(self.width // 2, self.width, dtype=torch.uint8)
+        # By bands: what is worked out for a pixel on the way takes ten times the room of the picture.
+        for rows in bands(*face_of.shape):
+            face_of[rows] = (self.directions(rows) @ FACES[:, 2].T).argmax(-1)
         whole: Channels = {}
         for index, face in enumerate(self.faces(camera)):
-            shown = _with_distances(look(face), face)
-            here = face_of == index
-            x, y, z = (directions[here] @ FACES[index].T).unbind(-1)
-            places = torch.stack([face.focal[0] * x / z, face.focal[1] * y / z], -1) / (face.width / 2)
+            shown = {name: values.cpu() for name, values in _with_distances(look(face), face).items()}
             for name, values in shown.items():
-                picture = whole.setdefault(name, torch.zeros(*here.shape, values.shape[-1]))
-                picture[here] = _sampled(values.cpu(), places, nearest=name in NEAREST_ONLY)
+                whole.setdefault(name, torch.zeros(*face_of.shape, values.shape[-1]))
+            for rows in bands(*face_of.shape):
+                here = face_of[rows] == index
+                if here.any():
+                    band = {name: picture[rows] for name, picture in whole.items()}
+                    _fill(band, here, self.directions(rows)[here] @ FACES[index].T, face, shown)
         return whole
 
-    def directions(self) -> Float[Tensor, "H W 3"]:
-        """Unit directions through the pixels' centres, in the camera's frame: right, down, forward."""
+    def directions(self, rows: slice = slice(None)) -> Float[Tensor, "h W 3"]:
+        """Unit directions through the pixels' centres of these rows, in the camera's frame: right, down, forward."""
         height = self.width // 2
         longitude = ((torch.arange(self.width) + 0.5) / self.width - 0.5) * 2 * math.pi
         latitude = ((torch.arange(height) + 0.5) / height - 0.5) * math.pi
-        down, right = torch.meshgrid(latitude, longitude, indexing="ij")
-        return torch.stack([right.sin() * down.cos(), down.sin(), right.cos() * down.cos()], -1)
+        flat, down = latitude.cos()[rows, None], latitude.sin()[rows, None]
+        return torch.stack([longitude.sin() * flat, down.expand(-1, self.width), longitude.cos() * flat], -1)
 
     def faces(self, camera: Camera) -> list[Camera]:
         """Six square cameras at the place of ``camera``, in the order of :data:`FACES`. Along their axes a pixel is as
@@ -152,6 +158,20 @@ class Panorama:
             matrix[:3] = face @ matrix[:3]
             turned.append(Camera(matrix, (inner / 2, inner / 2), (side / 2, side / 2), side, side))
         return turned
+
+
+def _fill(band: Channels, here: Bool[Tensor, "h W"], rays: Float[Tensor, "n 3"], face: Camera, shown: Channels) -> None:
+    """The pixels ``here`` of a band, whose ``rays`` are in the face's frame."""
+    x, y, z = rays.unbind(-1)
+    places = torch.stack([face.focal[0] * x / z, face.focal[1] * y / z], -1) / (face.width / 2)
+    for name, values in shown.items():
+        band[name][here] = _sampled(values, places, nearest=name in NEAREST_ONLY)
+
+
+def bands(height: int, width: int) -> Iterator[slice]:
+    """Rows of a picture in bands of at most BAND_PIXELS, or of one row, from the upper edge on."""
+    step = max(BAND_PIXELS // width, 1)
+    return (slice(first, min(first + step, height)) for first in range(0, height, step))
 
 
 def _with_distances(shown: Channels, face: Camera) -> Channels:

@@ -43,11 +43,15 @@ def save_image(path: Path, image: Float[Tensor, "H W c"]) -> None:
 
     Raises OutputError.
     """
+    save_8bit(path, to_8bit(image))
+
+
+def save_8bit(path: Path, pixels: UInt8[np.ndarray, "H W c"]) -> None:
+    """The same of an image that is one of bytes already. Raises OutputError."""
     kind = IMAGE_FORMATS.get(path.suffix.lower())
     if kind is None:
         known = ", ".join(IMAGE_FORMATS)
         raise OutputError(f"{path}: cannot be written: unknown kind of picture; end its name in one of {known}")
-    pixels = to_8bit(image)
     with written_atomically(path) as file:
         Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels).save(file, kind, **QUALITY[kind])
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image
 from torch import Tensor
 
@@ -19,7 +19,12 @@ MAX_PIXELS = 100_000_000
 
 
 def read_picture(path: Path) -> Float[Tensor, "H W 3"]:
-    """A picture in [0, 1].
+    """A picture in [0, 1]. Raises RunError as :func:`read_pixels`."""
+    return torch.from_numpy(read_pixels(path)).float().div_(255)
+
+
+def read_pixels(path: Path) -> UInt8[np.ndarray, "H W 3"]:
+    """A picture as its file has it.
 
     Raises:
         RunError: the file is missing, damaged, or absurdly large.
@@ -28,10 +33,9 @@ def read_picture(path: Path) -> Float[Tensor, "H W 3"]:
         with Image.open(path, formats=["PNG"]) as picture:
             if picture.width * picture.height > MAX_PIXELS:
                 raise RunError(f"{path}: {picture.width}x{picture.height} is no test picture; {_remedy(path)}")
-            values = np.array(picture.convert("RGB"))
+            return np.array(picture.convert("RGB"))
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise RunError(f"{path}: cannot be read as a picture ({error}); {_remedy(path)}") from None
-    return torch.from_numpy(values).float().div_(255)
 
 
 def same_picture(one: Path, other: Path) -> bool:

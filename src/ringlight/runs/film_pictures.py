@@ -7,18 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image
 from torch import Tensor
 
+from ringlight.core.rendering import Channels
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.files.camera_records import refuse_other_numbers, write_camera_records
 from ringlight.files.false_color import nearest_depth
 from ringlight.files.layer_pictures import ALPHA, DEPTH_SAMPLES, common_depth_range, layer_pictures, looking
 from ringlight.files.number_files import SUFFIXES, NumberFormat, scale_of, write_numbers
-from ringlight.files.rigs import Rig, Stereo, comfortable_baseline
-from ringlight.files.video import save_image, write_video
+from ringlight.files.rigs import Rig, Stereo, bands, comfortable_baseline
+from ringlight.files.video import save_8bit, to_8bit, write_video
 from ringlight.models.contract import Model
 from ringlight.runs.film import Film
 from ringlight.runs.folder import make_folder
@@ -50,10 +51,25 @@ def render_film(
     near_far = common_depth_range(partial(rig.see, look), film.cameras) if "depth" in layers else (0.0, 1.0)
     folders = {layer: make_folder(folder / layer) for layer in layers}
     for done, (camera, name) in enumerate(zip(film.cameras, film.names, strict=True), 1):
-        for layer, picture in layer_pictures(rig.see(look, camera), background, layers, near_far).items():
-            save_image(folders[layer] / name, picture)
+        pictures = _in_bytes(rig.see(look, camera), background, layers, near_far)
+        for layer in layers:
+            save_8bit(folders[layer] / name, pictures.pop(layer))
         tell(done, len(film.cameras))
     return list(folders.values())
+
+
+def _in_bytes(
+    found: Channels, background: Float[Tensor, "3"], layers: Sequence[str], near_far: tuple[float, float]
+) -> dict[str, UInt8[np.ndarray, "H W c"]]:
+    """The layers of a view as pictures, made by bands of rows: a panorama as floats would be held several times."""
+    height, width = next(iter(found.values())).shape[:2]
+    whole: dict[str, np.ndarray] = {}
+    for rows in bands(height, width):
+        band = {name: values[rows] for name, values in found.items()}
+        for layer, picture in layer_pictures(band, background, layers, near_far).items():
+            pixels = to_8bit(picture)
+            whole.setdefault(layer, np.empty((height, width, pixels.shape[-1]), np.uint8))[rows] = pixels
+    return whole
 
 
 def render_numbers(

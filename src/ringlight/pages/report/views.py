@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -11,12 +12,15 @@ from ringlight.errors import RunError
 from ringlight.measure.compare import ComparedRun
 from ringlight.measure.contact_sheet import scale_top
 from ringlight.measure.picture_names import RENDERS, TRUTHS
-from ringlight.measure.pictures import PictureFolder
+from ringlight.measure.pictures import PictureFolder, read_pixels
 from ringlight.pages.report.encoded import MOST_SIDE, error_url, picture_url
 from ringlight.pages.report.groups import Group, Member
 
 MOST_BYTES = 24_000_000
 """Of the pictures of all test views on a page: beyond this, views are left out and the page says so."""
+
+KEPT_BYTES = 256_000_000
+"""Of decoded pictures that are kept: a hundred of a megapixel."""
 
 
 @dataclass(frozen=True)
@@ -91,10 +95,10 @@ def views_shown(group: Group, count: int, room: int) -> ViewsShown:
     photographs = next(truths for _, _, renders, truths in folders if renders and truths)
     names = [name for name in ranked(group) if name in photographs and all(name in r for _, _, r in whole)]
     ranks = chosen(count, len(names))
-    errors, readable = [], []
+    errors, readable, decoded = [], [], _Decoded()
     for rank in ranks:
         try:
-            errors.append(_thinned(_errors(names[rank], photographs, whole)))
+            errors.append(_thinned(_errors(names[rank], photographs, whole, decoded)))
             readable.append(rank)
         except RunError as error:
             notes.append(f"{error}.")
@@ -102,7 +106,7 @@ def views_shown(group: Group, count: int, room: int) -> ViewsShown:
     shown: dict[int, ViewShown] = {}
     # From both ends inwards: where there is no room for all, the worst and the best are what one looks for.
     for rank in sorted(readable, key=lambda rank: min(rank, len(names) - 1 - rank)):
-        view = _view(names[rank], rank, len(names), photographs, whole, top)
+        view = _view(names[rank], rank, len(names), photographs, whole, top, decoded)
         room -= view.bytes
         if room < 0 and shown:
             left_out = counted(len(readable) - len(shown), "view")
@@ -115,17 +119,40 @@ def views_shown(group: Group, count: int, room: int) -> ViewsShown:
 _Whole = Sequence[tuple[Member, ComparedRun, PictureFolder]]
 
 
-def _errors(name: str, photographs: PictureFolder, whole: _Whole) -> Iterator[Float[np.ndarray, "H W"]]:
+class _Decoded:
+    """Pictures by folder and view, decoded once while all that were fit into KEPT_BYTES: the scale of the error maps
+    wants each before any is shown."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Path, UInt8[np.ndarray, "H W 3"]] = {}
+        self._room = KEPT_BYTES
+
+    def __call__(self, pictures: PictureFolder, name: str) -> UInt8[np.ndarray, "H W 3"]:
+        """Raises RunError for a damaged file."""
+        path = pictures.paths[name]
+        if path in self._kept:
+            return self._kept[path]
+        pixels = read_pixels(path)
+        if pixels.nbytes <= self._room:
+            self._room -= pixels.nbytes
+            self._kept[path] = pixels
+        return pixels
+
+
+def _errors(
+    name: str, photographs: PictureFolder, whole: _Whole, decoded: _Decoded
+) -> Iterator[Float[np.ndarray, "H W"]]:
     """Mean over the channels of the difference to the photograph, of one run after the other: pictures may be of a
     hundred megapixels, and runs many."""
-    truth = photographs[name].numpy()
+    truth = decoded(photographs, name)
     for _, _, renders in whole:
-        render = renders[name].numpy()
+        render = decoded(renders, name)
         sizes = {f"{picture.shape[1]}x{picture.shape[0]}" for picture in (truth, render)}
         if len(sizes) > 1:
             told = ", ".join(sorted(sizes))
             raise RunError(f"view {name}: its pictures differ in size ({told}); evaluate all runs anew")
-        yield np.abs(render - truth).mean(-1)
+        apart = np.abs(np.subtract(render, truth, dtype=np.int16)).sum(-1, dtype=np.int32)
+        yield apart.astype(np.float32) / np.float32(3 * 255)
 
 
 def _thinned(errors: Iterable[Float[np.ndarray, "H W"]]) -> Float[np.ndarray, "K n"]:
@@ -137,15 +164,13 @@ def _thinned(errors: Iterable[Float[np.ndarray, "H W"]]) -> Float[np.ndarray, "K
     return np.stack(thin)
 
 
-def _view(name: str, rank: int, of: int, photographs: PictureFolder, whole: _Whole, top: float) -> ViewShown:
-    truth = _bytes_of(photographs, name)
-    errors = _errors(name, photographs, whole)
+def _view(
+    name: str, rank: int, of: int, photographs: PictureFolder, whole: _Whole, top: float, decoded: _Decoded
+) -> ViewShown:
+    truth = decoded(photographs, name)
+    errors = _errors(name, photographs, whole, decoded)
     runs = []
     for (member, run, renders), error in zip(whole, errors, strict=True):
         psnr = next(image.psnr for image in run.report.images if image.name == name)
-        runs.append(RunPicture(member, psnr, picture_url(_bytes_of(renders, name)), error_url(error, top)))
+        runs.append(RunPicture(member, psnr, picture_url(decoded(renders, name)), error_url(error, top)))
     return ViewShown(name, rank, of, truth.shape[1], truth.shape[0], picture_url(truth), tuple(runs))
-
-
-def _bytes_of(pictures: PictureFolder, name: str) -> UInt8[np.ndarray, "H W 3"]:
-    return (pictures[name].numpy() * 255).round().astype(np.uint8)
