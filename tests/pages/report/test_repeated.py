@@ -11,7 +11,7 @@ from ringlight.cli.train import TrainArguments
 from ringlight.data.bundled import bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.methods.table import METHODS
-from ringlight.pages.report.repeated import commands, options_changed, settings_changed
+from ringlight.pages.report.repeated import Setting, commands, options_changed, settings_changed, written
 from ringlight.runs.record import RunRecord
 
 RECIPES = {
@@ -68,6 +68,24 @@ def test_how_the_scene_was_read_is_said_too() -> None:
 
 def test_a_bundled_scene_is_called_by_its_name() -> None:
     assert commands(record("3dgs", scene=bundled_scene("toaster")))[0].startswith("ringlight train toaster 3dgs ")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words", "told"),
+    [
+        ("sh_rate", 0.004, ("--sh-rate", "0.004"), "0.004"),
+        ("shader.levels", (4, 16), ("--shader.levels", "4", "16"), "4 16"),
+        ("visible_only", True, ("--visible-only",), "on"),
+        ("light.clamp_colors", False, ("--light.no-clamp-colors",), "off"),
+        ("rates.hold", None, (), "left open"),
+        ("start", "a b", ("--start", "a b"), "a b"),
+    ],
+)
+def test_a_setting_in_words_of_the_command_line_and_of_the_page(
+    name: str, value: object, words: tuple[str, ...], told: str
+) -> None:
+    assert Setting(name, value, "another").words == words
+    assert written(value) == told
 
 
 def test_nothing_differs_from_itself() -> None:
