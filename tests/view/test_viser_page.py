@@ -4,6 +4,7 @@ import socket
 import time
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from urllib.error import HTTPError
 
@@ -108,10 +109,22 @@ def test_controls_are_wishes(served: Served, browser: Browser):
     served.until(browser, lambda: browser.last("NotificationShowMessage") is not None)
 
 
+def test_a_window_higher_than_wide_shows_all_that_the_first_camera_does(served: Served, browser: Browser):
+    start = SCENE.test[0].camera
+    browser.stand(replace(standing(start, start.width, start.height), width=30, height=90))
+    wanted = standing(start, 30, 90).fov
+    assert wanted > 1.5 * standing(start, start.width, start.height).fov
+
+    def told() -> list[float]:
+        return [message["fov"] for message in browser.messages if message["type"] == "SetCameraFovMessage"]
+
+    served.until(browser, lambda: any(abs(fov - wanted) < 1e-5 for fov in told()))
+
+
 def test_curves_of_runs_are_drawn_and_those_without_are_not(served: Served, browser: Browser):
     browser.listen(0.5)
     made = [message["props"] for message in browser.messages if message["type"] == "GuiUplotMessage"]
-    assert [props["title"] for props in made] == ["training PSNR, dB", "loss", "size"]
+    assert [props["title"] for props in made] == ["training PSNR, dB", "loss", "size, thousands"]
     assert not any(props["visible"] for props in made)
     assert HOSTILE in {series["label"] for series in made[0]["series"]}
     served.page.curves({HOSTILE: Curves((1, 3), (20.0, 21.0), (5, 6))})

@@ -35,7 +35,7 @@ def curves_of(points: Sequence[CurvePoint]) -> Curves:
     )
 
 
-CHARTS = ("training PSNR, dB", "loss", "size")
+CHARTS = ("training PSNR, dB", "loss", "size, thousands")
 
 
 def chart_data(curves: Mapping[str, Curves], names: Sequence[str]) -> list[tuple[Float[np.ndarray, "S"], ...] | None]:
@@ -45,7 +45,7 @@ def chart_data(curves: Mapping[str, Curves], names: Sequence[str]) -> list[tuple
     return [
         _shared([(one.psnr_steps, one.psnr) for one in own]),
         _shared([(one.loss_steps, one.loss) for one in own]),
-        _shared([(one.psnr_steps, one.counted) for one in own]),
+        _shared([(one.psnr_steps, [count / 1e3 for count in one.counted]) for one in own]),
     ]
 
 
