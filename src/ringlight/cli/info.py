@@ -64,6 +64,8 @@ def _lines(facts: "ModelFacts") -> Iterator[str]:
         yield _line("measured", ", ".join(measured))
     if header.storage:
         yield _line("packed", _storage(header.storage))
+    for edit in header.edits:
+        yield _line("edited", ", ".join(f"{name} {_factors(value)}" for name, value in edit.items()))
     yield _line("written by", versions)
     if facts.run is not None:
         yield from _run_lines(facts.run)
@@ -156,6 +158,13 @@ def _storage(storage: dict[str, Any]) -> str:
     if "picture_psnr" in facts:
         texts.append(f"pictures within {facts['picture_psnr']:.1f} dB PSNR of the model's")
     return "; ".join(texts)
+
+
+def _factors(value: object) -> str:
+    """Of a colour, as numbers with commas between; else as it is."""
+    if not isinstance(value, list):
+        return str(value)
+    return ",".join(f"{factor:g}" if isinstance(factor, (int, float)) else str(factor) for factor in value)
 
 
 def _number(value: object) -> str:

@@ -52,12 +52,14 @@ SLOW_TO_BEGIN = (
     "report",
     "info",
     "compress",
+    "edit",
+    "relight",
     "export",
     "import",
 )
 """Commands that load torch and say what is under way."""
 
-TRAINING = ("train", "demo", "study")
+TRAINING = ("train", "relight", "demo", "study")
 """Commands that have the flags of a training."""
 
 VERBS = {
@@ -72,6 +74,8 @@ VERBS = {
     "study": "repeat the paper's ablations: the whole matrix, its table and curves",
     "info": "what a model file or run folder holds",
     "compress": "write a model in about a third of the bytes, and say what that costs",
+    "edit": "write a model in edited light: tinted, with more or less of what depends on the view",
+    "relight": "learn the light of other photographs for a model, as a pack of a few tens of kilobytes",
     "share": "one HTML page that shows the model itself in any browser",
     "export": "write a file that other programs open",
     "import": "make a model of a PLY that another program wrote",

@@ -33,6 +33,7 @@ class RenderModule(nn.Module):
         features, hidden = settings.ring.features, settings.render_hidden
         self.latents, self.clamps = settings.latents, settings.clamp_colors
         self.weighs = settings.light_modulation and settings.modulation_as == "factor"
+        self.gain = None if set(settings.residual_gain) == {1.0} else settings.residual_gain
         self.modulation: nn.Sequential | None = None
         if settings.light_modulation:
             self.modulation = perceptron((3 + features, settings.modulation_hidden, 1), generator)
@@ -51,7 +52,12 @@ class RenderModule(nn.Module):
         residual = torch.tanh(self.render(inputs))
         if self.weighs:
             residual = modulation * residual
-        return LitColor(self.shown(base + residual), residual, modulation)
+        return self.gained(LitColor(base + residual, residual, modulation), base)
+
+    def gained(self, lit: LitColor, base: Float[Tensor, "N 3"]) -> LitColor:
+        """The same with the settings' gain of the residual, which kernels do not know; ``base`` in [0, 1]."""
+        residual = lit.residual if self.gain is None else lit.residual * base.new_tensor(self.gain)
+        return LitColor(self.shown(base + residual), residual, lit.modulation)
 
     def shown(self, colors: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """What a Gaussian emits of the sum of its base colour and its residual."""

@@ -74,6 +74,12 @@ def ring_emission(model: "RingLight", gaussians: Gaussians, camera: Camera, tabl
     return Emission(model.emits, LazyColors(base, kernel, all_rows), factor, back)
 
 
+@torch.no_grad()
+def gained_emission(model: "RingLight", gaussians: Gaussians, colors: Float[Tensor, "N 3"]) -> Emission:
+    """Of a model whose residual was edited, without a way back: all ``colors``, made already."""
+    return Emission(model.emits, colors, _factor(model, gaussians))
+
+
 def _pays(model: "RingLight", base: Tensor, latents: Tensor) -> bool:
     """What is not finite ends a run at once, whether or not it shows; a sum passes it on."""
     return model.workspace.many_hidden and bool((base.sum() + latents.sum()).isfinite())

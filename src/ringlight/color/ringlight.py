@@ -12,7 +12,7 @@ from ringlight.color.by_torch import OPACITY_FACTOR, emitted_by_torch
 from ringlight.color.drawable import drawable_rows
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.render_module import LitColor, RenderModule
-from ringlight.color.ring_emission import BASE, LATENTS, MASK, base_emission, ring_emission
+from ringlight.color.ring_emission import BASE, LATENTS, MASK, base_emission, gained_emission, ring_emission
 from ringlight.color.ring_kernel import (
     LitRows,
     Workspace,
@@ -101,8 +101,10 @@ class RingLight(nn.Module):
         if not self.lit:
             return base_emission(self, gaussians, want)
         tables = self._native_tables(gaussians, want)
-        if tables is None:
+        if tables is None or (self.shading.gain is not None and want is Want.GRADIENTS):
             return self._emission_by_torch(gaussians, camera, want)
+        if self.shading.gain is not None:
+            return gained_emission(self, gaussians, self._layers(gaussians, camera).color)
         return ring_emission(self, gaussians, camera, tables, want)
 
     @torch.no_grad()
@@ -198,7 +200,8 @@ class RingLight(nn.Module):
             return self.reference(gaussians, camera)
         base, latents = self.base(gaussians), self.latents(gaussians)
         parameters = ring_parameters(tables, self.shading, self.layers_of_shading)
-        return light_layers(self.lit_rows(gaussians, camera), base, latents, parameters)
+        lit = light_layers(self.lit_rows(gaussians, camera), base, latents, parameters)
+        return lit if self.shading.gain is None else self.shading.gained(lit, base.sigmoid())
 
     def _emission_by_torch(self, gaussians: Gaussians, camera: Camera, want: Want) -> Emission:
         def channels(columns: dict[str, Tensor]) -> Channels:

@@ -9,6 +9,9 @@ from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 
+MOST_GAIN = 100.0
+"""Of a residual, many times what edits ask for: beyond it colours are but the two ends of their range."""
+
 LARGEST_HIDDEN = 1024
 """Far beyond what was ever of use. It keeps a damaged or hostile model file from asking for all the memory."""
 
@@ -62,7 +65,15 @@ class RingLightSettings:
     """Whether each Gaussian has a base colour. Without it the residual is added to grey and the light is on from the
     first step, since there is nothing else to show. This is the paper's ablation (table 2), which leaves both open."""
 
+    residual_gain: tuple[float, float, float] = later((1.0, 1.0, 1.0))
+    """What red, green and blue of the residual are multiplied by, behind its tanh; 'ringlight edit' sets it. Training
+    with others than ones runs in torch, which is slow."""
+
     def __post_init__(self) -> None:
+        if len(self.residual_gain) != 3 or not all(0 <= gain <= MOST_GAIN for gain in self.residual_gain):
+            raise RecipeError(
+                f"light.residual_gain is {self.residual_gain}; give three numbers from 0 to {MOST_GAIN:g}"
+            )
         for name in ("render_hidden", "modulation_hidden"):
             if not 1 <= getattr(self, name) <= LARGEST_HIDDEN:
                 raise RecipeError(f"light.{name} is {getattr(self, name)}; give 1 to {LARGEST_HIDDEN}")

@@ -2,8 +2,8 @@
 
 Metadata of the safetensors file, all strings: ``program`` "ringlight", ``format`` a number, ``method``, ``preset``,
 ``step``, ``counted``, ``noun``, ``created``, and as JSON ``recipe``, ``scene``, ``metrics``, ``versions``, ``packing``:
-how each packed tensor is stored, by name, and ``storage``: what packing cost. Of ``metrics`` and ``storage`` numbers
-may be infinite or NaN, as ``core/json_numbers.py`` spells them.
+how each packed tensor is stored, by name, ``storage``: what packing cost, and, where there are any, ``edits``. Of
+``metrics`` and ``storage`` numbers may be infinite or NaN, as ``core/json_numbers.py`` spells them.
 """
 
 import json
@@ -67,6 +67,8 @@ class ModelHeader:
     noun: str = ""
     storage: dict[str, object] = field(default_factory=dict)
     """What packing cost, a JSON object; empty for files that are not packed."""
+    edits: list[dict[str, object]] = field(default_factory=list)
+    """What 'ringlight edit' did to the light, JSON objects in order; files of earlier versions lack it."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ def read_model_file(path: Path) -> ModelFile:
 
 
 def _metadata_from(header: ModelHeader, packing: Mapping[str, str]) -> dict[str, str]:
-    texts = {name: value if isinstance(value, str) else _json(value) for name, value in asdict(header).items()}
+    values = {name: value for name, value in asdict(header).items() if name != "edits" or value}
+    texts = {name: value if isinstance(value, str) else _json(value) for name, value in values.items()}
     return {"program": PROGRAM, "format": str(FORMAT), "packing": _json(dict(packing))} | texts
 
 
@@ -141,6 +144,7 @@ def _header_from(path: Path, metadata: dict[str, str]) -> ModelHeader:
         counted=_number(path, metadata, "counted"),
         noun=_text(path, metadata, "noun"),
         storage=_settings(path, metadata, "storage"),
+        edits=_edits(path, metadata),
     )
 
 
@@ -196,6 +200,16 @@ def _object(path: Path, metadata: dict[str, str], name: str) -> dict[str, object
 def _settings(path: Path, metadata: dict[str, str], name: str) -> dict[str, object]:
     """Settings or measures, which may be infinite."""
     return {key: read_back(value) for key, value in _object(path, metadata, name).items()}
+
+
+def _edits(path: Path, metadata: dict[str, str]) -> list[dict[str, object]]:
+    try:
+        value = json.loads(metadata.get("edits", "[]"))
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, "edits") from error
+    if not isinstance(value, list) or not all(isinstance(edit, dict) for edit in value):
+        raise _damaged(path, "edits")
+    return value
 
 
 def _damaged(path: Path, name: str) -> ModelFileError:

@@ -1,6 +1,5 @@
 """A trained model in a third of the bytes: packed, looked at, written as one model file."""
 
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
@@ -12,15 +11,15 @@ from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
 from ringlight.core.stages import counted
 from ringlight.core.want import Want
-from ringlight.errors import OutputError, RecipeError, RunError
+from ringlight.errors import OutputError, RunError
 from ringlight.files.atomic import refuse_existing
-from ringlight.files.model_file import SceneFacts, write_model_file
+from ringlight.files.model_file import write_model_file
 from ringlight.files.packed import pack_tensors, unpack_tensors
 from ringlight.measure import metrics
 from ringlight.methods.store import CAMERAS_PREFIX, StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.models.contract import Model
 from ringlight.runs.finish import Tell, psnr_of_views
-from ringlight.runs.opened import Opened, recorded_scene
+from ringlight.runs.opened import Opened, scene_facts_of
 
 SUFFIX = ".safetensors"
 
@@ -92,19 +91,10 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
         losses = replace(losses, psnr_before=psnr_before, psnr_after=psnr_after, views=len(scene.test))
         measured = {"psnr": psnr_after}
     versions = stored.header.versions | {"ringlight": ringlight.__version__}
-    facts = _scene_facts(opened)
+    facts = scene_facts_of(opened)
     header = replace(stored.header, scene=facts, metrics=measured, versions=versions, storage=asdict(losses))
     write_model_file(path, packed, header)
     return Compressed(str(path), *after.model.counted(), size_before, path.stat().st_size, losses)
-
-
-def _scene_facts(opened: Opened) -> SceneFacts:
-    """What the model's file says of its scene, with the place and the options of the run, which this file leaves."""
-    facts = opened.stored.header.scene
-    with suppress(RunError, RecipeError):
-        place, options = recorded_scene(opened)
-        facts = replace(facts, source=str(place), options=asdict(options))
-    return facts
 
 
 def _bytes(tensors: dict[str, torch.Tensor]) -> int:

@@ -1,6 +1,7 @@
 """A trained model with what is known around it: from a model file, or from a whole run folder."""
 
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ringlight.core.command_line import command
@@ -8,6 +9,7 @@ from ringlight.core.scene import Scene
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
+from ringlight.files.model_file import SceneFacts
 from ringlight.measure.report import folders_with
 from ringlight.methods.recipe import recipe_from_dict
 from ringlight.methods.store import StoredModel, load_model
@@ -90,3 +92,13 @@ def recorded_scene(opened: Opened) -> tuple[Path, SceneOptions]:
         return record.scene, record.options
     facts = opened.stored.header.scene
     return Path(facts.source), recipe_from_dict(SceneOptions, facts.options, f"{opened.file}: options")
+
+
+def scene_facts_of(opened: Opened) -> SceneFacts:
+    """What the model's file says of its scene, with the place and the options of the run, which a file made of it
+    leaves."""
+    facts = opened.stored.header.scene
+    with suppress(RunError, RecipeError):
+        place, options = recorded_scene(opened)
+        facts = replace(facts, source=str(place), options=asdict(options))
+    return facts

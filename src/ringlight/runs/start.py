@@ -14,7 +14,7 @@ from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.recipe import Recipe
 from ringlight.runs.clock import Clock
 from ringlight.runs.folder import RunFolder
-from ringlight.runs.limits import prepare_run
+from ringlight.runs.limits import PreparedRun, prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RunRecord
 from ringlight.runs.session import Session
@@ -30,6 +30,10 @@ def nobody(preset: str, scene: Scene) -> None:
     """Hears of a scene, and says nothing."""
 
 
+def unchanged(run: PreparedRun) -> None:
+    """Leaves what was prepared as it is."""
+
+
 def start_run(
     out: Path,
     scene_path: Path,
@@ -40,10 +44,12 @@ def start_run(
     device: str,
     model: Path | None = None,
     loaded: Loaded = nobody,
+    prepared: Callable[[PreparedRun], None] = unchanged,
 ) -> Session:
     """A new run, from a ``model`` or PLY if one is named; its checkpoint of step 0 then holds what it starts from.
 
-    ``loaded`` hears of the scene before anything is tried on it, which may take long. Raises RecipeError, SceneError,
+    ``loaded`` hears of the scene before anything is tried on it, which may take long; ``prepared``
+    may change a training before its first step. Raises RecipeError, SceneError,
     ModelFileError or RunError, with nothing written.
     """
     if recipe.steps < 1:
@@ -58,6 +64,7 @@ def start_run(
     loaded(preset, scene)
     photographs = DecodeCheck(scene)
     run = prepare_run(scene, recipe, seed, device, start)
+    prepared(run)
     photographs.refuse_damaged()
     options = with_absent_masks_left_out(options, scene)
     record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)

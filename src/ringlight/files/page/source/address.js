@@ -8,15 +8,19 @@ export function readAddress(hash) {
     bare: words.has("bare"),
     layer: words.get("layer"),
     light: words.has("light") ? Number(words.get("light")) : null,
+    blend: words.has("blend") ? Number(words.get("blend")) : null,
+    pack: Number(words.get("pack") ?? 1) - 1,
   };
 }
 
 // Position, turn and reach of a free camera in few digits.
-export function addressOf(pose, { layer, residual }, bare) {
+export function addressOf(pose, { layer, residual, pack, blend }, bare) {
   const numbers = [...pose.position, ...pose.turn.flat(), pose.reach].map((value) => Number(value.toPrecision(5)));
   const words = [`at=${numbers.join(",")}`];
   if (layer !== "picture") words.push(`layer=${layer}`);
   if (residual !== 1) words.push(`light=${residual}`);
+  if (pack) words.push(`pack=${pack + 1}`);
+  if (blend) words.push(`blend=${blend}`);
   if (bare) words.push("bare");
   return `#${words.join("&")}`;
 }

@@ -66,9 +66,10 @@ async function begin(facts, payload) {
     flew: (flies) => (controls.flies = flies),
   });
   const follow = () => {
-    const { view, at, layer, light } = readAddress(location.hash);
+    const { view, at, layer, light, blend, pack } = readAddress(location.hash);
     if (LAYERS.includes(layer)) panel.layer(layer);
     if (light >= 0 && light <= 2 && light !== null) panel.fade(light);
+    if (facts.lights?.[pack] && blend >= 0 && blend <= 1 && blend !== null) panel.blend(blend, pack);
     panel.show(stops.has(view) ? view : "home");
     stand(stops.has(view) ? view : "home", stops.has(view));
     if (at) state.pose = new Pose(at.slice(0, 3), [at.slice(3, 6), at.slice(6, 9), at.slice(9, 12)], at[12]);

@@ -13,6 +13,11 @@ export class Panel {
     element("home").addEventListener("click", () => this.go(0));
     element("light").addEventListener("input", () => this.fade(Number(element("light").value)));
     element("light-row").hidden = !facts.lit;
+    const lights = facts.lights ?? [];
+    element("blend-row").hidden = !lights.length;
+    lights.forEach((name, number) => element("packs").append(new Option(name, number)));
+    element("packs").addEventListener("change", () => this.blend(Number(element("blend").value)));
+    element("blend").addEventListener("input", () => this.blend(Number(element("blend").value)));
     for (const choice of document.getElementsByName("layer")) {
       choice.addEventListener("change", () => looked({ layer: choice.value }));
     }
@@ -38,6 +43,14 @@ export class Panel {
     element("light").value = String(amount);
     element("light-value").textContent = amount.toFixed(2);
     this.looked({ residual: amount });
+  }
+
+  // This share of a pack's light in place of the model's own.
+  blend(share, pack = Math.max(element("packs").selectedIndex, 0)) {
+    element("packs").selectedIndex = pack;
+    element("blend").value = String(share);
+    element("blend-value").textContent = share.toFixed(2);
+    this.looked({ pack, blend: share });
   }
 
   layer(name) {
@@ -83,6 +96,7 @@ export class Panel {
       "+": () => this.fade(Math.min(light + 0.1, 2)),
       "-": () => this.fade(Math.max(light - 0.1, 0)),
       0: () => this.fade(1),
+      l: () => element("blend-row").hidden || this.blend(Number(element("blend").value) < 0.5 ? 1 : 0),
       f: () => element("fly").click(),
       c: () => this.fold(),
       t: () => this.theme(),

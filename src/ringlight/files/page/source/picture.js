@@ -1,5 +1,6 @@
 // Pictures of one model on one canvas: the worker's lists go in, pixels come out.
 import { numbered, Texture } from "./gl.js";
+import { inLightOf, lightShares } from "./lights.js";
 import { MirrorKind } from "./mirror_kind.js";
 import { SplatKind } from "./splat_kind.js";
 
@@ -19,7 +20,11 @@ export class Picture {
     });
     if (!gl) throw new Error("it has no WebGL2");
     Object.assign(this, { gl, canvas, facts: model.facts });
-    this.kind = new (model.facts.kind === "mirror" ? MirrorKind : SplatKind)(gl, shaders, model);
+    const Kind = model.facts.kind === "mirror" ? MirrorKind : SplatKind;
+    this.make = (lit) => new Kind(gl, shaders, lit);
+    this.model = model;
+    this.kind = this.make(model);
+    this.relit = new Map(); // kinds in the light of a pack, by its number; made when first asked for
     this.ellipses = numbered(gl, "rgba32f", 2 * model.facts.gaussians);
     this.tiles = null;
     this.entries = null;
@@ -54,22 +59,43 @@ export class Picture {
     this.lists = lists;
   }
 
-  // Draw what was loaded. With `some` colours may be of a moment ago; true where all is exact.
-  draw({ layer, residual, background, some }, target = null) {
-    const { camera, side } = this.lists,
-      [width, height] = camera.size;
+  // Draw what was loaded: in the model's own light, and over it by the share `blend` in that of pack number `pack`. With
+  // `some` colours may be of a moment ago; true where all is exact.
+  draw({ layer, residual, background, some, pack = 0, blend = 0 }, target = null) {
+    const [width, height] = this.lists.camera.size;
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
+    const shares = lightShares(layer, this.facts.lights?.[pack] ? blend : 0);
     const amount = layer === "base" ? 0 : this.facts.lit ? residual : 0;
-    const exact = this.kind.prepare(camera, amount, some);
-    const program = this.kind.bound(
-      { ellipses: this.ellipses, tiles: this.tiles, entries: this.entries },
-      camera,
-      amount,
-    );
+    let exact = true;
+    shares.forEach((share, number) => {
+      if (!share) return;
+      const kind = number ? this.inLightOf(pack) : this.kind;
+      exact = this.drawKind(kind, { layer, amount, background, some }, target, share) && exact;
+    });
+    this.drawn++;
+    return exact;
+  }
+
+  inLightOf(pack) {
+    if (!this.relit.has(pack)) this.relit.set(pack, this.make(inLightOf(this.model, pack)));
+    return this.relit.get(pack);
+  }
+
+  // With a `share` below one over what is there.
+  drawKind(kind, { layer, amount, background, some }, target, share) {
+    const { gl, lists } = this,
+      { camera, side } = lists;
+    const exact = kind.prepare(camera, amount, some);
+    const program = kind.bound({ ellipses: this.ellipses, tiles: this.tiles, entries: this.entries }, camera, amount);
     program.wholes({ size: camera.size, side, layer: LAYERS.indexOf(layer) });
     program.numbers({ background, nearFar: this.facts.nearFar });
-    program.draw(target, width, height);
-    this.drawn++;
+    if (share < 1) {
+      gl.enable(gl.BLEND);
+      gl.blendColor(0, 0, 0, share);
+      gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
+    }
+    program.draw(target, ...camera.size);
+    gl.disable(gl.BLEND);
     return exact;
   }
 
@@ -78,7 +104,7 @@ export class Picture {
   values(look) {
     const gl = this.gl,
       { width, height } = this.canvas;
-    if (!gl.getExtension("EXT_color_buffer_float")) return null;
+    if (!gl.getExtension("EXT_color_buffer_float") || !gl.getExtension("EXT_float_blend")) return null;
     const texture = new Texture(gl, "rgba32f", width, height),
       target = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, target);

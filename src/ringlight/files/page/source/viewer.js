@@ -24,7 +24,7 @@ export class Viewer {
         this.fail(error);
       }
     };
-    this.look = { layer: "picture", residual: 1, background: picture.facts.background };
+    this.look = { layer: "picture", residual: 1, background: picture.facts.background, pack: 0, blend: 0 };
   }
 
   // Something is to be seen otherwise. With `moving` more of it will follow.
