@@ -25,6 +25,8 @@ LINES = {
     "study --dry-run": ("study", "rank", "{scene}", "--dry-run", "--out", "{new}"),
     "info": ("info", "{run}"),
     "compress": ("compress", "{run}", "{new}.safetensors"),
+    "edit": ("edit", "{run}", "{new}.safetensors", "--residual", "0.5"),
+    "relight": ("relight", "{run}", "{scene}", "{new}", "--steps", "3", "--lpips"),
     "export": ("export", "{run}", "{new}.ply", "--fit-steps", "2"),
     "import": ("import", "{ply}", "{new}.safetensors"),
     "doctor": ("doctor",),

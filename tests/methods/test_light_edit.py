@@ -21,10 +21,11 @@ from tiny_scene import tiny_scene
 
 METHODS = ("3dgs", "ringlight-basis", "ringlight-ring", "ringlight-paper", "ringlight-mirror")
 
-EDIT = LightEdit((1.1, 0.8, 0.5), (0.5, 1.5, 0.3))
+EDIT = LightEdit((0.9, 0.8, 0.5), (0.5, 1.5, 0.3))
 
-NEAR = {"ringlight-mirror": 60.0}
-"""dB of the edited picture against the composed one; our kernels multiply a mirror's network in halves."""
+NEAR = {"ringlight-mirror": 50.0}
+"""dB of the edited picture against the composed one; our kernels multiply a mirror's network in halves, and the
+reference in torch, which does not, is held against 80 below."""
 
 NEARLY_ALL = 80.0
 
@@ -92,6 +93,20 @@ def test_a_picture_of_the_edited_model_is_composed_of_the_layers_before(method: 
     for want in (Want.EXACT, Want.GRADIENTS):
         shown = after.render(camera, torch.zeros(3), want).color.detach()
         assert decibels(shown, wanted) > NEAR.get(method, NEARLY_ALL)
+
+
+def test_a_mirrors_edit_is_exact_where_its_network_is(scene: Scene) -> None:
+    model, camera = model_of("ringlight-mirror", scene), scene.train[0].camera
+    after, black = loaded("ringlight-mirror", scene, model, EDIT), torch.zeros(3)
+    bases, pictures = [], []
+    for one in (model, after):
+        shown = one.render(camera, black, Want.EXACT, ("rgb", "normal", "latents", "depth"))
+        buffers = {**shown.buffers, "alpha": shown.alpha}
+        bases.append(buffers["rgb"])
+        with torch.no_grad():
+            pictures.append(one.shader.reference(buffers, camera, black))  # type: ignore[union-attr]
+    factors, tints = torch.tensor(EDIT.residual), torch.tensor(EDIT.base)
+    assert decibels(pictures[1], bases[0] * tints + (pictures[0] - bases[0]) * factors) > NEARLY_ALL
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -33,6 +33,9 @@ class ShareArguments:
     budget: Annotated[float | None, tyro.conf.arg(metavar="MB")] = None
     """Largest size of the page in megabytes. Gaussians that show least to the training cameras are left out until it
     fits. Without it a page of more than 40 MB is refused."""
+    light: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="PACK…")] = ()
+    """Light packs of this model, or folders that 'ringlight relight' wrote. The page then has a slider that blends
+    between the model's own light and that of a pack."""
     overwrite: bool = False
     """Replace the file if it exists."""
     threads: int = 0
@@ -50,12 +53,15 @@ def main(arguments: list[str]) -> int:
     with stages(asked.quiet) as line:
         line(f"reading {asked.model}")
         from ringlight.measure.json_record import to_json
+        from ringlight.runs.light_pack import read_pack
         from ringlight.runs.opened import open_model
         from ringlight.runs.share import check_target, share
 
         check_target(asked.out, asked.overwrite)
         use_threads(asked.threads)
-        shared = share(open_model(asked.model), asked.out, None if asked.budget is None else asked.budget * MEGABYTE)
+        packs = [read_pack(path) for path in asked.light]
+        budget = None if asked.budget is None else asked.budget * MEGABYTE
+        shared = share(open_model(asked.model), asked.out, budget, packs)
     sys.stdout.write(to_json(shared) if asked.json else _sentences(shared))
     return 0
 

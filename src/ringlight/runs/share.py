@@ -1,6 +1,6 @@
 """A trained model as one HTML page that shows the model itself."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
@@ -22,6 +22,7 @@ from ringlight.fit.strategies.drop_least import blending_weights
 from ringlight.measure import metrics
 from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.models.splats import SplatModel
+from ringlight.runs.light_pack import LightPack, relit
 from ringlight.runs.opened import Opened
 from ringlight.runs.page_facts import (
     background_of,
@@ -88,11 +89,14 @@ def check_target(path: Path, overwrite: bool) -> None:
     refuse_existing(path, overwrite)
 
 
-def share(opened: Opened, path: Path, budget: float | None = None) -> Shared:
+def share(opened: Opened, path: Path, budget: float | None = None, packs: Sequence[LightPack] = ()) -> Shared:
     """Write the page. With a ``budget`` in bytes the Gaussians that show least are left out until it fits.
 
+    The page blends between the model's own light and that of each of the ``packs``.
+
     Raises RunError for a model without cameras or Gaussians, or one whose page would be too large, RecipeError for a
-    model that a page cannot show, OutputError where the file cannot be written.
+    model that a page cannot show, ModelFileError for a pack of another model, OutputError where the file cannot be
+    written.
     """
     stored = opened.stored
     if budget is not None and not budget >= SMALLEST_BUDGET:
@@ -107,7 +111,9 @@ def share(opened: Opened, path: Path, budget: float | None = None) -> Shared:
             f"{opened.file}: holds no cameras, so there is nowhere to look from; name a model that 'ringlight train' "
             "wrote, or give it photographs: ringlight train SCENE METHOD --from FILE"
         )
-    page = _page(opened, model, budget)
+    for pack in packs:
+        relit(stored, pack, opened.file)
+    page = _page(opened, model, budget, packs)
     decibels = list(_picture_loss(opened, page.packed))
     with written_atomically(path) as file:
         file.write(page.document)
@@ -125,17 +131,20 @@ def share(opened: Opened, path: Path, budget: float | None = None) -> Shared:
     )
 
 
-def _page(opened: Opened, model: SplatModel, budget: float | None) -> _Page:
+def _page(opened: Opened, model: SplatModel, budget: float | None, packs: Sequence[LightPack]) -> _Page:
     """The page of all Gaussians, or of as many as fit."""
     stored, stops = opened.stored, stops_of(opened.stored.cameras)
     tell("looking at the model")
-    facts = facts_of_page(stored, model, shown_of(model), stops)
+    facts = facts_of_page(stored, model, shown_of(model), stops) | {"lights": [pack.scene for pack in packs]}
     still, others = still_of(stored, model), {"cameras": numbers_of_stops(stops)}
     title = f"{stored.header.scene.name}, {stored.header.preset}"
 
     def page_with(tensors: dict[str, Tensor]) -> _Page:
         packed = pack_tensors(tensors)
-        payload, gaussians = payload_of(packed, others, program_texts()), len(tensors[f"{COLUMNS}means"])
+        payload, gaussians = (
+            payload_of(_lit_by(packed, packs), others, program_texts()),
+            len(tensors[f"{COLUMNS}means"]),
+        )
         document = b""
         for size in (0, 1):  # the caption says how large the page is with it
             caption = caption_of(stored, gaussians, len(document) * size)
@@ -159,6 +168,15 @@ def _page(opened: Opened, model: SplatModel, budget: float | None) -> _Page:
         if len(page.document) <= budget:
             return page
     raise RunError(f"{opened.file}: no page of it fits into {budget / MEGABYTE:g} MB; give a larger --budget")
+
+
+def _lit_by(packed: Packed, packs: Sequence[LightPack]) -> Packed:
+    """With the tensors of each pack, as it stores them, below "light.0.", "light.1.", …"""
+    tensors, packing = dict(packed.tensors), dict(packed.packing)
+    for number, pack in enumerate(packs):
+        tensors |= {f"light.{number}.{name}": tensor for name, tensor in pack.stored.tensors.items()}
+        packing |= {f"light.{number}.{name}": kind for name, kind in pack.stored.packing.items()}
+    return Packed(tensors, packing)
 
 
 def _most_important_first(stored: StoredModel, model: SplatModel) -> Tensor:

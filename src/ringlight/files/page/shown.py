@@ -85,7 +85,8 @@ def _ring(color: RingLight) -> Shown:
         "CLAMPED": int(light.clamp_colors),
     }
     codes = {"code": _code(position_code(ring)), "viewCode": _code(view_code(ring))}
-    return Shown("ring", 0.0, bool(color.lit), sizes, {"ring": codes, "box": color.box.tolist()})
+    told = codes | {"gain": list(light.residual_gain)}
+    return Shown("ring", 0.0, bool(color.lit), sizes, {"ring": told, "box": color.box.tolist()})
 
 
 def _code(code: FourierCode) -> dict[str, object]:

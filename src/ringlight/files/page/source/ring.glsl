@@ -1,7 +1,7 @@
 // Colours of ringlight-ring and ringlight-paper from where the camera is; the twin of fields/ring_tables.py and
 // color/render_module.py. Texels a row: base colour, then latents by four.
 uniform sampler2D means, surfaces, axes, view, core, shading;
-uniform vec3 position, boxLow, boxSize;
+uniform vec3 position, boxLow, boxSize, gain;
 uniform float residual;
 uniform int rows;
 layout(location = 0) out uvec4 color;
@@ -121,7 +121,7 @@ void main() {
   if (row >= rows) discard;
   vec3 base = numbered(surfaces, row * (1 + LATENT_TEXELS)).xyz, shown = base;
   if (residual != 0.0) {
-    shown += residual * light(row, base);
+    shown += residual * gain * light(row, base);
     if (CLAMPED == 1) shown = clamp(shown, 0.0, 1.0);
   }
   color = uvec4(floatBitsToUint(shown), 0u);

@@ -92,7 +92,7 @@ function ringOf(gl, { tensors, facts }) {
       shading: inFour(shading),
       surfaces: inFour(surfacesOf(tensors)),
     },
-    numbers: { boxLow: box[0], boxSize: box[1].map((high, k) => high - box[0][k]) },
+    numbers: { gain: ring.gain, boxLow: box[0], boxSize: box[1].map((high, k) => high - box[0][k]) },
   };
 }
 
