@@ -35,7 +35,8 @@ def edit_light(opened: Opened, path: Path, edit: LightEdit, pack: LightPack | No
     """
     stored = opened.stored if pack is None else relit(opened.stored, pack, opened.file)
     found = edited(stored.model, stored.header.recipe, edit)
-    done = {"base": list(edit.base), "residual": list(edit.residual)}
+    done: list[dict[str, object]] = [{"light": pack.scene}] if pack else []
+    done.append({"base": list(edit.base), "residual": list(edit.residual)})
     header = replace(
         stored.header,
         recipe=found.settings,
@@ -43,7 +44,7 @@ def edit_light(opened: Opened, path: Path, edit: LightEdit, pack: LightPack | No
         metrics={},
         storage={},
         versions=stored.header.versions | {"ringlight": ringlight.__version__},
-        edits=[*stored.header.edits, *([{"light": pack.scene}] if pack else []), done],
+        edits=[*stored.header.edits, *done],
     )
     tensors = found.tensors | tensors_from_cameras(stored.cameras)
     after = model_of_tensors(tensors, header, stored.rasterize, path)
