@@ -59,7 +59,7 @@ SLOW_TO_BEGIN = (
 )
 """Commands that load torch and say what is under way."""
 
-TRAINING = ("train", "relight", "demo", "study")
+TRAINING = ("train", "relight", "demo", "study", "table")
 """Commands that have the flags of a training."""
 
 VERBS = {
@@ -71,6 +71,7 @@ VERBS = {
     "view": "look at models or a scene in a browser",
     "compare": "several runs in one table and one contact sheet",
     "report": "one page about runs: table, curves, pictures with a curtain, settings",
+    "table": "methods over scenes and seeds, side by side or on a cluster, to one table a measure",
     "study": "repeat the paper's ablations: the whole matrix, its table and curves",
     "info": "what a model file or run folder holds",
     "compress": "write a model in about a third of the bytes, and say what that costs",
@@ -110,6 +111,13 @@ def run(arguments: list[str]) -> int:
     if arguments[0] not in VERBS:
         return _complain(f"no command is called {arguments[0]!r}; {_suggestion(arguments[0])}", WRONG_USAGE)
     return _run_verb(arguments[0], arguments[1:])
+
+
+def run_verb_alone(verb: str) -> NoReturn:
+    """As :func:`main`, for a module that another process of ours starts."""
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    lasting_streams()
+    sys.exit(_run_verb(verb, []))
 
 
 def _run_verb(verb: str, arguments: list[str]) -> int:

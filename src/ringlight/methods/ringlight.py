@@ -77,13 +77,14 @@ class RingLightRecipe:
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[Chosen, str | None]":
         """The recipe of the chosen method with these settings, and why it was chosen, unless the user did."""
         if self.shading != "auto":
-            return self._as(self.shading), None
+            return self.chosen(self.shading), None
         from ringlight.methods.reflection_trial import chosen_shading
 
         shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
-        return self._as(shading), f"method: {SHADINGS[shading][0]}, {SUITS[shading]} ({reason})"
+        return self.chosen(shading), f"method: {SHADINGS[shading][0]}, {SUITS[shading]} ({reason})"
 
-    def _as(self, shading: Shading) -> Chosen:
+    def chosen(self, shading: Shading) -> Chosen:
+        """The recipe of the method that lights so, with these settings."""
         chosen: Chosen = SHADINGS[shading][1]()
         chosen = replace(chosen, steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
         return (chosen if self.antialiased is None else replace(chosen, antialiased=self.antialiased)).at_length()
