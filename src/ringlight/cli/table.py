@@ -1,0 +1,198 @@
+"""``ringlight table SCENE... --methods A,B --seeds 0,1``: methods over scenes, side by side or on a cluster."""
+
+import os
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ringlight.cli.arguments import Device, MaybeFolder, Net
+from ringlight.cli.main import WRONG_INPUT, Stopped
+from ringlight.cli.parse import parse, refuse
+from ringlight.cli.signals import kept_signals
+from ringlight.cli.threads import check_threads
+from ringlight.core.words import counted
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RecipeError
+
+if TYPE_CHECKING:
+    from ringlight.runs.many import Place
+    from ringlight.runs.method_runs import Key, Surveyed
+
+
+@dataclass(frozen=True)
+class TableArguments:
+    """Train and measure methods on scenes, and write one table a measure.
+
+    Each run gets its own folder OUT/SCENE/METHOD/seed-SEED, as 'ringlight train' makes it. The same command goes on
+    after an interrupt: finished runs are kept, others resume. A run that fails stops no other; the table says what is
+    missing and why. Ends with OUT/table.md, .tex, .csv, .json and .png.
+    """
+
+    scenes: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="SCENE [SCENE ...]", help_behavior_hint="(required)"),
+    ]
+    """Folders of photographs with cameras. toaster and carpaint are bundled."""
+    methods: Annotated[str, tyro.conf.arg(metavar="A,B,...")]
+    """Methods, with commas between. NAME=METHOD calls a column so, for the same method with other settings."""
+    seeds: Annotated[str, tyro.conf.arg(metavar="0,1,...")] = "0"
+    """Seeds of each pair, with commas between."""
+    steps: int | None = None
+    """Training steps of each run; by default the method's 30000."""
+    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="METHOD.key=value")] = ()
+    """Settings of one method, as 3dgs.densify.threshold=1e-4; by default its own."""
+    options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)
+    out: MaybeFolder = None
+    """Folder of the table and its runs; by default runs/table."""
+    jobs: int = 1
+    """Runs side by side on this machine, each a process."""
+    threads: int = 0
+    """Threads of each run; 0 shares the cores out among the jobs, or takes those of a cluster's worker."""
+    scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
+    """Do the runs on the workers of this Dask scheduler; needs the [cluster] extra, and OUT on a disk that all share."""
+    device: Device = "auto"
+    """Rasterizer."""
+    lpips: tuple[Net, ...] = ("alex",)
+    """Networks of LPIPS. 'ringlight fetch-lpips' gets their weights."""
+    dry_run: bool = False
+    """List the runs, which of them are finished, and about how long the others take. Nothing is run."""
+    json: bool = False
+    """Print the result as JSON instead of the tables."""
+    quiet: bool = False
+    """No progress; what fails is said all the same."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run what is missing, then show; returns the exit code, 1 where runs are missing in the end."""
+    asked = parse(TableArguments, "table", arguments)
+    if not asked.scenes:
+        refuse("table", "no scene is named; give folders of photographs, or toaster or carpaint")
+    seeds = _seeds(asked.seeds)
+    if asked.jobs < 1:
+        raise RecipeError(f"--jobs is {asked.jobs}; give at least 1")
+    if asked.steps is not None and asked.steps < 1:
+        raise RecipeError(f"--steps is {asked.steps}; give at least 1")
+    check_threads(asked.threads)
+    if asked.options.holdout_every == 0 and asked.options.holdout is None and not asked.options.validate:
+        raise RecipeError("a table compares on test views, and --holdout-every 0 leaves none; leave it out")
+    from ringlight.runs.method_runs import methods_named, plan
+
+    names = [word.strip() for word in asked.methods.split(",") if word.strip()]
+    if not names:
+        refuse("table", "--methods names none; give some with commas between, as 3dgs,ringlight")
+    methods = methods_named(names, asked.set, asked.steps)
+    out = asked.out or Path("runs") / "table"
+    runs = plan(asked.scenes, methods, seeds, out, asked.options)
+    if asked.dry_run:
+        _list(asked, runs)
+        return 0
+    failed = _run(asked, runs)
+    return _show(asked, out, runs, seeds, failed)
+
+
+def _seeds(text: str) -> tuple[int, ...]:
+    from ringlight.runs.record import LARGEST_SEED
+
+    try:
+        seeds = tuple(int(word) for word in text.split(","))
+    except ValueError:
+        raise RecipeError(f"--seeds is {text!r}; give whole numbers with commas between, as 0,1") from None
+    if len(set(seeds)) < len(seeds) or not all(0 <= seed <= LARGEST_SEED for seed in seeds):
+        raise RecipeError(f"--seeds is {text!r}; give different whole numbers from 0 to {LARGEST_SEED}")
+    return seeds
+
+
+def _name(key: "Key") -> str:
+    scene, method, seed = key
+    return f"{scene}/{method}/seed-{seed}"
+
+
+def _list(asked: TableArguments, runs: "dict[Key, Surveyed]") -> None:
+    from ringlight.cli.progress import spoken
+    from ringlight.measure.json_record import to_json
+    from ringlight.runs.method_runs import core_seconds
+
+    seconds, told = core_seconds(runs)
+    if asked.json:
+        listed = [
+            {
+                "scene": key[0],
+                "method": key[1],
+                "seed": key[2],
+                "folder": str(surveyed.run.folder),
+                "state": surveyed.state or "refused",
+                "reason": surveyed.reason,
+                "steps": surveyed.run.recipe.steps,
+            }
+            for key, surveyed in runs.items()
+        ]
+        sys.stdout.write(to_json({"runs": listed, "core_seconds": seconds, "estimated_by_own_runs": told}))
+        return
+    width = max(len(str(surveyed.run.folder)) for surveyed in runs.values())
+    for surveyed in runs.values():
+        state = surveyed.state or f"refused: {surveyed.reason}"
+        sys.stdout.write(f"{surveyed.run.folder!s:{width}}  {surveyed.run.recipe.steps:>6} steps  {state}\n")
+    missing = sum(surveyed.state in ("to do", "started") for surveyed in runs.values())
+    source = "by the finished runs" if told else "by the README's runs; finished ones tell better"
+    lines = f"{counted(len(runs), 'run')}, {missing} to do"
+    sys.stdout.write(lines + (f": about {spoken(seconds)} of one core ({source})\n" if missing else "\n"))
+
+
+def _run(asked: TableArguments, runs: "dict[Key, Surveyed]") -> "dict[Key, str]":
+    """Do what is missing; returns why runs failed. Raises Stopped where a signal ended it, with all saved."""
+    from ringlight.cli.many_progress import showing
+    from ringlight.runs.many import run_many
+    from ringlight.runs.method_runs import order_of
+
+    missing = {_name(key): key for key, surveyed in runs.items() if surveyed.state in ("to do", "started")}
+    if not missing:
+        return {}
+    place = _place(asked)
+    threads = asked.threads
+    if not threads and asked.scheduler is None:
+        threads = max(1, len(os.sched_getaffinity(0)) // min(asked.jobs, len(missing)))
+    orders = {name: order_of(runs[key].run, threads, asked.device, asked.lpips) for name, key in missing.items()}
+    with showing(list(missing), asked.quiet) as hear, kept_signals(_tell_of_stop) as signals:
+        failed = run_many(orders, place, hear, lambda: len(signals))
+    if signals:
+        sys.stderr.write("stopped, nothing is lost; the same command goes on\n")
+        raise Stopped(signals[0])
+    return {missing[name]: reason for name, reason in failed.items()}
+
+
+def _place(asked: TableArguments) -> "Place":
+    if asked.scheduler is None:
+        from ringlight.runs.side_by_side import SideBySide
+
+        return SideBySide(asked.jobs)
+    from ringlight.runs.cluster import Cluster
+
+    return Cluster(asked.scheduler)
+
+
+def _tell_of_stop(number: int, before: list[int]) -> None:
+    if not before:
+        sys.stderr.write("\nall runs finish their step, then save; press Ctrl-C again to stop at once\n")
+
+
+def _show(
+    asked: TableArguments, out: Path, runs: "dict[Key, Surveyed]", seeds: tuple[int, ...], failed: "dict[Key, str]"
+) -> int:
+    from ringlight.cli.console import Screen
+    from ringlight.runs.method_results import method_table, write_table
+
+    table = method_table(runs, seeds, failed)
+    steps = sorted({surveyed.run.recipe.steps for surveyed in runs.values()})
+    title = counted(steps[0], "step") if len(steps) == 1 else f"{steps[0]:,} to {steps[-1]:,} steps"
+    written = write_table(out, table, runs, title)
+    if asked.json:
+        sys.stdout.write((out / "table.json").read_text(encoding="utf-8"))
+    else:
+        Screen().print(table)
+    if not asked.quiet:
+        sys.stderr.write(f"written to {', '.join(map(str, written))}\n")
+    there = sum(len(by_seed) for by_seed in table.cells.reports.values())
+    return 0 if there == len(runs) else WRONG_INPUT

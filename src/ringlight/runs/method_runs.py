@@ -1,0 +1,141 @@
+"""The runs of a table of methods: which there are, what each is asked, which are there already."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from ringlight.data.options import SceneOptions
+from ringlight.errors import RecipeError, RinglightError
+from ringlight.measure.report import Report
+from ringlight.methods.recipe import Recipe, recipe_from_dict
+from ringlight.methods.table import method_named
+from ringlight.runs.planned import PlannedRun, State, scenes_named, with_steps
+
+Key = tuple[str, str, int]
+"""Scene, method as the table calls it, seed."""
+
+CORE_SECONDS_A_STEP = 0.03
+"""Where no run tells: 3,000 steps of README's table took 31 to 118 core seconds."""
+
+
+@dataclass(frozen=True)
+class AskedMethod:
+    """A column: ``name`` is the method's own, or one that was given to it with its settings."""
+
+    name: str
+    preset: str
+    recipe: Recipe
+
+
+@dataclass(frozen=True)
+class Surveyed:
+    """A run and what is there of it; ``reason`` says why it cannot go into its folder."""
+
+    run: PlannedRun
+    state: State | None
+    report: Report | None = None
+    reason: str | None = None
+
+
+def methods_named(names: Sequence[str], settings: Sequence[str], steps: int | None) -> tuple[AskedMethod, ...]:
+    """The columns: ``METHOD`` or ``NAME=METHOD``, with ``NAME.key=value`` of ``settings``.
+
+    Raises RecipeError for an unknown method or setting, with the nearest, and for two columns of one name.
+    """
+    asked: dict[str, AskedMethod] = {}
+    for word in names:
+        name, _, preset = word.partition("=")
+        if name in asked:
+            raise RecipeError(f"--methods has {name!r} twice; give one of them a name: {name}-2={preset or name}")
+        if not name or name in (".", "..") or "/" in name or name != name.strip():
+            raise RecipeError(f"--methods: {word!r} is no METHOD and no NAME=METHOD; a name is that of a folder")
+        asked[name] = AskedMethod(name, preset or name, with_steps(method_named(preset or name), steps))
+    for setting in settings:
+        path, equals, value = setting.partition("=")
+        name, _, key = path.partition(".")
+        if not equals or not key:
+            raise RecipeError(f"--set {setting}: is no METHOD.key=value, as 3dgs.densify.threshold=1e-4")
+        if name not in asked:
+            raise RecipeError(f"--set {setting}: {name!r} is not among --methods; it has {', '.join(asked)}")
+        asked[name] = replace(asked[name], recipe=_with(asked[name], key, value))
+    return tuple(asked.values())
+
+
+def _with(method: AskedMethod, key: str, text: str) -> Recipe:
+    """The recipe with the setting at the dotted ``key``."""
+    values: Any = asdict(method.recipe)  # type: ignore[call-overload]  # a dataclass
+    *groups, last = (part.replace("-", "_") for part in key.split("."))
+    kind, place = method.recipe, values
+    for part in (*groups, last):
+        known = [field.name for field in fields(kind)] if is_dataclass(kind) else []
+        if part not in known:
+            near = get_close_matches(part, known, n=1)
+            hint = f"perhaps you meant {near[0]!r}" if near else f"there are {', '.join(known) or 'none below it'}"
+            raise RecipeError(f"--set {method.name}.{key}: {method.preset} has no setting {part!r}; {hint}")
+        kind = getattr(kind, part)
+        if part is not last:
+            place = place[part]
+    try:
+        place[last] = json.loads(text)
+    except ValueError:
+        place[last] = text
+    try:
+        return recipe_from_dict(type(method.recipe), values, method.preset)
+    except RecipeError:
+        sentence = f"{text!r} is no value that {method.preset} takes there; see 'ringlight train SCENE {method.preset}"
+        raise RecipeError(f"--set {method.name}.{key}: {sentence} --help'") from None
+
+
+def plan(
+    scenes: Sequence[Path], methods: Sequence[AskedMethod], seeds: Sequence[int], out: Path, options: SceneOptions
+) -> dict[Key, Surveyed]:
+    """All runs, seed by seed, so that a table stands early; each in OUT/SCENE/METHOD/seed-SEED.
+
+    Raises RunError for what is no scene, or two of one name.
+    """
+    found = scenes_named(scenes)
+    return {
+        (name, method.name, seed): survey(
+            PlannedRun(scene, method.preset, method.recipe, seed, out / name / method.name / f"seed-{seed}", options)
+        )
+        for seed in seeds
+        for name, scene in found.items()
+        for method in methods
+    }
+
+
+def survey(run: PlannedRun) -> Surveyed:
+    """What is there of it. A folder that it cannot have is a reason, and no error: others go on."""
+    try:
+        run.refuse_other()
+        report = run.report
+        return Surveyed(run, run.state, report)
+    except RinglightError as error:
+        return Surveyed(run, None, reason=str(error))
+    except OSError as error:
+        return Surveyed(run, None, reason=f"{error.filename or run.folder}: {error.strerror}")
+
+
+def order_of(run: PlannedRun, threads: int, device: str, lpips: Sequence[str]) -> dict[str, Any]:
+    """What ``cli/one_run.py`` is told, plain JSON."""
+    return {"run": run.to_plain(), "threads": threads, "device": device, "lpips": list(lpips)}
+
+
+def core_seconds(runs: Mapping[Key, Surveyed]) -> tuple[float, bool]:
+    """About what the missing runs will take, and whether runs of the table told; all cores together.
+
+    A run's rate is that of a finished one of its method and scene, else of its method, else of any.
+    """
+    told = {key: s.report.core_seconds / s.run.recipe.steps for key, s in runs.items() if s.report is not None
+            and s.report.core_seconds}  # fmt: skip
+    total = 0.0
+    for (scene, method, _), surveyed in runs.items():
+        if surveyed.state in ("to do", "started"):
+            same = [rate for key, rate in told.items() if key[:2] == (scene, method)]
+            kin = [rate for key, rate in told.items() if key[1] == method]
+            rates = same or kin or list(told.values()) or [CORE_SECONDS_A_STEP]
+            total += surveyed.run.recipe.steps * sum(rates) / len(rates)
+    return total, bool(told)
