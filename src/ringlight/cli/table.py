@@ -52,7 +52,8 @@ class TableArguments:
     threads: int = 0
     """Threads of each run; 0 shares the cores out among the jobs, or takes those of a cluster's worker."""
     scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
-    """Do the runs on the workers of this Dask scheduler; needs the [cluster] extra, and OUT on a disk that all share."""
+    """Do the runs on the workers of this Dask scheduler (extra [cluster]); OUT and scenes are on a disk that all
+    share."""
     device: Device = "auto"
     """Rasterizer."""
     lpips: tuple[Net, ...] = ("alex",)

@@ -42,7 +42,8 @@ def do_run(
         text=True, encoding="utf-8", errors="replace", start_new_session=True,
     )  # fmt: skip
     started(process)
-    assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+    assert process.stdin is not None
+    assert process.stdout is not None
     complaints: deque[str] = deque(maxlen=MOST_LINES)
     done = Event()
     drain = Thread(target=lambda: complaints.extend(process.stderr or ()), daemon=True)
