@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from PIL import Image, ImageDraw, ImageFont
 
 PAPER, INK, FAINT, GRID = "#ffffff", "#1c1f26", "#7a808c", "#e4e6eb"
-COLORS = ("#0b5fa5", "#d1495b", "#2e8b57", "#b07d12", "#6f4ba0", "#2a9d9d")
+COLORS = ("#0b5fa5", "#d1495b", "#2e8b57", "#b07d12", "#6f4ba0", "#2a9d9d", "#8c564b", "#1c1f26", "#e377c2", "#7f9c1c")
 """Of the lines, one after the other; told apart by colour-blind eyes too."""
 
 WIDTH, HEIGHT, ROW = 560, 360, 30
@@ -52,6 +52,8 @@ class Chart:
     wide: float = WIDE
     marked: bool = True
     """Whether each dot is shown, not the line alone."""
+    measured: bool = False
+    """Whether the numbers below were measured, so that round ones mark the axis, and not chosen by a study."""
 
 
 def draw_charts(charts: Sequence[Chart], title: str) -> Image.Image:
@@ -59,19 +61,32 @@ def draw_charts(charts: Sequence[Chart], title: str) -> Image.Image:
     pictures = [_dots(chart) if chart.names else _curves(chart) for chart in charts]
     labels = [line.label for line in charts[0].lines]
     width = max(sum(p.width for p in pictures), WIDTH)
-    sheet = Image.new("RGB", (width, max(p.height for p in pictures) + 2 * GAP + TITLE + TEXT), PAPER)
+    places = _legend(labels, width)
+    below = 2 * GAP + TITLE + TEXT + places[-1][1] if places else 2 * GAP + TITLE + TEXT
+    sheet = Image.new("RGB", (width, max(p.height for p in pictures) + below), PAPER)
     pen = ImageDraw.Draw(sheet)
     _text(pen, (GAP, GAP // 2), title, TITLE, INK)
     left = 0
     for picture in pictures:
         sheet.paste(picture, (left, GAP + TITLE))
         left += picture.width
-    left, y = GAP, sheet.height - GAP
-    for index, label in enumerate(labels):
-        _dot(pen, (float(left + DOT), y + TEXT / 2 + 1), COLORS[index % len(COLORS)])
-        _text(pen, (left + 4 * DOT, y), label, TEXT, INK)
-        left += 4 * DOT + GAP + round(_font(TEXT).getlength(label))
+    top = GAP + TITLE + max(p.height for p in pictures) + TEXT
+    for index, (label, (left, down)) in enumerate(zip(labels, places, strict=True)):
+        _dot(pen, (float(left + DOT), top + down + TEXT / 2 + 1), COLORS[index % len(COLORS)])
+        _text(pen, (left + 4 * DOT, top + down), label, TEXT, INK)
     return sheet
+
+
+def _legend(labels: Sequence[str], width: int) -> list[tuple[int, int]]:
+    """Where each label stands, from the left and below the first row; as many rows as ``width`` pixels ask for."""
+    places, left, down = [], GAP, 0
+    for label in labels:
+        own = 4 * DOT + GAP + round(_font(TEXT).getlength(label))
+        if left > GAP and left + own > width:
+            left, down = GAP, down + 2 * TEXT
+        places.append((left, down))
+        left += own
+    return places
 
 
 def stacked(pictures: Sequence[Image.Image]) -> Image.Image:
@@ -117,9 +132,9 @@ def _range(chart: Chart) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _marks(places: Sequence[float], logarithmic: bool) -> Sequence[float]:
+def _marks(places: Sequence[float], logarithmic: bool, measured: bool) -> Sequence[float]:
     """The numbers on the axis: those that a study chose, or round ones where they were measured."""
-    if len(places) <= MOST_PLACES:
+    if len(places) == 1 or (len(places) <= MOST_PLACES and not measured):
         return places
     return (decades if logarithmic else ticks)(places[0], places[-1])
 
@@ -144,7 +159,7 @@ def _curves(chart: Chart) -> Image.Image:
     for value in ticks(low, high):
         pen.line((MARGIN, down(value), right, down(value)), fill=GRID)
         _text(pen, (8, round(down(value)) - TEXT // 2), f"{value:g}", TEXT, FAINT)
-    for place in _marks(places, logarithmic):
+    for place in _marks(places, logarithmic, chart.measured):
         label = f"{place:g}"
         _text(pen, (round(across(place) - _font(TEXT).getlength(label) / 2), bottom + 8), label, TEXT, FAINT)
     for index, line in enumerate(chart.lines):

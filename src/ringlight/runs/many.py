@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 POLL_SECONDS = 0.25
 """Between two looks at what has happened, and at the keyboard."""
@@ -26,6 +26,7 @@ class Happened:
     facts: Mapping[str, Any] | None = None
 
 
+@runtime_checkable
 class Place(Protocol):
     """Where runs are done: processes of this machine, or the workers of a cluster."""
 

@@ -9,6 +9,7 @@ from ringlight.measure.method_cells import MEASURES, MethodCells
 
 PSNR = next(measure for measure in MEASURES if measure.key == "psnr")
 COSTS = tuple(measure for measure in MEASURES if measure.key in ("raw_megabytes", "core_seconds"))
+COST_NAMES = {"raw_megabytes": "raw MB", "core_seconds": "CPU seconds of training"}
 HALVED = 2.0
 """Beyond this ratio of costs the axis is logarithmic: methods differ by factors."""
 
@@ -24,7 +25,7 @@ def _scene(cells: MethodCells, scene: str, title: str) -> Image.Image | None:
     shown = [m for m in cells.methods if all(cells.cell(measure, scene, m) for measure in (PSNR, *COSTS))]
     for cost in COSTS:
         lines = tuple(Line(method, _dots(cells, scene, method, cost.key)) for method in shown)
-        charts.append(Chart(f"PSNR, dB, over {cost.title.lower()}, {cost.unit}", lines, wide=HALVED))
+        charts.append(Chart(f"PSNR, dB, over {COST_NAMES[cost.key]}", lines, wide=HALVED, measured=True))
     return draw_charts(charts, f"{title}: {scene}") if shown else None
 
 

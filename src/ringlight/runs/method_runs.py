@@ -79,9 +79,11 @@ def _with(method: AskedMethod, key: str, text: str) -> Recipe:
         if part is not last:
             place = place[part]
     try:
-        place[last] = json.loads(text)
+        value = json.loads(text)
     except ValueError:
-        place[last] = text
+        value = text
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    place[last] = float(value) if is_whole and isinstance(kind, float) else value
     try:
         return recipe_from_dict(type(method.recipe), values, method.preset)
     except RecipeError:

@@ -44,6 +44,7 @@ def do_run(
     started(process)
     assert process.stdin is not None
     assert process.stdout is not None
+    assert process.stderr is not None
     complaints: deque[str] = deque(maxlen=MOST_LINES)
     done = Event()
     drain = Thread(target=lambda: complaints.extend(process.stderr or ()), daemon=True)
@@ -62,8 +63,9 @@ def do_run(
         done.set()
         process.stdout.close()
     drain.join(timeout=LOOK_SECONDS)
-    with suppress(OSError):
-        process.stdin.close()
+    for stream in (process.stdin, process.stderr):
+        with suppress(OSError, ValueError):
+            stream.close()
     return reason_for(code, list(complaints))
 
 

@@ -1,0 +1,133 @@
+"""``ringlight table``: each run a process, finished ones kept, and what fails is a sentence in the table."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from command import Command
+from refusal import refused, snapshot
+
+from ringlight.measure.report import read_report
+
+SETTINGS = ("--set", "3dgs.densify.begin=5", "--steps", "4", "--initial-points", "100", "--lpips", "--quiet")
+
+
+def table(tiny: Path, out: Path, *more: object) -> list[str]:
+    words = ("table", tiny, "toaster", "--methods", "3dgs,b=ringlight-basis", "--out", out, *SETTINGS, *more)
+    return [str(word) for word in words]
+
+
+def test_a_dry_run_lists_and_writes_nothing(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    out = tmp_path / "out"
+    listed = json.loads(ringlight(*table(tiny, out, "--dry-run", "--json", "--seeds", "0,1")).out)
+    assert len(listed["runs"]) == 8
+    assert {run["state"] for run in listed["runs"]} == {"to do"}
+    assert listed["core_seconds"] > 0
+    told = ringlight(*table(tiny, out, "--dry-run"))
+    assert "4 runs, 4 to do: about" in told.out
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (("toaster", "--methods", "3dgs,ringlight-miror"), ["ringlight-mirror"]),
+        (("toaster", "--methods", "3dgs", "--seeds", "0,x"), ["--seeds"]),
+        (("toaster", "--methods", "3dgs", "--seeds", "1,1"), ["--seeds"]),
+        (("toaster", "--methods", "3dgs", "--jobs", "0"), ["--jobs"]),
+        (("toaster", "--methods", "3dgs", "--steps", "0"), ["--steps"]),
+        (("nowhere", "--methods", "3dgs"), ["nowhere"]),
+        (("toaster", "toaster", "--methods", "3dgs"), ["toaster"]),
+        (("toaster", "--methods", "3dgs", "--set", "3dgs.nothing=1"), ["nothing"]),
+        (("toaster", "--methods", "3dgs", "--holdout-every", "0"), ["--holdout-every"]),
+    ],
+)
+def test_bad_input_is_a_sentence(words: tuple[str, ...], names: list[str], tmp_path: Path, ringlight: Command) -> None:
+    refused(ringlight("table", *words, "--out", tmp_path / "out"), 1, *names)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_runs_are_ordinary_and_a_failure_stops_no_other(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    out = tmp_path / "out"
+    taken = out / "toaster" / "3dgs" / "seed-0"
+    assert ringlight("train", "toaster", "3dgs", "--out", taken, "--steps", 2, "--quiet", "--lpips").code == 0
+    before = snapshot(taken)
+    done = ringlight(*table(tiny, out, "--jobs", "2"))
+    assert done.code == 1
+    assert "toaster, 3dgs, seed 0 is missing" in " ".join(done.out.split())
+    assert "holds a run of other settings" in " ".join(done.out.split())
+    assert snapshot(taken) == before
+    assert {path.name for path in out.iterdir()} == {
+        "balls", "toaster", "table.md", "table.tex", "table.csv", "table.json", "table.png",
+    }  # fmt: skip
+    run = out / "balls" / "b" / "seed-0"
+    alone = tmp_path / "alone"
+    short = ("--steps", 4, "--initial-points", 100, "--quiet", "--lpips")
+    assert ringlight("train", tiny, "ringlight-basis", "--out", alone, *short).code == 0
+    assert (run / "model.safetensors").read_bytes() == (alone / "model.safetensors").read_bytes()
+    rows = list(csv.DictReader((out / "table.csv").open()))
+    assert len(rows) == 3
+    assert float(rows[-1]["psnr"]) == read_report(out / rows[-1]["scene"] / rows[-1]["method"] / "seed-0").psnr
+    kept = snapshot(out / "balls")
+    again = ringlight(*table(tiny, out, "--json"))
+    assert snapshot(out / "balls") == kept
+    assert json.loads(again.out)["measures"]["psnr"]["scenes"]["toaster"]["3dgs"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupt_loses_nothing(number: signal.Signals, tmp_path: Path, ringlight: Command) -> None:
+    out = tmp_path / "out"
+    words = (
+        "table",
+        "toaster",
+        "--methods",
+        "3dgs",
+        "--out",
+        str(out),
+        "--quiet",
+        "--lpips",
+        "--initial-points",
+        "500",
+    )
+    long = [*words, "--steps", "3000"]
+    command = subprocess.Popen([sys.executable, "-m", "ringlight", *long], stderr=subprocess.PIPE, text=True)
+    run = out / "toaster" / "3dgs" / "seed-0"
+    _wait_for(lambda: (run / "checkpoint.safetensors").exists())
+    time.sleep(1)
+    command.send_signal(number)
+    _, complaints = command.communicate(timeout=60)
+    assert command.returncode == (130 if number is signal.SIGINT else -signal.SIGKILL)
+    if number is signal.SIGINT:
+        assert "nothing is lost" in complaints
+    _wait_for(lambda: not _is_locked(run))
+    assert not (run / "report.json").exists()
+    listed = json.loads(ringlight(*long, "--dry-run", "--json").out)
+    assert [found["state"] for found in listed["runs"]] == ["started"]
+
+
+def _is_locked(run: Path) -> bool:
+    import fcntl
+
+    handle = os.open(run, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(handle)
+    return False
+
+
+def _wait_for(condition, seconds: float = 120) -> None:  # type: ignore[no-untyped-def]
+    last = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < last, "it never came"
+        time.sleep(0.1)

@@ -1,0 +1,79 @@
+"""Many runs over places that fail, die and are told to stop: each run ends in exactly one way."""
+
+from collections import Counter
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ringlight.runs.many import MOST_LOSSES, Happened, run_many
+
+
+class Scripted:
+    """A place whose runs end as their script says, call after call: "ok", "fail" or "lost"."""
+
+    def __init__(self, jobs: int, scripts: dict[str, list[str]]):
+        self.jobs, self.scripts = jobs, {name: list(script) for name, script in scripts.items()}
+        self.under_way: list[str] = []
+        self.begun: Counter[str] = Counter()
+        self.most = 0
+        self.stopped = self.closed = False
+
+    def is_free(self) -> bool:
+        return len(self.under_way) < self.jobs
+
+    def begin(self, name: str, order: dict[str, Any]) -> None:
+        assert self.is_free()
+        assert not self.stopped
+        assert order == {"name": name}
+        self.under_way.append(name)
+        self.begun[name] += 1
+        self.most = max(self.most, len(self.under_way))
+
+    def events(self, seconds: float) -> list[Happened]:
+        if not self.under_way:
+            return []
+        name = self.under_way.pop(0)
+        end = self.scripts[name].pop(0) if self.scripts[name] else "ok"
+        if end == "lost":
+            return [Happened("lost", name, "worker w is gone")]
+        return [Happened("ended", name, "the disk is full" if end == "fail" else None)]
+
+    def stop(self) -> None:
+        self.stopped = True
+
+    def close(self) -> None:
+        self.closed = True
+
+
+ENDS = st.lists(st.sampled_from(["ok", "fail", "lost"]), max_size=5)
+
+
+@given(scripts=st.dictionaries(st.text("abc", min_size=1, max_size=3), ENDS, max_size=8), jobs=st.integers(1, 4))
+def test_each_run_ends_once_and_none_stops_another(scripts: dict[str, list[str]], jobs: int) -> None:
+    place = Scripted(jobs, scripts)
+    heard: list[Happened] = []
+    failed = run_many({name: {"name": name} for name in scripts}, place, heard.append, lambda: 0)
+    assert place.closed
+    assert not place.under_way
+    assert place.most <= jobs
+    for name, script in scripts.items():
+        ends = [*script, *["ok"] * MOST_LOSSES]
+        last = next((at for at, end in enumerate(ends) if end != "lost"), MOST_LOSSES)
+        if last >= MOST_LOSSES:
+            assert place.begun[name] == MOST_LOSSES
+            assert "workers died" in failed[name]
+        else:
+            assert place.begun[name] == last + 1
+            assert (name in failed) == (ends[last] == "fail")
+
+
+@given(after=st.integers(0, 6))
+def test_once_it_is_stopped_nothing_begins_and_nothing_counts_as_failed(after: int) -> None:
+    place = Scripted(2, {name: ["fail"] for name in "abcdef"})
+    heard: list[Happened] = []
+    failed = run_many({n: {"name": n} for n in "abcdef"}, place, heard.append, lambda: int(len(heard) >= after))
+    begun_before = [event.name for event in heard[:after] if event.kind == "began"]
+    assert set(place.begun) <= {*begun_before, *list("abcdef")[: len(begun_before) + 1]}
+    assert set(failed) <= {event.name for event in heard[:after] if event.kind == "ended"}
+    assert place.closed
