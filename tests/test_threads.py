@@ -7,6 +7,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Literal
 
 import pytest
 import torch
@@ -24,9 +25,11 @@ from tiny_scene import tiny_scene
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
 
 
-def state_after(method: str, steps: int, threads: int) -> dict[str, torch.Tensor]:
+def state_after(
+    method: str, steps: int, threads: int, kind: Literal["adaptive", "mcmc"] = "adaptive"
+) -> dict[str, torch.Tensor]:
     _kernels.set_threads(threads)
-    densify = DensifySettings(threshold=1e-5, begin=2, every=4, stop=0.9, max_gaussians=900)
+    densify = DensifySettings(kind=kind, threshold=1e-5, begin=2, every=4, stop=0.9, max_gaussians=900)
     recipe = dataclasses.replace(METHODS[method], steps=steps, densify=densify)
     training = recipe.build(tiny_scene(), rasterizer_for("cpu"), seed=1)
     for _ in train(training):
@@ -41,6 +44,18 @@ def test_a_run_has_the_same_bits_for_any_number_of_threads(method: str):
         state = state_after(method, 12, threads)
         assert state.keys() == alone.keys()
         assert [name for name in alone if not torch.equal(state[name], alone[name])] == []
+
+
+def test_so_has_one_whose_gaussians_are_moved_and_shaken():
+    alone = state_after("3dgs", 12, threads=1, kind="mcmc")
+    before = torch.get_num_threads()
+    try:
+        for threads in (2, 4):
+            torch.set_num_threads(threads)  # copies are drawn, and noise is made, by torch
+            state = state_after("3dgs", 12, threads, kind="mcmc")
+            assert [name for name in alone if not torch.equal(state[name], alone[name])] == []
+    finally:
+        torch.set_num_threads(before)
 
 
 def picture() -> str:

@@ -87,3 +87,6 @@ class VoxelRecipe:
 
     def never_above(self, most):
         return self
+
+    def without_effect(self):
+        return {}

@@ -278,6 +278,19 @@ def test_a_start_on_the_hull_that_cannot_be_is_said(
     assert "has no effect" not in usual.err, "nothing was asked for"
 
 
+def test_settings_of_the_other_kind_of_density_control_are_said(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    words = ("--steps", "3", "--lpips", "--quiet", "--initial-points", "300")
+    other = ("--densify.threshold", "1e-3", "--densify.no-pixel-bound", "--densify.every", "50")
+    said = ringlight("train", tiny, "3dgs", *words, *other, "--densify.kind", "mcmc", "--out", tmp_path / "a").err
+    assert "warning: --densify.threshold 0.001 has no effect: --densify.kind is mcmc\n" in said
+    assert "warning: --densify.no-pixel-bound has no effect: --densify.kind is mcmc\n" in said
+    assert "--densify.every" not in said
+    adaptive = ringlight("train", tiny, "3dgs", *words, "--densify.mcmc.noise", "0", "--out", tmp_path / "b").err
+    assert "warning: --densify.mcmc.noise 0 has no effect: --densify.kind is adaptive\n" in adaptive
+    usual = ringlight("train", tiny, "ringlight-basis", *words, "--densify.kind", "mcmc", "--out", tmp_path / "c").err
+    assert "has no effect: --densify" not in usual, "what the method itself sets was not asked for"
+
+
 def _without_alpha(scene: Path, copy: Path) -> Path:
     shutil.copytree(scene, copy)
     for path in copy.glob("*/*.png"):

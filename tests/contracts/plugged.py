@@ -21,6 +21,8 @@ from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, Rin
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.regularizers.contract import Regularizer
 from ringlight.fit.regularizers.mean_mask import MeanMask
+from ringlight.fit.regularizers.mean_opacity import MeanOpacity
+from ringlight.fit.regularizers.mean_scale import MeanScale
 from ringlight.shade.passthrough import PassThrough
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -77,6 +79,8 @@ them. A shader that is not named here has the gradient of all that it reads."""
 
 REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
     "mean mask": lambda: MeanMask(0.2),
+    "mean opacity": lambda: MeanOpacity(0.3),
+    "mean scale": lambda: MeanScale(0.7),
     "by torch, of a column": lambda: TorchRegularizer(lambda of: of[SCALES].exp().mean(), (SCALES,)),
     "by torch, of a buffer": lambda: TorchRegularizer(lambda of: of["alpha"].sin().mean(), buffers=("alpha",)),
     "by torch, of both": lambda: TorchRegularizer(

@@ -15,6 +15,7 @@ from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.drop_least import DropLeast
+from ringlight.fit.strategies.mcmc import MCMC
 from ringlight.fit.strategies.prune import Prune
 from ringlight.fit.strategies.unlock import Unlock
 from ringlight.fit.train import Training, train
@@ -24,6 +25,7 @@ from tiny_scene import tiny_scene
 STEPS, HALF = 30, 13
 
 SETTINGS = DensifySettings(**GROWING)
+MOVING = DensifySettings(kind="mcmc", **GROWING)
 DROPPING = DensifySettings(begin=0, every=2, stop=0.4, drop_share=0.5, drop_until=0.8)
 
 
@@ -32,8 +34,14 @@ def dropping(scene: Scene, by: Literal["weights", "effects"]) -> DropLeast:
     return DropLeast(replace(DROPPING, drop_by=by), cameras, STEPS, scene.background_color, 3)
 
 
+def moving(scene: Scene) -> MCMC:
+    cameras = [view.camera for view in scene.train]
+    return MCMC(MOVING, scene.extent, cameras, scene.background_color, STEPS, 3)
+
+
 STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
     "densify": lambda scene: Densify(SETTINGS, scene.extent, STEPS, 3, white=True),
+    "mcmc": moving,
     "drop least": lambda scene: dropping(scene, "weights"),
     "drop what changes least": lambda scene: dropping(scene, "effects"),
     "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),

@@ -219,6 +219,9 @@ class VoxelRecipe:
     def never_above(self, most: int) -> "VoxelRecipe":
         return self
 
+    def without_effect(self) -> dict[str, str]:
+        return {}
+
     def model(self, box: Float[Tensor, "2 3"], rasterize: "Rasterizer") -> VoxelGrid:
         return VoxelGrid(self.side, box)
 

@@ -1,11 +1,13 @@
 """Flags that were given and decide nothing for the scene at hand: said, because their effect would be missed."""
 
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
 from ringlight.methods.surface_start import FEWEST_VIEWS, LONGEST, SurfaceStart
+from ringlight.methods.table import METHODS
 
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
@@ -13,7 +15,8 @@ if TYPE_CHECKING:
 
 def settings_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
     """A sentence on each, of what a new run was asked for and how it begins."""
-    return [*_of_random_points(asked, session), *_of_surface(recipe, session)]
+    preset = METHODS[session.record.preset]
+    return [*_of_random_points(asked, session), *_of_surface(recipe, session), *_of_other_settings(recipe, preset)]
 
 
 def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
@@ -41,6 +44,24 @@ def _of_surface(recipe: Recipe, session: "Session") -> list[str]:
     flags = {"--start.points": start.points or None, "--start.opacity": opacity}
     reason = _why_not_carved(session, start, recipe.steps)
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
+
+
+def _of_other_settings(recipe: Recipe, preset: Recipe) -> list[str]:
+    """Of settings that others, such as the kind of density control, make idle; those that the ``preset`` has too were
+    not asked for."""
+    return [
+        f"{_flag(setting, attrgetter(setting)(recipe))} has no effect: {reason}"
+        for setting, reason in recipe.without_effect().items()
+        if attrgetter(setting)(recipe) != attrgetter(setting)(preset)
+    ]
+
+
+def _flag(setting: str, value: object) -> str:
+    """As it was given: "--densify.threshold 0.001", "--densify.no-pixel-bound"."""
+    group, _, name = setting.replace("_", "-").rpartition(".")
+    if isinstance(value, bool):
+        return f"--{group}.{name}" if value else f"--{group}.no-{name}"
+    return f"--{group}.{name} {value:g}" if isinstance(value, float) else f"--{group}.{name} {value}"
 
 
 def _begins_elsewhere(session: "Session") -> bool:

@@ -64,13 +64,17 @@ class Optimizer:
                 continue
             group = self.groups[name]
             self._updates[name] += 1
-            progress = self._progress(step, group.begins)
-            adam_step = (self._slowed[name] * group.rate.at(progress), *group.betas, group.epsilon, self._updates[name])
+            adam_step = (self.rate(name, step), *group.betas, group.epsilon, self._updates[name])
             update = Update(parameter, gradient, self._mean[name], self._square[name], adam_step)
             (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
             used[name] = gradient
         left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)
         return None if left == 0 else bad_gradient(used, left)
+
+    def rate(self, name: str, step: int) -> float:
+        """The learning rate of a parameter at ``step``."""
+        group = self.groups[name]
+        return self._slowed[name] * group.rate.at(self._progress(step, group.begins))
 
     def slow(self, prefixes: tuple[str, ...], factor: float) -> None:
         """From now on the rates of parameters whose names begin so are ``factor`` times those of their groups.

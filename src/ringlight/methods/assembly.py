@@ -16,9 +16,14 @@ from ringlight.fit.losses.photographs import PhotographLoss
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam
 from ringlight.fit.regularizers.contract import Regularizer
-from ringlight.fit.strategies.contract import Strategy
+from ringlight.fit.regularizers.mean_opacity import MeanOpacity
+from ringlight.fit.regularizers.mean_scale import MeanScale
+from ringlight.fit.strategies.contract import DensityControl, Strategy
 from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.drop_least import DropLeast
+from ringlight.fit.strategies.mcmc import MCMC
+from ringlight.fit.strategies.mcmc_settings import PAPER_EXTENT
 from ringlight.fit.strategies.unlock import Unlock
 from ringlight.fit.train import Training
 from ringlight.methods.splat_recipe import SplatRecipe
@@ -73,7 +78,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
         model.get_buffer(buffer).zero_()
     steps, densify = recipe.steps, recipe.densify.within(recipe.most_by_pixels(scene.pixels))
     groups = recipe.rates.groups(scene.extent) | course.groups
-    growing = Densify(densify, scene.extent, steps, seed, white=scene.background == "white")
+    growing = density_control(densify, scene, steps, seed)
     dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)
     return Training(
         model=model,
@@ -87,12 +92,32 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
             *course.last,
         ),
         steps=steps,
-        regularizers=course.regularizers,
+        regularizers={**course.regularizers, **penalties(densify, scene, recipe.loss.scale)},
         guard=_guard(course, model, scene, disturbed_steps(course, growing, dropping, steps)) if course.light else None,
     )
 
 
-def disturbed_steps(course: Course, growing: Densify, dropping: DropLeast, steps: int) -> frozenset[int]:
+def density_control(settings: DensifySettings, scene: Scene, steps: int, seed: int) -> DensityControl:
+    """What decides where Gaussians are wanted, of the kind that the settings name."""
+    if settings.kind == "mcmc":
+        cameras = [view.camera for view in scene.train]
+        return MCMC(settings, scene.extent, cameras, scene.background_color, steps, seed)
+    return Densify(settings, scene.extent, steps, seed, white=scene.background == "white")
+
+
+def penalties(settings: DensifySettings, scene: Scene, scale: float) -> dict[str, Regularizer]:
+    """What density control adds to a loss of this ``scale``, by name."""
+    if settings.kind == "adaptive":
+        return {}
+    terms: dict[str, Regularizer] = {}
+    if settings.mcmc.opacity_penalty:
+        terms["opacity"] = MeanOpacity(scale * settings.mcmc.opacity_penalty)
+    if settings.mcmc.scale_penalty:
+        terms["size"] = MeanScale(scale * settings.mcmc.scale_penalty * PAPER_EXTENT / scene.extent)
+    return terms
+
+
+def disturbed_steps(course: Course, growing: DensityControl, dropping: DropLeast, steps: int) -> frozenset[int]:
     """After which the loss rises for good reasons: opacities are reset, Gaussians dropped, photographs larger, or
     something new is shown. The light itself is none: it must not make the picture worse."""
     coarse = course.coarse_steps

@@ -77,6 +77,10 @@ class Recipe(Protocol):
         """The same with no more than ``most`` at any step, be some dropped later or not; itself where nothing grows."""
         ...
 
+    def without_effect(self) -> Mapping[str, str]:
+        """Settings that decide nothing as the others are, "densify.threshold", and why."""
+        ...
+
     def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "Model":
         """The model of this recipe with everything switched on, to load tensors into; ``box`` is the scene's."""
         ...

@@ -117,3 +117,7 @@ class RingLightRecipe:
     def never_above(self, most: int) -> "RingLightRecipe":
         """The same with ``most`` at the end; it is the chosen method's recipe that is asked."""
         return self.ending_with(most)
+
+    def without_effect(self) -> dict[str, str]:
+        """All have one."""
+        return {}

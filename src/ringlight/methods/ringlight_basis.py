@@ -88,7 +88,8 @@ class RingLightBasisRecipe(SplatRecipe):
 
     def most_by_pixels(self, pixels: int) -> int:
         """See :meth:`SplatRecipe.most_by_pixels`."""
-        return math.ceil(GAUSSIANS_A_PIXEL * pixels)
+        usual = self.densify.usual_bound(pixels)
+        return math.ceil(GAUSSIANS_A_PIXEL * usual) if self.densify.kind == "adaptive" else usual
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.shared_basis import SharedBasis

@@ -138,6 +138,7 @@ class RingLightRingRecipe(SplatRecipe):
         first_lit = max(int(self.warmup * self.steps), 1) if self.light.base_color else 1
         rate, betas = Rate(self.field_rate, self.field_rate_end), (0.9, self.field_beta2)
         last = self.densify.last_step(self.steps)
+        every = max((self.steps - last) // PRUNE_ROUNDS, 1)
         penalized = self.mask_penalty and self.light.mask
         return Course(
             groups={
@@ -149,7 +150,7 @@ class RingLightRingRecipe(SplatRecipe):
             unlocks={"color.lit": {first_lit: 1}},
             light=(COLOR,) if self.undo_collapse else (),
             first_lit=first_lit,
-            last=(Prune(last, max((self.steps - last) // PRUNE_ROUNDS, 1), self.densify.prune_opacity),),
+            last=(Prune(last, every, self.densify.prune_opacity),) if self.densify.prunes else (),
             regularizers={"mask": MeanMask(self.mask_penalty * self.loss.scale)} if penalized else {},
         )
 

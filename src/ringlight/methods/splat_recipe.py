@@ -70,7 +70,7 @@ class SplatRecipe(ABC):
     def most_by_pixels(self, pixels: int) -> int:
         """How many Gaussians it ends with where nobody says so; ``pixels`` are those of the largest training
         photograph."""
-        return pixels
+        return self.densify.usual_bound(pixels)
 
     @property
     def most(self) -> int | None:
@@ -81,6 +81,10 @@ class SplatRecipe(ABC):
         """The same with this for ``most``; not ``dropping``, what density control grows is kept."""
         share = self.densify.drop_share if dropping else 0.0
         return replace(self, densify=replace(self.densify, max_gaussians=most or 0, drop_share=share))
+
+    def without_effect(self) -> dict[str, str]:
+        """Settings of density control that decide nothing as the others are, and why."""
+        return {f"densify.{name}": reason for name, reason in self.densify.without_effect().items()}
 
     def never_above(self: Splats, most: int) -> Splats:
         """The same with no more than ``most`` at any step: it ends with what is left of them once some are dropped."""

@@ -32,3 +32,12 @@ class Strategy(Protocol):
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """Inverse of :meth:`state`."""
         ...
+
+
+@runtime_checkable
+class DensityControl(Strategy, Protocol):
+    """A strategy that decides where Gaussians are wanted."""
+
+    def resets(self, step: int) -> bool:
+        """Whether opacities are lowered after this step, so that the loss rises."""
+        ...

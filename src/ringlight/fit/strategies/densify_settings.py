@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import PAPER_STEPS
+from ringlight.fit.strategies.mcmc_settings import USUAL_MCMC, MCMCSettings
 
 DROP_ROUNDS = 5
 """Rounds in which Gaussians are dropped. Between them the others fill the gaps: all at once costs 0.1 dB on chair_400
@@ -17,6 +18,16 @@ PAPER_BEGIN = 500
 
 BEGIN_SHARE = 10
 """In runs of under 5,000 steps it begins after a tenth of them: 1.8 dB on chair_400 after 1,000 steps."""
+
+PIXELS_PER_GAUSSIAN = 4
+"""With mcmc, which ends with the bound itself; adaptive control seldom comes near one a pixel (3dgs, 3,000 steps: one
+for 4 pixels of chair_400, for 2.6 of lego_400)."""
+
+OF_ADAPTIVE = (
+    *("threshold", "clone_below", "prune_opacity", "prune_scale"),
+    *("reset_every", "reset_opacity", "pixel_bound"),
+)
+"""Settings that decide nothing with mcmc."""
 
 FEWEST_GROWTHS = 5
 """With fewer rounds of density control nothing is dropped: most Gaussians are still the first ones then."""
@@ -49,8 +60,11 @@ def growth_at(steps: int) -> Growth:
 
 @dataclass(frozen=True)
 class DensifySettings:
-    """Adaptive density control (3DGS, section 5.2)."""
+    """Density control: adaptive (3DGS, section 5.2), or as Markov chain Monte Carlo."""
 
+    kind: Literal["adaptive", "mcmc"] = later("adaptive")
+    """adaptive: Gaussians are cloned, split and removed by their gradients and opacities, as in 3DGS. mcmc: as many as
+    max_gaussians says; dead ones move to where others are, and faint ones wander (Kheradmand et al. 2024)."""
     threshold: float | None = 2e-4
     """A Gaussian is cloned or split if its mean screen-space gradient, dL/d(NDC position), exceeds this. None, the
     default of ringlight-basis: 1e-4 in runs of up to 7,000 steps, 2e-4 from 30,000 steps on."""
@@ -79,19 +93,22 @@ class DensifySettings:
     """Most Gaussians at the end of density control, unless it began with more and drops none. The largest gradients
     come first. 0 takes as many as a training photograph has pixels, since no view could tell more apart;
     ringlight-basis takes 0.85 of them. Where a subject is cut out, ringlight-mirror takes one for every seven pixels,
-    but at least 200 for each photograph, between 10,000 and 20,000, if there are as many pixels."""
+    but at least 200 for each photograph, between 10,000 and 20,000, if there are as many pixels. With mcmc it is the
+    number at the end, to the Gaussian; 0 is one for every four pixels then, but for subjects of ringlight-mirror."""
     pixel_bound: bool = later(True)
     """Whether max_gaussians of 0 takes the photographs' pixels. Without it 0 is no bound, as in 3DGS: a run ends with
     an error once they need more than half of the machine's memory."""
     drop_share: float | None = 0.0
     """Share of the Gaussians that is dropped once no more are added: those that add least to the training photographs.
-    Until then there may be max_gaussians / (1 - drop_share). 0 keeps all, as 3DGS does. None, the default of
-    ringlight-basis: 0.7 in runs of up to 7,000 steps, 0.4 from 30,000 steps on."""
+    Until then there may be max_gaussians / (1 - drop_share), with mcmc there are. 0 keeps all, as 3DGS does. None, the
+    default of ringlight-basis: 0.7 in runs of up to 7,000 steps, 0.4 from 30,000 steps on."""
     drop_until: float = 0.75
     """Share of all steps at which the last Gaussians are dropped."""
     drop_by: Literal["weights", "effects"] = later("weights")
     """What a Gaussian adds. weights: its blending weights, added up. effects: the squared change of the pictures if it
     were gone; where its neighbours have its colour that is little."""
+    mcmc: MCMCSettings = later(USUAL_MCMC)
+    """What only mcmc has."""
 
     def __post_init__(self) -> None:
         for name, least in {"begin": 0, "latest": 0, "every": 1, "reset_every": 0, "max_gaussians": 0}.items():
@@ -111,12 +128,20 @@ class DensifySettings:
         if not 0 <= self.prune_opacity < 1:
             raise RecipeError(f"densify.prune_opacity is {self.prune_opacity}; give 0 (keep all) or more, below 1")
 
+    def without_effect(self) -> dict[str, str]:
+        """Settings that decide nothing as the others are, "mcmc.noise", and why."""
+        if self.kind == "adaptive":
+            idle = [f"mcmc.{name}" for name in vars(self.mcmc)]
+        else:
+            idle = [*OF_ADAPTIVE, *(("mcmc.stop",) if self.drop_share != 0 else ("stop", "latest"))]
+        return dict.fromkeys(idle, f"--densify.kind is {self.kind}")
+
     def at_length(self, steps: int) -> "DensifySettings":
         """The same with what is left to the run's length, ``steps``, decided."""
-        begin = self.begin
+        begin, mcmc = self.begin, self.mcmc.at_length(steps) if self.kind == "mcmc" else self.mcmc
         if begin is None:
             begin = PAPER_BEGIN if self.in_proportion else self.first_step(steps)
-        return replace(self, begin=begin, **self.growth(steps)._asdict())
+        return replace(self, begin=begin, mcmc=mcmc, **self.growth(steps)._asdict())
 
     def growth(self, steps: int) -> Growth:
         """What a run of so many ``steps`` adds and drops."""
@@ -138,9 +163,19 @@ class DensifySettings:
             return step
         return max(round(step * min(steps / PAPER_STEPS, 1.0)), 1)
 
+    @property
+    def prunes(self) -> bool:
+        """Whether faint Gaussians are removed; mcmc moves them."""
+        return self.kind == "adaptive"
+
     def within(self, most: int) -> "DensifySettings":
         """These settings with a bound that is a number, ``most`` where they say none, unless they want none."""
-        return self if self.max_gaussians or not self.pixel_bound else replace(self, max_gaussians=most)
+        unbounded = self.kind == "adaptive" and not self.pixel_bound
+        return self if self.max_gaussians or unbounded else replace(self, max_gaussians=most)
+
+    def usual_bound(self, pixels: int) -> int:
+        """What 0 of max_gaussians means where the largest training photograph has so many ``pixels``."""
+        return pixels if self.kind == "adaptive" else math.ceil(pixels / PIXELS_PER_GAUSSIAN)
 
     def most_growing(self, steps: int) -> int:
         """The bound until Gaussians are dropped, in a run of so many ``steps``; 0 where there is none."""
@@ -160,4 +195,6 @@ class DensifySettings:
 
     def last_step(self, steps: int) -> int:
         """The last step at which rows may be added."""
+        if self.kind == "mcmc" and not self.growth(steps).drop_share:
+            return int(self.mcmc.stop * steps)
         return min(self.latest, int(self.stop * steps))

@@ -36,6 +36,7 @@ class DropLeast(Stateless):
     ):
         self.rounds, self.cameras, self.bound = settings.drop_rounds(steps), cameras, settings.max_gaussians
         self.by, self.background, self.seed = settings.drop_by, background, seed
+        self.exact = settings.kind == "mcmc"
         self.kept = (1 - settings.growth(steps).drop_share) ** (1 / max(len(self.rounds), 1))
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
@@ -43,7 +44,8 @@ class DropLeast(Stateless):
             return
         left = int(self.kept * len(model))
         if self.bound and step == max(self.rounds):
-            left = min(left, self.bound)  # density control may have begun with more than it was to end with
+            # Density control may have begun with more than it was to end with; a budget is met to the row.
+            left = self.bound if self.exact else min(left, self.bound)
         order = self._worth(step, model).argsort(descending=True, stable=True)
         optimizer.edit_rows(order[: max(left, 1)].sort().values)
 

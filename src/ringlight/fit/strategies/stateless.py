@@ -8,7 +8,7 @@ from torch import Tensor
 class Stateless:
     """Base of strategies; see :class:`ringlight.fit.strategies.contract.Strategy`."""
 
-    most = None
+    most: int | None = None
 
     def state(self) -> dict[str, Tensor]:
         return {}
