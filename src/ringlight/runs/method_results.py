@@ -27,7 +27,8 @@ def method_table(runs: Mapping[Key, Surveyed], seeds: Sequence[int], failed: Map
             reports.setdefault(key[:2], {})[key[2]] = now.report
         elif now.reason is not None:
             reasons.setdefault(key, now.reason)
-    scenes, methods = (tuple(dict.fromkeys(key[at] for key in runs)) for at in (0, 1))
+    scenes = tuple(dict.fromkeys(scene for scene, _, _ in runs))
+    methods = tuple(dict.fromkeys(method for _, method, _ in runs))
     measured: Measured = reports
     return MethodTable(cells_of(scenes, methods, seeds, measured, reasons))
 

@@ -66,7 +66,7 @@ def methods_named(names: Sequence[str], settings: Sequence[str], steps: int | No
 
 def _with(method: AskedMethod, key: str, text: str) -> Recipe:
     """The recipe with the setting at the dotted ``key``."""
-    values: Any = asdict(method.recipe)  # type: ignore[call-overload]  # a dataclass
+    values: Any = asdict(method.recipe)
     *groups, last = (part.replace("-", "_") for part in key.split("."))
     kind, place = method.recipe, values
     for part in (*groups, last):

@@ -127,7 +127,7 @@ def scenes_named(paths: Sequence[Path]) -> dict[str, Path]:
 
 def with_steps(recipe: Recipe, steps: int | None) -> Recipe:
     """The same of another length, unless ``steps`` is None."""
-    return recipe if steps is None else replace(recipe, steps=steps)  # type: ignore[type-var]  # a dataclass
+    return recipe if steps is None else replace(recipe, steps=steps)
 
 
 def _comparable(recipe: Recipe) -> Recipe:
