@@ -50,7 +50,9 @@ def test_an_unturned_camera_looks_along_z_with_y_down():
         {"width": 0},
         {"height": -1},
         {"position": (math.inf, 0.0, 0.0)},
+        {"position": (1e39, 0.0, 0.0)},
         {"wxyz": (0.0, 0.0, 0.0, 0.0)},
+        {"wxyz": (1e-200, 0.0, 0.0, 0.0)},
     ],
 )
 def test_what_no_picture_can_be_made_of_is_not_usable(change: dict):

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-from ringlight.errors import RinglightError
 from ringlight.fit.train import Progress
 from ringlight.runs.session import Session
 from ringlight.view.curves import Curves, curves_of
@@ -57,7 +56,7 @@ class LiveRun:
             self._losses.note(progress)
             self.viewer.turn()
             self._wait_while_paused(stopping)
-        except (RinglightError, OSError, RuntimeError, ValueError, MemoryError) as error:
+        except Exception as error:  # of whatever kind: the run is worth more than the look
             self.close()
             reason = " ".join(str(error).split()) or type(error).__name__
             return f"the viewer has failed ({reason}); training goes on without it"
@@ -67,7 +66,7 @@ class LiveRun:
         """End the server; what is trained stays as it is."""
         if not self._is_over:
             self._is_over = True
-            with suppress(OSError, RuntimeError):  # it has failed already, perhaps
+            with suppress(Exception):  # it has failed already, perhaps
                 self.viewer.close()
 
     def _wait_while_paused(self, stopping: Sequence[int]) -> None:

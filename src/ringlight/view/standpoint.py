@@ -13,6 +13,12 @@ from ringlight.files.camera_paths import Array, position_of, rotation_of
 NARROWEST, WIDEST = 0.02, 3.0
 """Radians of a browser's view, from bottom to top."""
 
+FARTHEST = 1e30
+"""World units from the origin; beyond it squares overflow in float32 long since."""
+
+SHORTEST_TURN = 1e-6
+"""Length of a quaternion below which it says nothing."""
+
 SAME_PLACE = 2e-3
 """Share of the scene's extent within which a camera stands where a photograph was taken."""
 
@@ -35,9 +41,9 @@ class Standpoint:
     def is_usable(self) -> bool:
         """Whether a picture can be made: a window may have no size yet, and what comes from a browser is anything."""
         numbers = (*self.position, *self.wxyz, self.fov)
-        finite = all(math.isfinite(number) for number in numbers)
+        finite = all(math.isfinite(number) for number in numbers) and max(map(abs, self.position)) < FARTHEST
         sized = self.width > 0 and self.height > 0
-        return finite and sized and NARROWEST <= self.fov <= WIDEST and any(self.wxyz)
+        return finite and sized and NARROWEST <= self.fov <= WIDEST and math.hypot(*self.wxyz) > SHORTEST_TURN
 
     def camera(self, scale: float = 1.0) -> Camera:
         """The pinhole, with sides ``scale`` times the window's."""
