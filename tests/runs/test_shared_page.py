@@ -3,6 +3,7 @@
 Skipped with a sentence where no browser is.
 """
 
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,6 +23,8 @@ from ringlight.core.rendering import Emission
 from ringlight.core.want import Want
 from ringlight.files.layer_pictures import layer_pictures, looking
 from ringlight.files.packed import pack_tensors, unpack_tensors
+from ringlight.files.page.document import _modules
+from ringlight.files.page.modules import joined
 from ringlight.methods.store import StoredModel, model_of_tensors, save_model, tensors_from_cameras
 from ringlight.models.splats import SplatModel
 from ringlight.runs.opened import open_model
@@ -295,6 +298,113 @@ def test_what_fails_while_drawing_is_said(pages: dict[str, Path], page: Tab) -> 
     page.page.evaluate("window.ringlight.viewer.picture.canvas.dispatchEvent(new Event('webglcontextlost'))")
     assert page.page.is_visible("#fallback img")
     assert "gave up" in page.page.inner_text("#sentence")
+
+
+LOSE = """() => {
+  const lost = window.ringlight.viewer.picture.gl.getExtension("WEBGL_lose_context");
+  lost.loseContext();
+  window.giveBack = () => lost.restoreContext();
+}"""
+
+
+def test_a_graphics_card_that_comes_back_draws_again(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["ringlight-mirror"], "#view=train-1")
+    before = page.values()
+    page.page.evaluate(LOSE)
+    page.wait_until("document.documentElement.classList.contains('still')")
+    assert (
+        page.page.evaluate("window.ringlight.settled().catch((error) => error.message)") == "the graphics card gave up"
+    )
+    page.page.evaluate("window.giveBack()")
+    page.wait_until("!document.documentElement.classList.contains('still')")
+    assert np.array_equal(page.values(), before)
+    page.complaints.clear()  # Chromium notes the loss
+
+
+def test_who_waits_gets_a_whole_picture_though_it_moves_on(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"])
+    page.page.evaluate("window.ringlight.viewer.scale = 0.25")
+    width = """async () => {
+      const settled = window.ringlight.settled();
+      window.ringlight.move((pose) => pose.moved(0.01, 0, 0));
+      await settled;
+      return window.ringlight.viewer.picture.canvas.width;
+    }"""
+    assert page.page.evaluate(width) == 400
+
+
+def test_keys_move_after_a_button_was_pressed_and_never_stick(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"])
+    page.page.click("#after")
+    before = page.values()
+    keyboard = page.page.keyboard
+    keyboard.down("d")
+    keyboard.down("Control")
+    keyboard.up("d")
+    keyboard.up("Control")
+    rested = page.values()
+    assert np.abs(rested - before).max() > 0.01
+    page.page.wait_for_timeout(200)
+    assert np.array_equal(page.values(), rested)
+    page.page.click("#fold")
+    page.page.focus("#light")
+    keyboard.press("ArrowRight")  # the fader's own
+    page.wait_until("document.getElementById('light').value === '1.01'")
+
+
+POLE = """() => {
+  const { move, facts } = window.ringlight, found = [];
+  for (const upwards of [3, -6]) {
+    move((pose) => {
+      const turned = pose.turned(0, upwards, facts.up, true);
+      found.push(turned.turn[1].reduce((sum, value, k) => sum + value * facts.up[k], 0));
+      return turned;
+    });
+  }
+  return found;
+}"""
+
+
+def test_a_turn_ends_at_the_poles(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"])
+    assert all(-0.1 < down < 0 for down in page.page.evaluate(POLE))
+
+
+def test_an_address_of_anybody_is_a_camera(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"], "#at=0,0,3,9,1,0,0,-5,0,0,0,-2,0")
+    turn = np.array(
+        page.page.evaluate(
+            "(() => { let found; window.ringlight.move((pose) => (found = pose)); return found.turn; })()"
+        )
+    )
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+
+
+def test_names_that_are_no_text_are_shown(runs: dict[str, Path], tmp_path: Path, page: Tab) -> None:
+    stored = open_model(runs["3dgs"]).stored
+    header = replace(stored.header, scene=replace(stored.header.scene, name="caf\udce9"))
+    save_model(tmp_path / "model.safetensors", stored.model, header, stored.cameras)
+    share(open_model(tmp_path / "model.safetensors"), tmp_path / "page.html")
+    assert page.open(tmp_path / "page.html") == "drawn"
+    assert page.page.inner_text("#caption-scene").startswith("caf")
+
+
+CROWDED = """(() => {
+  const lists = new $tile_lists.TileLists(), ellipses = new Float32Array(8 * 40);
+  for (let k = 0; k < 40; k++) ellipses.set([300, 300, 0.9, k + 1, 1e-6, 0, 1e-6, k], 8 * k);
+  const tiles = new Uint32Array(2 * 65536);
+  const { across, down, total, entries } = lists.fill(ellipses, 40, [600, 600], 100, tiles, new Uint32Array(8));
+  return [across * down, total, Array.from(tiles.subarray(0, 2 * across * down)), Array.from(entries)];
+})()"""
+
+
+def test_of_too_many_gaussians_those_behind_are_left_out_in_all_tiles(page: Tab) -> None:
+    page.page.goto("about:blank")
+    code = json.dumps(f"{joined(_modules(), 'tile_lists.js')}\n{CROWDED}")
+    count, total, tiles, entries = page.page.evaluate(f"(0, eval)({code})")
+    assert (count, total) == (9, 99)
+    for first, held in zip(tiles[::2], tiles[1::2], strict=True):
+        assert entries[first : first + held] == list(range(11)), "nearest first, equally many in each"
 
 
 def test_a_damaged_page_says_so(pages: dict[str, Path], tmp_path: Path, page: Tab) -> None:

@@ -119,7 +119,7 @@ def unpack_fixed(parts: Parts) -> Float[Tensor, "N *column"]:
 def pack_fine(values: Float[Tensor, "N *column"], bits: int) -> Parts:
     """Whole numbers of 8 and ``bits`` more bits, evenly over each column's own range: an error of half a step at most.
 
-    ``codes`` are the upper bytes; the bits below, 2 or 4 so that none lie in two bytes, fill those of ``fine`` one
+    ``codes`` are the upper bytes. The bits below, 2 or 4 so that none lie in two bytes, fill the bytes of ``fine`` one
     after the other, from the lowest on.
     """
     whole, low, step = _over_range(values, BYTE + bits)

@@ -36,7 +36,7 @@ def page_of(title: str, facts: dict[str, Any], payload: bytes, still: bytes) -> 
         payload=text_from_bytes(payload),
         script=script,
     )
-    return text.encode()
+    return text.encode(errors="replace")  # a folder's name may be no text
 
 
 def _json(value: object) -> str:

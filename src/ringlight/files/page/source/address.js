@@ -1,3 +1,5 @@
+const DIGITS = 7; // what 32 bits hold, also far from the origin
+
 // What the page's address says: #view=NAME, a stored camera at its own size; #at=…, a free one; &bare, no controls.
 export function readAddress(hash) {
   const words = new URLSearchParams(hash.replace(/^#/, ""));
@@ -13,9 +15,9 @@ export function readAddress(hash) {
   };
 }
 
-// Position, turn and reach of a free camera in few digits.
+// Position, turn and reach of a free camera.
 export function addressOf(pose, { layer, residual, pack, blend }, bare) {
-  const numbers = [...pose.position, ...pose.turn.flat(), pose.reach].map((value) => Number(value.toPrecision(5)));
+  const numbers = [...pose.position, ...pose.turn.flat(), pose.reach].map((value) => Number(value.toPrecision(DIGITS)));
   const words = [`at=${numbers.join(",")}`];
   if (layer !== "picture") words.push(`layer=${layer}`);
   if (residual !== 1) words.push(`light=${residual}`);

@@ -1,3 +1,5 @@
+const STEEPEST = 1.55; // radians above or below the horizon that a view is turned to
+
 // A pinhole as core/camera.py has it: x right, y down, z forward; `pose` is world to camera, three rows of four.
 export function cameraOf(pose, focal, center, size) {
   const [a, b, c, x, d, e, f, y, g, h, i, z] = pose;
@@ -31,6 +33,11 @@ export class Pose {
     return new Pose(camera.position, turn, ahead > 0 ? ahead : Math.hypot(...away) || 1);
   }
 
+  // Of numbers that were rounded, or are anybody's.
+  static near(position, turn, reach) {
+    return new Pose(position, orthonormal(turn), Math.max(reach, Number.MIN_VALUE));
+  }
+
   numbers() {
     return this.turn.flatMap((row) => [...row, -dot(row, this.position)]);
   }
@@ -40,12 +47,17 @@ export class Pose {
   }
 
   // Turn by angles, radians, to the right about `up` and upwards about the own right side; about the target, or about
-  // the camera itself.
+  // the camera itself. Who stands upright does not fall over at the poles.
   turned(right, upwards, up, aboutTarget) {
     const target = this.target,
       spin = rotationAbout(up, right),
       turn = this.turn.map((row) => times(spin, row));
-    const tilt = rotationAbout(turn[0], upwards);
+    const lift = Math.asin(Math.min(Math.max(dot(turn[2], up), -1), 1)),
+      upright = dot(turn[1], up) < 0;
+    const least = Math.min(-STEEPEST - lift, 0),
+      most = Math.max(STEEPEST - lift, 0);
+    const kept = upright ? Math.min(Math.max(upwards, least), most) : upwards;
+    const tilt = rotationAbout(turn[0], kept);
     const found = orthonormal(turn.map((row) => times(tilt, row)));
     const position = aboutTarget ? target.map((value, k) => value - this.reach * found[2][k]) : this.position;
     return new Pose(position, found, this.reach);

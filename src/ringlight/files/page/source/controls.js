@@ -67,14 +67,10 @@ export class Controls {
   }
 
   keyed(event, down) {
-    const key = event.key.toLowerCase(),
-      typing = event.target instanceof HTMLElement && event.target.matches("input, select, button");
-    if (!KEYS[key] || event.ctrlKey || event.metaKey || event.altKey || (typing && down)) return;
+    const key = event.key.toLowerCase();
+    if (!down) this.held.delete(key); // whatever else is held by now
+    if (!down || !KEYS[key] || event.ctrlKey || event.metaKey || event.altKey || takes(event.target, key)) return;
     event.preventDefault();
-    if (!down) {
-      this.held.delete(key);
-      return;
-    }
     if (!this.held.size) this.last = performance.now();
     if (!this.held.has(key)) {
       this.held.add(key);
@@ -107,5 +103,8 @@ export class Controls {
   }
 }
 
+// Whether an element has a use of its own for a key: lists for letters, faders and choices for arrows.
+const takes = (target, key) =>
+  target instanceof HTMLElement && (target.matches("select, dialog *") || (target.matches("input") && key.length > 1));
 const middle = (points, axis) => points.reduce((sum, point) => sum + point[axis], 0) / points.length;
 const spread = ([a, b]) => Math.hypot(a[0] - b[0], a[1] - b[1]);

@@ -72,14 +72,21 @@ async function begin(facts, payload) {
     if (facts.lights?.[pack] && blend >= 0 && blend <= 1 && blend !== null) panel.blend(blend, pack);
     panel.show(stops.has(view) ? view : "home");
     stand(stops.has(view) ? view : "home", stops.has(view));
-    if (at) state.pose = new Pose(at.slice(0, 3), [at.slice(3, 6), at.slice(6, 9), at.slice(9, 12)], at[12]);
+    if (at) state.pose = Pose.near(at.slice(0, 3), [at.slice(3, 6), at.slice(6, 9), at.slice(9, 12)], at[12]);
   };
   addEventListener("hashchange", () => {
     follow();
     viewer.change(false);
   });
   addEventListener("resize", () => viewer.change());
-  canvas.addEventListener("webglcontextlost", () => viewer.fail(new Error("the graphics card gave up")));
+  canvas.addEventListener("webglcontextlost", (event) => {
+    event.preventDefault(); // else the browser never gives it back
+    viewer.fail(new Error("the graphics card gave up"));
+  });
+  canvas.addEventListener("webglcontextrestored", () => {
+    viewer.goOn(new Picture(canvas, model.texts, model));
+    document.documentElement.classList.remove("still");
+  });
   follow();
   await viewer.settled();
   document.documentElement.classList.add("drawn");

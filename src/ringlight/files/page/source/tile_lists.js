@@ -24,17 +24,18 @@ export class TileLists {
       const across = Math.ceil(size[0] / side),
         down = Math.ceil(size[1] / side);
       if (2 * across * down > tiles.length) continue;
-      const total = this.counted(ellipses, count, side, across, down, tiles);
+      let total = this.counted(ellipses, count, side, across, down, tiles, Infinity);
       if (total > most && side < LARGEST_TILE) continue;
-      // What does not fit even then is what lies behind.
-      const wanted = Math.min(total, most);
-      if (entries.length < wanted) entries = new Uint32Array(roomFor(wanted, most));
-      this.written(ellipses, count, side, across, down, tiles, entries);
-      return { side, across, down, total: wanted, entries };
+      // What does not fit even then is what lies behind: all tiles keep equally many at most.
+      const each = total > most ? Math.floor(most / (across * down)) : Infinity;
+      if (total > most) total = this.counted(ellipses, count, side, across, down, tiles, each);
+      if (entries.length < total) entries = new Uint32Array(roomFor(total, most));
+      this.written(ellipses, count, side, across, down, tiles, entries, each);
+      return { side, across, down, total, entries };
     }
   }
 
-  counted(ellipses, count, side, across, down, tiles) {
+  counted(ellipses, count, side, across, down, tiles, each) {
     const counts = tiles.fill(0, 0, 2 * across * down);
     for (let index = 0; index < count; index++) {
       this.span(ellipses, index, side, across, down);
@@ -46,23 +47,19 @@ export class TileLists {
     let sum = 0;
     for (let tile = 0; tile < across * down; tile++) {
       tiles[2 * tile] = sum;
-      sum += tiles[2 * tile + 1];
+      sum += Math.min(tiles[2 * tile + 1], each);
       tiles[2 * tile + 1] = 0;
     }
     return sum;
   }
 
-  written(ellipses, count, side, across, down, tiles, entries) {
+  written(ellipses, count, side, across, down, tiles, entries, each) {
     for (let index = 0; index < count; index++) {
       this.span(ellipses, index, side, across, down);
       for (let row = this.top; row <= this.bottom; row++) {
         for (let column = this.first[row]; column <= this.last[row]; column++) {
-          const tile = 2 * (row * across + column),
-            at = tiles[tile] + tiles[tile + 1];
-          if (at < entries.length) {
-            entries[at] = index;
-            tiles[tile + 1]++;
-          }
+          const tile = 2 * (row * across + column);
+          if (tiles[tile + 1] < each) entries[tiles[tile] + tiles[tile + 1]++] = index;
         }
       }
     }

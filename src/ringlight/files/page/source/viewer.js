@@ -37,6 +37,7 @@ export class Viewer {
   // Resolves when an exact picture of all that was wished until now has been drawn; rejects where none can be.
   settled() {
     return new Promise((resolve, reject) => {
+      if (this.failure) return reject(this.failure);
       this.waiting.push({ resolve, reject });
       this.change(false);
     });
@@ -44,8 +45,15 @@ export class Viewer {
 
   // Nothing can be drawn any more: `onfailure` says so to the person, whoever waits hears it.
   fail(error) {
+    this.failure = error;
     this.onfailure?.(error);
     for (const { reject } of [...this.answers, ...this.waiting.splice(0)]) reject(error);
+  }
+
+  // After a failure: a new `picture` can draw again.
+  goOn(picture) {
+    Object.assign(this, { picture, failure: null });
+    this.change(false);
   }
 
   schedule() {
@@ -58,7 +66,7 @@ export class Viewer {
   }
 
   step() {
-    if (!this.spare) return; // the worker is at work, and its answer goes on
+    if (!this.spare || this.failure) return; // the worker is at work, and its answer goes on
     const moving = performance.now() - this.changed < REST;
     if (!this.asked && !(this.coarse && !moving)) {
       if (this.coarse) this.schedule();
@@ -70,7 +78,7 @@ export class Viewer {
     const { ellipses, tiles, entries } = this.spare,
       camera = this.wished(moving ? this.scale : 1);
     this.spare = null;
-    this.answers = this.waiting.splice(0);
+    this.answers = moving ? [] : this.waiting.splice(0); // who waits gets a whole picture, also if it moves on
     this.worker.postMessage({ camera, ellipses, tiles, entries, most: this.picture.most }, [
       ellipses.buffer,
       tiles.buffer,
@@ -80,8 +88,9 @@ export class Viewer {
 
   arrived(lists) {
     if (lists.prepared) return;
-    this.picture.load(lists);
     this.spare = lists;
+    if (this.failure) return;
+    this.picture.load(lists);
     this.times = lists.times;
     const exact = this.picture.draw({ ...this.look, some: this.coarse });
     if (!exact) this.asked = true;
