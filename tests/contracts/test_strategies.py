@@ -1,6 +1,6 @@
 """What every strategy must do, parametrised over all of them and the plug."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -10,13 +10,16 @@ from torch import Tensor
 
 from contracts.methods import GROWING, small
 from plugs.relocate import Relocate
+from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
 from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.drop_insignificant import DropInsignificant
 from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.fit.strategies.mcmc import MCMC
 from ringlight.fit.strategies.prune import Prune
+from ringlight.fit.strategies.quantize_colors import QuantizeColors
 from ringlight.fit.strategies.unlock import Unlock
 from ringlight.fit.train import Training, train
 from ringlight.rasterize.choose import rasterizer_for
@@ -39,11 +42,24 @@ def moving(scene: Scene) -> MCMC:
     return MCMC(MOVING, scene.extent, cameras, scene.background_color, STEPS, 3)
 
 
+def cameras_of(scene: Scene) -> list[Camera]:
+    return [view.camera for view in scene.train]
+
+
+def rounded_to_half(columns: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name: column.half().float() for name, column in columns.items()}
+
+
 STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
     "densify": lambda scene: Densify(SETTINGS, scene.extent, STEPS, 3, white=True),
     "mcmc": moving,
     "drop least": lambda scene: dropping(scene, "weights"),
     "drop what changes least": lambda scene: dropping(scene, "effects"),
+    "drop insignificant": lambda scene: DropInsignificant((7, 15), 0.6, cameras_of(scene), 0.1),
+    "distil": lambda scene: DistillHarmonics(
+        Teacher(METHODS["3dgs"].model(scene.box, rasterizer_for("auto"))), 9, 25, 1
+    ),
+    "quantize": lambda scene: QuantizeColors(STEPS, 0.6, 8, cameras_of(scene), 0.1, rounded_to_half, 3),
     "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),
     "unlock": lambda scene: Unlock("color.active_degree", {5: 1, 12: 2, 20: 3}),
     "plug: relocate": lambda scene: Relocate(every=4, noise=1e-3, seed=3),

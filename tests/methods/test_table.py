@@ -27,6 +27,7 @@ def test_presets_of_one_paper_share_their_method():
         "ringlight-paper": "ringlight-ring",
         "3dgs": "3dgs",
         "3dgs-paper": "3dgs",
+        "light-gaussian": "light-gaussian",
     }
     assert method_of(dataclasses.replace(METHODS["ringlight-paper"], steps=5)) == "ringlight-ring"
     assert model_header("ringlight-paper", METHODS["ringlight-paper"], 0, facts).method == "ringlight-ring"

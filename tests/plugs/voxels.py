@@ -6,7 +6,7 @@ rays of several photographs.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import torch
 from jaxtyping import Float
@@ -205,6 +205,7 @@ class VoxelRecipe:
 
     most: int | None = None
     random_points: int = 0
+    packings: ClassVar[tuple[tuple[str, str], ...]] = ()
 
     def settled(self, scene: Scene, rasterize: "Rasterizer", seed: int) -> "tuple[VoxelRecipe, None]":
         return self, None
@@ -221,6 +222,9 @@ class VoxelRecipe:
 
     def without_effect(self) -> dict[str, str]:
         return {}
+
+    def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "VoxelRecipe":
+        return self
 
     def model(self, box: Float[Tensor, "2 3"], rasterize: "Rasterizer") -> VoxelGrid:
         return VoxelGrid(self.side, box)

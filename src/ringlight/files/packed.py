@@ -16,6 +16,7 @@ from torch import Tensor
 
 from ringlight.core.stages import counted
 from ringlight.errors import ModelFileError
+from ringlight.files.pack_codebook import pack_codebook, unpack_codebook
 from ringlight.files.pack_directions import (
     pack_directions,
     pack_quaternions,
@@ -61,10 +62,17 @@ PACKINGS = {
     "share8": Packing(pack_share, unpack_share),
     "directions20": Packing(pack_directions, unpack_directions),
     "quaternions32": Packing(pack_quaternions, unpack_quaternions),
+    "codebook": Packing(pack_codebook, unpack_codebook),
 }
 """By the names that model files use; a name never changes its meaning."""
 
-PLAN = (
+HALVES = ("half", "codebook")
+"""Packings of half floats, which are infinite beyond LARGEST_HALF."""
+
+Plan = tuple[tuple[str, str], ...]
+"""Name patterns and packings; the first that fits counts. Positions are decided by :func:`_positions`."""
+
+PLAN: Plan = (
     ("columns.log_scales", "fixed10"),
     ("columns.quats", "quaternions32"),
     ("columns.opacity_logits", "share8"),
@@ -78,7 +86,7 @@ PLAN = (
     ("color.*", "rows8"),
     ("shader.*", "rows8"),
 )
-"""Name patterns and packings; the first that fits counts. Positions are decided by :func:`_positions`."""
+"""What 'ringlight compress' does."""
 
 MEANS, SCALES, WEIGHTS = "columns.means", "columns.log_scales", "columns.basis_weights"
 
@@ -106,12 +114,12 @@ class Packed:
     packing: dict[str, str]
 
 
-def pack_tensors(tensors: Mapping[str, Tensor]) -> Packed:
+def pack_tensors(tensors: Mapping[str, Tensor], plan: Plan = PLAN) -> Packed:
     """Every tensor by the plan."""
     stored: dict[str, Tensor] = {}
     packing: dict[str, str] = {}
     for name, tensor in counted("packing", list(tensors.items())):
-        chosen = _chosen(name, tensor, tensors.get(SCALES))
+        chosen = _chosen(name, tensor, tensors.get(SCALES), plan)
         if chosen is None:
             stored[name] = tensor
             continue
@@ -122,6 +130,23 @@ def pack_tensors(tensors: Mapping[str, Tensor]) -> Packed:
         parts = parts or PACKINGS[chosen].pack(tensor.detach().cpu())
         stored |= {f"{name}{SEPARATOR}{part}": value for part, value in parts.items()}
     return Packed(stored, packing)
+
+
+def pack_exactly(tensors: Mapping[str, Tensor], plan: Plan) -> Packed:
+    """By the plan every tensor that comes back with the same bits; the others are kept."""
+    fitting = {name: t for name, t in tensors.items() if name == MEANS or _are_halves(t)}
+    with_scales = fitting | {name: t for name, t in tensors.items() if name == SCALES}
+    tried = pack_tensors(with_scales, plan)
+    back = unpack_tensors(tried)
+    exact = {name for name in tried.packing if torch.equal(back[name], tensors[name].detach().cpu())}
+    stored = {name: tensor for name, tensor in tensors.items() if name not in exact}
+    stored |= {name: t for name, t in tried.tensors.items() if name.partition(SEPARATOR)[0] in exact}
+    return Packed(stored, {name: tried.packing[name] for name in tried.packing if name in exact})
+
+
+def _are_halves(tensor: Tensor) -> bool:
+    """Whether half floats hold it: found out before anything is sorted."""
+    return tensor.is_floating_point() and torch.equal(tensor.half().to(tensor.dtype), tensor)
 
 
 def unpack_tensors(packed: Packed) -> dict[str, Tensor]:
@@ -156,16 +181,18 @@ def bytes_stored(packed: Packed, name: str) -> int:
     )
 
 
-def _chosen(name: str, tensor: Tensor, log_scales: Tensor | None) -> str | None:
+def _chosen(name: str, tensor: Tensor, log_scales: Tensor | None, patterns: Plan) -> str | None:
     """The packing of a tensor; None if it is kept."""
     if tensor.dtype != torch.float32 or not bool(tensor.isfinite().all()):
         return None
     if name == MEANS:
         return _positions(tensor, log_scales)
-    plan = next((packing for pattern, packing in PLAN if fnmatchcase(name, pattern)), None)
+    plan = next((packing for pattern, packing in patterns if fnmatchcase(name, pattern)), None)
     if plan == "rows8" and tensor.numel() < FEWEST_ROWS8:
         plan = "half" if tensor.numel() >= FEWEST_PACKED else None
-    if plan == "half" and tensor.numel() and tensor.abs().amax() > LARGEST_HALF:
+    if plan == "codebook" and not tensor.numel():
+        return None
+    if plan in HALVES and tensor.numel() and tensor.abs().amax() > LARGEST_HALF:
         return None
     return plan
 

@@ -36,6 +36,36 @@ class Rate:
         return float(self.start ** (1 - share) * self.end**share)
 
 
+@dataclass(frozen=True)
+class Part:
+    """A rate until the share ``end`` of the run; it is what ``rate`` is from its progress ``first`` to its end."""
+
+    end: float
+    rate: Rate
+    first: float = 0.0
+
+
+@dataclass(frozen=True)
+class RateInParts:
+    """One rate after another, each from where the one before it ends; the last part ends with the run."""
+
+    parts: tuple[Part, ...]
+
+    def at(self, progress: float) -> float:
+        """The rate at ``progress`` in [0, 1]."""
+        begin = 0.0
+        for part in self.parts[:-1]:
+            if progress <= part.end:
+                return part.rate.at(self._within(part, begin, progress))
+            begin = part.end
+        return self.parts[-1].rate.at(self._within(self.parts[-1], begin, progress))
+
+    @staticmethod
+    def _within(part: Part, begin: float, progress: float) -> float:
+        length = part.end - begin
+        return part.first + (1 - part.first) * ((progress - begin) / length if length > 0 else 1.0)
+
+
 def check_rates(**rates: float) -> None:
     """Raises RecipeError for a learning rate that is negative, infinite or not a number, by the setting's name."""
     for name, rate in rates.items():
@@ -47,7 +77,7 @@ def check_rates(**rates: float) -> None:
 class Adam:
     """How a group of parameters is stepped. The paper has two groups: the Gaussians, and the field."""
 
-    rate: Rate
+    rate: Rate | RateInParts
     betas: tuple[float, float] = (0.9, 0.999)
     epsilon: float = 1e-15
     begins: int = 0

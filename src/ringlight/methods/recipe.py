@@ -39,6 +39,10 @@ class Recipe(Protocol):
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
+    packings: ClassVar[tuple[tuple[str, str], ...]]
+    """Name patterns of tensors, and how this method's files store those that lose nothing by it: ``files/packed.py``.
+    Empty where all are stored as they are."""
+
     @property
     def steps(self) -> int:
         """The length of the run; schedules scale with it."""
@@ -83,6 +87,11 @@ class Recipe(Protocol):
 
     def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "Model":
         """The model of this recipe with everything switched on, to load tensors into; ``box`` is the scene's."""
+        ...
+
+    def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "Recipe":
+        """This recipe with a :meth:`model` for a file's tensors of these shapes; itself where training does not change
+        the form of a model."""
         ...
 
 

@@ -4,8 +4,9 @@ What it leaves open is decided here and in ``reflection_trial.py``, once, when a
 report are of the method that was chosen.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from ringlight.errors import RecipeError
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
@@ -59,6 +60,7 @@ class GrowthBound:
 class RingLightRecipe:
     """RingLight: ringlight-basis or ringlight-mirror, whichever suits the scene, or 3dgs where neither does."""
 
+    packings: ClassVar[tuple[tuple[str, str], ...]] = ()
     steps: int = 30_000
     """Training steps, one photograph each."""
     shading: Literal["auto", "basis", "mirror", "harmonics"] = "auto"
@@ -95,6 +97,10 @@ class RingLightRecipe:
     def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "Model":
         """Raises RecipeError: no file holds this recipe, but the one that it settles on."""
         raise RecipeError("ringlight chooses a method by the scene; a model is of that method")
+
+    def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "RingLightRecipe":
+        """Itself: no file holds it."""
+        return self
 
     @property
     def start(self) -> None:

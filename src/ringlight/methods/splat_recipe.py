@@ -1,6 +1,7 @@
 """What recipes of methods that splat Gaussians have in common: a recipe says its parts and how they are trained."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import Field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -28,6 +29,7 @@ class SplatRecipe(ABC):
     """Base of recipes whose Gaussians density control grows, and whose settings do not depend on the scene."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+    packings: ClassVar[tuple[tuple[str, str], ...]] = ()
     steps: int
     antialiased: bool = False
     visible_only: bool = False
@@ -66,6 +68,10 @@ class SplatRecipe(ABC):
         from ringlight.methods.assembly import empty_model
 
         return empty_model(self, box, rasterize)
+
+    def as_stored(self: Splats, shapes: Mapping[str, tuple[int, ...]]) -> Splats:
+        """Itself: columns keep their width."""
+        return self
 
     def most_by_pixels(self, pixels: int) -> int:
         """How many Gaussians it ends with where nobody says so; ``pixels`` are those of the largest training

@@ -14,9 +14,10 @@ from ringlight.core.scene import Scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import DivergedError, ModelFileError, RecipeError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
+from ringlight.files.packed import Packed, pack_exactly
 from ringlight.methods.outline import refuse_misfits
 from ringlight.methods.recipe import Recipe, recipe_to_dict
-from ringlight.methods.table import method_of, recipe_of_method
+from ringlight.methods.table import METHODS, method_of, recipe_of_method
 from ringlight.models.contract import Model
 from ringlight.rasterize.contract import Rasterizer
 
@@ -75,7 +76,8 @@ def model_header(
 
 
 def save_model(path: str | Path, model: Model, header: ModelHeader, cameras: Sequence[Camera]) -> None:
-    """Write the model and its training cameras as one safetensors file, all or nothing.
+    """Write the model and its training cameras as one safetensors file, all or nothing; packed as its method says,
+    where that loses nothing.
 
     Raises OutputError, or DivergedError for a model that is not finite.
     """
@@ -84,7 +86,9 @@ def save_model(path: str | Path, model: Model, header: ModelHeader, cameras: Seq
     if broken is not None:
         raise DivergedError(f"{path}: {broken}, and such a model is not saved; go back to a state from before")
     count, _ = model.rendering_size()
-    write_model_file(Path(path), tensors, replace(header, counted=count.number, noun=count.noun))
+    plan = METHODS[header.method].packings
+    content = pack_exactly(tensors, plan) if plan else Packed(tensors, {})
+    write_model_file(Path(path), content, replace(header, counted=count.number, noun=count.noun))
 
 
 def load_model(path: str | Path, rasterize: Rasterizer) -> StoredModel:
@@ -115,6 +119,7 @@ def model_of_tensors(
     try:
         box = torch.tensor(header.scene.box)
         of_model = {name: tensor for name, tensor in tensors.items() if not name.startswith(CAMERAS_PREFIX)}
+        recipe = recipe.as_stored({name: tuple(tensor.shape) for name, tensor in of_model.items()})
         refuse_misfits(recipe, box, rasterize, of_model)
         cameras = cameras_from_tensors(tensors)
         model = recipe.model(box, rasterize)

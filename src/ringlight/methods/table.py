@@ -5,6 +5,7 @@ from typing import Any
 
 from ringlight.errors import RecipeError
 from ringlight.methods import ringlight_ring, three_dgs
+from ringlight.methods.light_gaussian import LightGaussianRecipe
 from ringlight.methods.recipe import Recipe, recipe_from_dict
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
@@ -20,6 +21,7 @@ METHODS: dict[str, Recipe] = {
     "ringlight-paper": ringlight_ring.PAPER,
     "3dgs": ThreeDGSRecipe(),
     "3dgs-paper": three_dgs.PAPER,
+    "light-gaussian": LightGaussianRecipe(),
 }
 
 CHOOSERS = ("ringlight",)

@@ -15,7 +15,7 @@ from ringlight.fit.room import SHARE, most_rows
 from ringlight.fit.train import Training
 from ringlight.methods.recipe import Recipe
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.warm_start import Start, begin_with, settled_like, without_coarse_steps
+from ringlight.runs.warm_start import Start, begin_with, going_on, settled_like
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ def prepare_run(scene: Scene, recipe: Recipe, seed: int, device: str, start: Sta
     """A new run, within this machine's memory; from ``start``, if there is one, instead of the scene's points."""
     begun = time.process_time()
     if start is not None:
-        recipe = settled_like(recipe, start)
+        recipe = going_on(settled_like(recipe, start), start)
     recipe, decided = recipe.settled(scene, rasterizer_for(device), seed)
     if start is not None:
-        recipe = without_coarse_steps(recipe)
+        recipe = going_on(recipe, start)  # of the method that it has settled on
     training = recipe.build(scene, rasterizer_for(device), seed)
     most = most_rows(training.model, guarded=training.guard is not None)
     recipe, scene, warnings = bounded(recipe, scene, training, most)

@@ -21,6 +21,9 @@ from ringlight.models.splats import SplatModel
 from ringlight.runs.imported import PLY, model_of_ply
 from ringlight.runs.opened import open_model
 
+HARMONICS = ("3dgs", "light-gaussian")
+"""Methods whose models have the same tensors; each takes those of the other whole."""
+
 
 @dataclass(frozen=True)
 class Start:
@@ -48,14 +51,23 @@ def settled_like(recipe: Recipe, start: Start) -> Recipe:
     return recipe
 
 
-def without_coarse_steps(recipe: Recipe) -> Recipe:
-    """What a model shows already is not learned again from small photographs."""
+LEARNED_ALREADY = {"coarse_steps": 0}
+"""Settings of a run that starts from any model: what it shows is not learned again from small photographs."""
+
+GROWN_ALREADY = LEARNED_ALREADY | {"grow_share": 0.0}
+"""Settings of one that goes on from a model of harmonics: neither are its Gaussians grown again."""
+
+
+def going_on(recipe: Recipe, start: Start) -> Recipe:
+    """The recipe without what the start has behind it."""
     named: Any = recipe
-    return replace(named, coarse_steps=0) if "coarse_steps" in {field.name for field in fields(named)} else recipe
+    known = {field.name for field in fields(named)}
+    settings = GROWN_ALREADY if start.stored.header.method in HARMONICS else LEARNED_ALREADY
+    return replace(named, **{name: value for name, value in settings.items() if name in known})
 
 
 def begin_with(training: Training, recipe: Recipe, scene: Scene, start: Start) -> None:
-    """Put the start into a training at its first step: every tensor where it is of the same method, else the table of
+    """Put the start into a training at its first step: every tensor where its method has the same, else the table of
     Gaussians with their base colours; whatever else a colour has begins as the method begins it.
 
     Raises RecipeError where the start has another form than this method's models, RunError for one that this machine
@@ -65,7 +77,8 @@ def begin_with(training: Training, recipe: Recipe, scene: Scene, start: Start) -
     rows, most = start.stored.model.counted(), most_rows(model)
     if rows.number > most:
         raise RunError(f"{start.path}: has {rows}, and {SHARE:.0%} of this machine's memory holds {most:,}; prune it")
-    if start.stored.header.method == method_of(recipe):
+    methods = {start.stored.header.method, method_of(recipe)}
+    if len(methods) == 1 or methods == set(HARMONICS):
         model.load_tensors(_all_of(start, training))
     else:
         model.load_tensors(model.state_dict() | _table_of(start, training))

@@ -1,0 +1,173 @@
+"""light-gaussian: 3dgs with a third of its Gaussians, harmonics of lower degree, and a codebook of harmonics.
+
+Fan, Wang, Wen, Zhu, Xu, Wang: LightGaussian: Unbounded 3D Gaussian Compression with 15x Reduction and 200+ FPS, NeurIPS
+2024. Written from the paper. A run grows Gaussians as 3dgs does, unless it starts from a model of 3dgs; it drops those
+of least global significance and recovers on the photographs; it distils the harmonics; its last step quantises. What
+differs from the paper: docs/methods/light-gaussian.md.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, ClassVar
+
+from ringlight.errors import RecipeError
+from ringlight.fit.rates import Adam, Part, Rate, RateInParts
+from ringlight.methods.three_dgs import ThreeDGSRecipe
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.core.scene import PointCloud, Scene
+    from ringlight.fit.train import Training
+    from ringlight.models.narrowed_splats import NarrowedSplats
+    from ringlight.rasterize.contract import Rasterizer
+
+GROWN = 0.5
+"""Share of the course of rates before the distillation from which a run takes them that starts from a model: it has
+lost Gaussians, and the others learn anew."""
+
+GROWING_SHARE, FINISHED_SHARE = 0.6, 0.66
+"""Of the Gaussians that are dropped: the paper's, while a model is trained, and of a finished one."""
+
+DISTILLING = Rate(0.5, 0.05)
+"""Harmonics that are distilled learn at these shares of 3dgs's first rates, from the first step to the last."""
+
+STILL = 0.0
+"""Learning rate of opacities while harmonics are distilled, as in the paper."""
+
+REST = "columns.sh_rest"
+
+
+@dataclass(frozen=True)
+class LightGaussianRecipe(ThreeDGSRecipe):
+    """LightGaussian (Fan et al. 2023): 3dgs, then fewer Gaussians, distilled harmonics, and a codebook."""
+
+    packings: ClassVar[tuple[tuple[str, str], ...]] = ((REST, "codebook"), ("columns.*", "half"))
+
+    grow_share: float = 0.5
+    """Share of the run after which Gaussians are dropped; until then they are grown as in 3dgs. The paper drops from
+    finished models, or after two thirds of a run. 0 in runs that start --from a model of 3dgs."""
+    distill_share: float = 0.25
+    """Share of the other steps in which harmonics are distilled; those before recover from the loss of Gaussians. The
+    paper has 5,000 steps of each."""
+    prune_share: float | None = None
+    """Share of the Gaussians that is dropped: those of least global significance. By default the paper's 0.6 in a run
+    that grows them, 0.66 of a finished model."""
+    prune_rounds: int = 5
+    """Rounds in which they are dropped, evenly over the first half of the recovery. The paper drops all at once."""
+    volume_power: float = 0.1
+    """Power of a Gaussian's volume in its global significance."""
+    distilled_degree: int = 2
+    """Degree of the spherical harmonics after the distillation, 0 to 3."""
+    view_jitter: float = 0.01
+    """Standard deviation of the offset of pseudo views along each axis, in units of the scene's extent. The paper has
+    0.05 world units, which is 0.011 of the extent of Blender's scenes."""
+    codebook_size: int = 8192
+    """Most codes of harmonics; there is one for every eight Gaussians that share them, if these are fewer."""
+    codebook_share: float = 0.6
+    """Share of the Gaussians, those of least global significance, whose harmonics come from the codebook; those of the
+    others are half floats."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("grow_share", "distill_share", "prune_share", "codebook_share"):
+            if not 0 <= (getattr(self, name) or 0) <= 1:
+                raise RecipeError(f"{name} is {getattr(self, name):g}; give a share, from 0 to 1")
+        if self.prune_share == 1:
+            raise RecipeError("prune_share is 1, which leaves no Gaussian; give less than 1")
+        if self.prune_rounds < 1:
+            raise RecipeError(f"prune_rounds is {self.prune_rounds}; give at least 1")
+        if not 0 <= self.distilled_degree <= self.sh_degree:
+            asked = f"distilled_degree is {self.distilled_degree}"
+            raise RecipeError(f"{asked}; give 0 to sh_degree, which is {self.sh_degree}")
+        if self.codebook_size < 0:
+            raise RecipeError(f"codebook_size is {self.codebook_size}; give 0 (none) or more")
+        if not (0 <= self.view_jitter < float("inf") and 0 <= self.volume_power < float("inf")):
+            raise RecipeError("view_jitter or volume_power is negative or not finite; give 0 or more")
+
+    @property
+    def grown(self) -> int:
+        """The step at which growing ends."""
+        return round(self.grow_share * self.steps)
+
+    @property
+    def recovered(self) -> int:
+        """The step after which harmonics are distilled."""
+        return max(self.grown + round((1 - self.distill_share) * (self.steps - self.grown)), 1)
+
+    def prune_steps(self) -> tuple[int, ...]:
+        """The steps after which Gaussians are dropped."""
+        apart = (self.recovered - self.grown) / (2 * self.prune_rounds)
+        return tuple(max(self.grown + round(apart * index), 1) for index in range(self.prune_rounds))
+
+    def at_length(self) -> "LightGaussianRecipe":
+        """See :meth:`SplatRecipe.at_length`. What photographs teach is a run of 3dgs up to the
+        distillation, in the midst of which Gaussians are dropped."""
+        taught = self._as_3dgs(self.recovered).at_length()
+        open_settings = {
+            name: getattr(taught, name) for name in ("rates", "densify", "start", "sh_rate", "sh_rest_rate")
+        }
+        return replace(self, prune_share=self.dropped, **open_settings)
+
+    @property
+    def dropped(self) -> float:
+        """The share of Gaussians that is dropped."""
+        if self.prune_share is not None:
+            return self.prune_share
+        return GROWING_SHARE if self.grown else FINISHED_SHARE
+
+    def _as_3dgs(self, steps: int) -> ThreeDGSRecipe:
+        """The same settings as a recipe of 3dgs, so long."""
+        settings = {field.name: getattr(self, field.name) for field in fields(ThreeDGSRecipe)}
+        return ThreeDGSRecipe(**settings | {"steps": steps})
+
+    def _growing(self) -> ThreeDGSRecipe:
+        """What grows the Gaussians; a bound on those at the end is one on more before they are dropped."""
+        grows = self._as_3dgs(self.recovered)
+        return grows.ending_with(int(self.most / (1 - self.dropped))) if self.most else grows
+
+    def never_above(self, most: int) -> "LightGaussianRecipe":
+        """See :meth:`SplatRecipe.never_above`."""
+        return self.ending_with(max(int(most * (1 - self.dropped)), 1))
+
+    def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "LightGaussianRecipe":
+        """The same without a distillation, for a file from before it."""
+        whole = (self.sh_degree + 1) ** 2 - 1
+        return replace(self, distilled_degree=self.sh_degree) if shapes.get(REST, ())[1:2] == (whole,) else self
+
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "NarrowedSplats":
+        from ringlight.methods.assembly import empty_model
+        from ringlight.models.narrowed_splats import narrowed_splats
+
+        distilled = replace(self._as_3dgs(self.steps), sh_degree=self.distilled_degree)
+        return narrowed_splats(empty_model(distilled, box, rasterize), self.distilled_degree)
+
+    def build_on(self, points: "PointCloud", scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        """See :meth:`SplatRecipe.build_on`: a training of 3dgs, with what follows."""
+        from ringlight.methods.lightening import lightened
+
+        recipe = self.at_length()
+        growing = recipe._growing().build_on(points, scene, rasterize, seed)
+        return lightened(recipe, growing, scene, rasterize, seed)
+
+    def groups(self, scene: "Scene") -> dict[str, Adam]:
+        """Adam's, by parameter name: one course of rates until the distillation, another from there on."""
+        recipe = self.at_length()
+        taught = recipe._as_3dgs(self.recovered)
+        whole = taught.rates.groups(scene.extent) | taught.course(scene).groups
+        begun, end = (0.0 if self.grown else GROWN), self.recovered / self.steps
+        groups = {}
+        for name, group in whole.items():
+            assert isinstance(group.rate, Rate)
+            groups[name] = replace(
+                group, rate=RateInParts((Part(end, group.rate, begun), Part(1.0, _after(name, group.rate))))
+            )
+        return groups
+
+
+def _after(name: str, rate: Rate) -> Rate:
+    """A parameter's rate while harmonics are distilled: they learn anew, opacities stay, the others go on."""
+    if name.startswith("columns.sh_"):
+        return Rate(DISTILLING.start * rate.start, DISTILLING.end * rate.start)
+    return Rate.constant(STILL if name == "columns.opacity_logits" else rate.end)

@@ -1,0 +1,76 @@
+"""Rows that occur more than once are stored once; what comes back are half floats, and other parts are refused."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ringlight.files.pack_codebook import pack_codebook, unpack_codebook
+from ringlight.files.packed import pack_exactly, unpack_tensors
+
+PLAN = (("columns.sh_rest", "codebook"), ("columns.*", "half"))
+
+
+def rows(count: int, codes: int, alone: int, seed: int = 0) -> torch.Tensor:
+    """``count`` rows of so many codes, and ``alone`` others, in any order; half floats."""
+    drawn = torch.Generator().manual_seed(seed)
+    book = torch.randn(max(codes, 1), 8, 3, generator=drawn)
+    shared = book[torch.randint(max(codes, 1), (count,), generator=drawn)]
+    values = torch.cat([shared, torch.randn(alone, 8, 3, generator=drawn)])
+    return values[torch.randperm(len(values), generator=drawn)].half().float()
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 60), st.integers(1, 9), st.integers(0, 20), st.integers(0, 1000))
+def test_half_floats_come_back_with_the_same_bits(count: int, codes: int, alone: int, seed: int):
+    values = rows(count, codes, alone, seed)
+    assert torch.equal(unpack_codebook(pack_codebook(values)), values)
+
+
+def test_others_are_rounded_to_half_floats():
+    values = torch.randn(20, 3, generator=torch.Generator().manual_seed(1))
+    assert torch.equal(unpack_codebook(pack_codebook(values)), values.half().float())
+
+
+def test_a_shared_row_takes_two_bytes_and_a_bit():
+    parts = pack_codebook(rows(4000, 5, 80))
+    assert len(parts["book"]) == 5
+    assert len(parts["own"]) == 80
+    assert {name: part.numel() * part.element_size() for name, part in parts.items()} == {
+        "book": 5 * 48,
+        "codes": 4000 * 2,
+        "shared": 510,
+        "own": 80 * 48,
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("codes", torch.full((4000, 2), 255, dtype=torch.uint8)),  # beyond the codebook
+        ("codes", torch.zeros(4000, 3, dtype=torch.uint8)),
+        ("shared", torch.zeros(510, dtype=torch.uint8)),
+        ("shared", torch.zeros(9, dtype=torch.uint8)),
+        ("own", torch.zeros(80, 7, 3, dtype=torch.float16)),
+        ("book", torch.zeros(5, 8, 3)),
+    ],
+)
+def test_other_parts_are_refused(name: str, damage: torch.Tensor):
+    parts = pack_codebook(rows(4000, 5, 80))
+    with pytest.raises(ValueError, match=r"."):
+        unpack_codebook(parts | {name: damage})
+
+
+def test_only_what_loses_nothing_is_packed():
+    exact = {
+        "columns.sh_rest": rows(50, 3, 5),
+        "columns.quats": torch.ones(55, 4),
+        "cameras.pinholes": torch.ones(2, 6),
+    }
+    lossy = exact | {"columns.quats": torch.full((55, 4), 0.1), "columns.sh_rest": exact["columns.sh_rest"] + 1e-6}
+    assert pack_exactly(exact, PLAN).packing == {"columns.sh_rest": "codebook", "columns.quats": "half"}
+    assert pack_exactly(lossy, PLAN).packing == {}
+    for tensors in (exact, lossy):
+        back = unpack_tensors(pack_exactly(tensors, PLAN))
+        assert back.keys() == tensors.keys()
+        assert all(torch.equal(back[name], tensor) for name, tensor in tensors.items())
