@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, runtime_checkable
 
 POLL_SECONDS = 0.25
@@ -62,33 +62,54 @@ def run_many(
     ``stopping`` counts the signals that came: at the first no run begins and all under way save, at the second they end
     at once. What ends so is no failure and is not in the result.
     """
-    waiting, under_way, losses = deque(orders), set[str](), dict.fromkeys(orders, 0)
-    failed: dict[str, str] = {}
+    course = _Course(deque(orders), dict.fromkeys(orders, 0))
     asked_to_stop = False
     try:
-        while under_way or (waiting and not stopping()):
+        while course.under_way or (course.waiting and not stopping()):
             if stopping() and not asked_to_stop:
                 asked_to_stop = True
                 place.stop()
             if stopping() > 1:
                 break
-            while waiting and not stopping() and place.is_free():
-                name = waiting.popleft()
-                under_way.add(name)
+            while course.waiting and not stopping() and place.is_free():
+                name = course.next()
                 place.begin(name, orders[name])
                 hear(Happened("began", name))
             for event in place.events(POLL_SECONDS):
-                if event.kind in ("ended", "lost"):
-                    under_way.discard(event.name)
-                if event.kind == "ended" and event.reason is not None and not stopping():
-                    failed[event.name] = event.reason
-                if event.kind == "lost":
-                    losses[event.name] += 1
-                    if losses[event.name] < MOST_LOSSES:
-                        waiting.appendleft(event.name)
-                    else:
-                        failed[event.name] = f"{MOST_LOSSES} workers died with it; the last: {event.reason}"
-                hear(event)
+                if course.takes(event, is_stopping=stopping() > 0):
+                    hear(event)
     finally:
         place.close()
-    return failed
+    return course.failed
+
+
+@dataclass
+class _Course:
+    """Which runs wait, are under way, and have failed, and how many workers died with each."""
+
+    waiting: deque[str]
+    losses: dict[str, int]
+    under_way: set[str] = field(default_factory=set)
+    failed: dict[str, str] = field(default_factory=dict)
+
+    def next(self) -> str:
+        """The run that begins now."""
+        name = self.waiting.popleft()
+        self.under_way.add(name)
+        return name
+
+    def takes(self, event: Happened, is_stopping: bool) -> bool:
+        """Take it in; whether it is worth telling: what was stopped did not fail."""
+        if event.kind in ("ended", "lost"):
+            self.under_way.discard(event.name)
+        if event.kind == "lost":
+            self.losses[event.name] += 1
+            if self.losses[event.name] < MOST_LOSSES:
+                self.waiting.appendleft(event.name)
+            else:
+                self.failed[event.name] = f"{MOST_LOSSES} workers died with it; the last: {event.reason}"
+        if event.kind != "ended" or event.reason is None:
+            return True
+        if not is_stopping:
+            self.failed[event.name] = event.reason
+        return not is_stopping

@@ -1,7 +1,5 @@
 """The picture of a table of methods: PSNR over megabytes and over CPU seconds, scene by scene."""
 
-from collections.abc import Sequence
-
 from PIL import Image
 
 from ringlight.measure.curves import Chart, Dot, Line, draw_charts, stacked
@@ -29,7 +27,7 @@ def _scene(cells: MethodCells, scene: str, title: str) -> Image.Image | None:
     return draw_charts(charts, f"{title}: {scene}") if shown else None
 
 
-def _dots(cells: MethodCells, scene: str, method: str, key: str) -> Sequence[Dot]:
+def _dots(cells: MethodCells, scene: str, method: str, key: str) -> tuple[Dot, ...]:
     cost = next(measure for measure in COSTS if measure.key == key)
     quality, paid = cells.cell(PSNR, scene, method), cells.cell(cost, scene, method)
     if quality is None or paid is None:
