@@ -4,32 +4,13 @@
 
 #include "machine/parallel.hpp"
 #include "machine/scratch.isa.hpp"
-#include "simd/simd.isa.hpp"
+#include "simd/row_columns.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
 constexpr std::size_t ROWS_PER_PIECE = 2048;
 constexpr int NORMAL = 3, LATENTS = 6;  // where a row's channels begin; the depth is the last
-
-// Sixteen rows of `width` floats as columns; rows from `count` on are those of the last one.
-RINGLIGHT_INLINE void take_columns(const float* rows, int width, int count, Vec* columns) {
-  if (count == LANES && width == 3) return load_columns(rows, columns[0], columns[1], columns[2]);
-  if (count == LANES && width == 4) return load_columns(rows, columns[0], columns[1], columns[2], columns[3]);
-  for (int i = 0; i < LANES; i++) columns[i] = load_first(rows + (i < count ? i : count - 1) * width, width);
-  transpose(columns);
-}
-
-// The way back; `columns` are lost. Whole vectors are several times faster to store than parts: what lies beyond a row
-// is the next one's, which follows, as long as that is one of these.
-RINGLIGHT_INLINE void put_columns(float* rows, int width, int count, Vec* columns) {
-  if (count == LANES && width == 3) return store_columns(rows, columns[0], columns[1], columns[2]);
-  if (count == LANES && width == 4) return store_columns(rows, columns[0], columns[1], columns[2], columns[3]);
-  transpose(columns);
-  int i = 0;
-  for (; i * width + LANES <= count * width; i++) store(rows + i * width, columns[i]);
-  for (; i < count; i++) store_first(rows + i * width, columns[i], width);
-}
 
 Vec dot(const Vec* a, const Vec* b) { return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2])); }
 

@@ -14,6 +14,7 @@ from plugs.environment import Environment, HarmonicsWithNormals
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.mirror import Mirror
+from ringlight.color.reflective_harmonics import ReflectiveHarmonics
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.color.varying_mirror import VaryingMirror
@@ -23,6 +24,7 @@ from ringlight.fit.regularizers.contract import Regularizer
 from ringlight.fit.regularizers.mean_mask import MeanMask
 from ringlight.fit.regularizers.mean_opacity import MeanOpacity
 from ringlight.fit.regularizers.mean_scale import MeanScale
+from ringlight.shade.environment import EnvironmentShader
 from ringlight.shade.passthrough import PassThrough
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -56,6 +58,8 @@ COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "mirror": lambda: Mirror(latents=3, seed=1),
     "mirror, many latents": lambda: Mirror(latents=12, seed=1),
     "mirror, varying": lambda: VaryingMirror(latents=3, basis_size=2, seed=1),
+    "reflective harmonics": ReflectiveHarmonics,
+    "reflective harmonics of degree 1": lambda: ReflectiveHarmonics(1),
     "plug: directional opacity": DirectionalOpacity,
     "plug: harmonics with normals": HarmonicsWithNormals,
 }
@@ -70,6 +74,7 @@ SHADERS: dict[str, Callable[[], nn.Module]] = {
     "reflection, depth": lambda: ReflectionShader(replace(REFLECTION, depth_gradient=True), BOX, 1),
     "reflection, directions alone": lambda: ReflectionShader(replace(REFLECTION, parallax=False, axis_nodes=0), BOX, 1),
     "reflection, ring": lambda: ReflectionShader(replace(REFLECTION, ring="full", near_field=RING), BOX, 1),
+    "environment": lambda: EnvironmentShader(5, seed=1),
     "plug: environment": lambda: Environment(5, seed=1),
 }
 

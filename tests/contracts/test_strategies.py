@@ -18,6 +18,8 @@ from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.drop_insignificant import DropInsignificant
 from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.fit.strategies.mcmc import MCMC
+from ringlight.fit.strategies.propagate_normals import PropagateNormals
+from ringlight.fit.strategies.propagation_settings import PropagationSettings
 from ringlight.fit.strategies.prune import Prune
 from ringlight.fit.strategies.quantize_colors import QuantizeColors
 from ringlight.fit.strategies.unlock import Unlock
@@ -62,16 +64,20 @@ STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
     "quantize": lambda scene: QuantizeColors(STEPS, 0.6, 8, cameras_of(scene), 0.1, rounded_to_half, 3),
     "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),
     "unlock": lambda scene: Unlock("color.active_degree", {5: 1, 12: 2, 20: 3}),
+    "propagate normals": lambda scene: PropagateNormals(PropagationSettings(), (4, 20), {9}.__contains__, seed=3),
     "plug: relocate": lambda scene: Relocate(every=4, noise=1e-3, seed=3),
 }
+
+METHOD_OF = {"propagate normals": "3dgs-dr"}
+"""Of strategies that know the columns of one method."""
 
 pytestmark = [pytest.mark.parametrize("name", STRATEGIES)]
 
 
 def training_of(name: str) -> Training:
-    """3DGS with this strategy alone; a third of its Gaussians nearly transparent."""
+    """3DGS, or what else it is made for, with this strategy alone; a third of its Gaussians nearly transparent."""
     scene = tiny_scene(views=6, size=24)
-    training = small("3dgs", STEPS).build(scene, rasterizer_for("auto"), 3)
+    training = small(METHOD_OF.get(name, "3dgs"), STEPS).build(scene, rasterizer_for("auto"), 3)
     training.strategies = (STRATEGIES[name](scene),)
     with torch.no_grad():
         training.model.get_parameter("columns.opacity_logits")[::3] = -5.5

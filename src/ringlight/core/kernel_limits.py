@@ -39,3 +39,6 @@ REFLECTION_MAX_SIDE = 1024
 
 MIRROR_MAX_LATENTS = 9
 """A row's channels, rgb, normal, depth and these, fill one register."""
+
+ENVIRONMENT_MAX_SIDE = 1024
+"""Texels on a side of a cubemap's face: a texel's number must be exact as a float."""

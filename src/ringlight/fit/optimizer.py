@@ -72,8 +72,10 @@ class Optimizer:
         return None if left == 0 else bad_gradient(used, left)
 
     def rate(self, name: str, step: int) -> float:
-        """The learning rate of a parameter at ``step``."""
+        """The learning rate of a parameter at ``step``; 0 while it is kept."""
         group = self.groups[name]
+        if not group.moves(step):
+            return 0.0
         return self._slowed[name] * group.rate.at(self._progress(step, group.begins))
 
     def slow(self, prefixes: tuple[str, ...], factor: float) -> None:

@@ -82,6 +82,12 @@ class Adam:
     epsilon: float = 1e-15
     begins: int = 0
     """Step from which ``rate`` counts its progress."""
+    frozen: tuple[tuple[int, int], ...] = ()
+    """First and last step of spans in which the rate is zero; moments go on."""
+
+    def moves(self, step: int) -> bool:
+        """Whether ``step`` lies in none of the frozen spans."""
+        return not any(first <= step <= last for first, last in self.frozen)
 
 
 PAPER_STEPS = 30_000

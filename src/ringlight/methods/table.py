@@ -12,6 +12,7 @@ from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import RingLightRingRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
+from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
 
 METHODS: dict[str, Recipe] = {
     "ringlight": RingLightRecipe(),
@@ -22,6 +23,7 @@ METHODS: dict[str, Recipe] = {
     "3dgs": ThreeDGSRecipe(),
     "3dgs-paper": three_dgs.PAPER,
     "light-gaussian": LightGaussianRecipe(),
+    "3dgs-dr": ThreeDGSDRRecipe(),
 }
 
 CHOOSERS = ("ringlight",)

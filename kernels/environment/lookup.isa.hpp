@@ -1,0 +1,136 @@
+// Sixteen pixels, one per lane: what they reflect of the cubemap, and the gradients of it.
+#pragma once
+#include <cstdint>
+
+#include "environment/environment.hpp"
+#include "simd/simd.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+
+constexpr int RGB = 0, NORMAL = 3, STRENGTH = 6;  // planes of a picture
+constexpr int NEIGHBOURS = 4;                     // of a direction: above left and right, below left and right
+
+RINGLIGHT_INLINE Vec inner(const Vec a[3], const Vec b[3]) { return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2])); }
+
+// The ray that a pixel's centre sees, its blended normal, and the ray reflected.
+struct Mirror {
+  Vec direction[3], normal[3], stretch, facing, reflected[3];  // normal = stretch * blended; facing = direction . normal
+  Mask stretched;                                              // whether the normal is of unit length
+};
+
+static inline Mirror mirror(const EnvironmentView& view, Vec x, float y, const Vec blended[3]) {
+  const Camera& camera = view.camera;
+  const Vec across = (x - Vec(camera.center_x)) * Vec(1.f / camera.focal_x);
+  const Vec down((y - camera.center_y) * (1.f / camera.focal_y));
+  const float* m = camera.world_to_camera;
+  Mirror found;
+  for (int c = 0; c < 3; c++) found.direction[c] = fma(across, Vec(m[c]), fma(down, Vec(m[4 + c]), Vec(m[8 + c])));
+  const Vec inverse = Vec(1.f) / sqrt(inner(found.direction, found.direction));
+  for (int c = 0; c < 3; c++) found.direction[c] = found.direction[c] * inverse;
+  const Vec length = sqrt(inner(blended, blended)), shortest(view.shortest_normal);
+  found.stretched = gt(length, shortest);
+  found.stretch = Vec(1.f) / max(length, shortest);
+  for (int c = 0; c < 3; c++) found.normal[c] = blended[c] * found.stretch;
+  found.facing = inner(found.direction, found.normal);
+  for (int c = 0; c < 3; c++)
+    found.reflected[c] = fnma(found.facing + found.facing, found.normal[c], found.direction[c]);
+  return found;
+}
+
+// dL/d(blended normal) from dL/d(reflected).
+RINGLIGHT_INLINE void mirror_gradient(const Mirror& of, const Vec of_reflected[3], Vec of_blended[3]) {
+  const Vec part = inner(of_reflected, of.normal), twice = of.facing + of.facing;
+  for (int c = 0; c < 3; c++) of_blended[c] = fnma(twice, of_reflected[c], -(part + part) * of.direction[c]);
+  const Vec radial = keep(of.stretched, inner(of_blended, of.normal));
+  for (int c = 0; c < 3; c++) of_blended[c] = of.stretch * fnma(radial, of.normal[c], of_blended[c]);
+}
+
+// Where directions fall on the cube, and the colours around each place.
+struct Looked {
+  Mask is_x, is_y;                          // the longest coordinate's axis; z if neither
+  Vec along, inverse, a, b;                 // that coordinate, 1 / |along|, and the two others over it
+  Vec right, below;                         // shares of the neighbours on these sides
+  alignas(64) std::int32_t first[LANES];    // float at which the neighbour above left begins
+  Vec texels[NEIGHBOURS * TEXEL];           // [neighbour][channel]
+};
+
+// Lanes whose bit of `on` is off see the cubemap's first texels.
+static inline void look(const CubemapSize& size, const float* colors, const Vec direction[3], unsigned on,
+                        Looked& found) {
+  const Vec x = abs(direction[0]), y = abs(direction[1]), z = abs(direction[2]);
+  found.is_x = both(ge(x, y), ge(x, z));
+  found.is_y = ge(y, z);
+  const auto by_axis = [&](Vec of_x, Vec of_y, Vec of_z) {
+    return select(found.is_x, of_x, select(found.is_y, of_y, of_z));
+  };
+  found.along = by_axis(direction[0], direction[1], direction[2]);
+  found.inverse = Vec(1.f) / by_axis(x, y, z);
+  found.a = by_axis(direction[1], direction[0], direction[0]) * found.inverse;
+  found.b = by_axis(direction[2], direction[2], direction[1]) * found.inverse;
+  const Vec half(0.5f * size.side), last(static_cast<float>(size.side)), wide(static_cast<float>(size.wide()));
+  const Vec across = fma(found.a + Vec(1.f), half, Vec(0.5f)), down = fma(found.b + Vec(1.f), half, Vec(0.5f));
+  // In this order what is not a number becomes 0.
+  const Vec column = min(max(floor(across), Vec(0.f)), last), row = min(max(floor(down), Vec(0.f)), last);
+  found.right = across - column, found.below = down - row;
+  const Vec face = by_axis(Vec(0.f), Vec(2.f), Vec(4.f)) + keep(lt(found.along, Vec(0.f)), Vec(1.f));
+  const Vec texel = fma(fma(face, wide, row), wide, column);  // below 2^24, hence exact
+  store(found.first, truncate(keep(mask_from_bits(on), texel) * Vec(static_cast<float>(TEXEL))));
+  const std::size_t next_row = static_cast<std::size_t>(size.wide()) * TEXEL;
+  for (int i = 0; i < LANES; i++) {
+    const float* at = colors + found.first[i];
+    found.texels[i] = load_quarters(at, at + TEXEL, at + next_row, at + next_row + TEXEL);
+  }
+  transpose(found.texels);
+}
+
+RINGLIGHT_INLINE Vec texel(const Looked& of, int neighbour, int channel) {
+  return of.texels[neighbour * TEXEL + channel];
+}
+
+RINGLIGHT_INLINE Vec seen(const Looked& of, int channel) {
+  const Vec above = fma(of.right, texel(of, 1, channel) - texel(of, 0, channel), texel(of, 0, channel));
+  const Vec under = fma(of.right, texel(of, 3, channel) - texel(of, 2, channel), texel(of, 2, channel));
+  return fma(of.below, under - above, above);
+}
+
+// dL/d(direction) from dL/d(what is seen).
+static inline void look_gradient(const CubemapSize& size, const Looked& of, const Vec of_seen[3], Vec of_direction[3]) {
+  Vec of_right(0.f), of_below(0.f);
+  for (int c = 0; c < 3; c++) {
+    const Vec top = texel(of, 1, c) - texel(of, 0, c), bottom = texel(of, 3, c) - texel(of, 2, c);
+    const Vec left = texel(of, 2, c) - texel(of, 0, c);
+    of_right = fma(of_seen[c], fma(of.below, bottom - top, top), of_right);
+    of_below = fma(of_seen[c], fma(of.right, bottom - top, left), of_below);
+  }
+  const Vec scale = Vec(0.5f * size.side) * of.inverse;
+  const Vec of_a = of_right * scale, of_b = of_below * scale;
+  const Vec of_length = -fma(of_a, of.a, of_b * of.b);
+  const Vec of_along = select(lt(of.along, Vec(0.f)), -of_length, of_length);
+  of_direction[0] = select(of.is_x, of_along, of_a);
+  of_direction[1] = select(of.is_x, of_a, select(of.is_y, of_along, of_b));
+  of_direction[2] = select(of.is_x, of_b, select(of.is_y, of_b, of_along));
+}
+
+// Adds dL/d(what is seen), of the lanes whose bit of `on` is on, to those of the texels around.
+static inline void texel_gradient(const CubemapSize& size, const Looked& of, const Vec of_seen[3], unsigned on,
+                                  float* to) {
+  const Vec one(1.f), left = one - of.right, above = one - of.below;
+  const Vec shares[NEIGHBOURS] = {left * above, of.right * above, left * of.below, of.right * of.below};
+  Vec rows[LANES];
+  for (int n = 0; n < NEIGHBOURS; n++) {
+    for (int c = 0; c < 3; c++) rows[n * TEXEL + c] = shares[n] * of_seen[c];
+    rows[n * TEXEL + 3] = Vec(0.f);
+  }
+  transpose(rows);
+  const std::size_t next_row = static_cast<std::size_t>(size.wide()) * TEXEL;
+  for (; on; on &= on - 1) {
+    const int i = __builtin_ctz(on);
+    alignas(64) float row[LANES];
+    store(row, rows[i]);
+    float* at = to + of.first[i];
+    for (int k = 0; k < 2 * TEXEL; k++) at[k] += row[k];
+    for (int k = 0; k < 2 * TEXEL; k++) at[next_row + k] += row[2 * TEXEL + k];
+  }
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

@@ -1,0 +1,148 @@
+"""3DGS-DR: harmonics, and a distant environment that is reflected once per pixel.
+
+Ye, Hou, Zhou: 3D Gaussian Splatting with Deferred Reflection, SIGGRAPH 2024. Written from the paper. Its schedule is
+that of 61,000 steps on Shiny-Blender, and comes as much earlier as a run is shorter; the rates of geometry and base
+colours are those of ``3dgs`` for the run's length (docs/methods/3dgs-dr.md).
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from ringlight.errors import RecipeError
+from ringlight.fit.photometric import PhotometricLoss
+from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates, shorter_by
+from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.propagation_settings import PropagationSettings
+from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.methods.surface_start import FIRST_GAUSSIANS, SurfaceStart
+from ringlight.methods.three_dgs import COARSE_SHARE, harmonics_rates
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.color.contract import ColorModel
+    from ringlight.core.scene import Scene
+    from ringlight.fit.train import Training
+    from ringlight.methods.assembly import Course
+    from ringlight.rasterize.contract import Rasterizer
+    from ringlight.shade.contract import Shader
+
+PAPER_REFLECTION_RATE, MOST_REFLECTION_RATE = 6e-3, 0.05
+"""3DGS-DR's learning rate of the strengths' logits, and the largest in a short run: at 6e-3 half of a run of 1,500
+steps passes before a strength of a thousandth is one that shows."""
+
+
+def reflection_rate_at(rate: float | None, steps: int) -> float:
+    """``rate``, or what suits a run of so many ``steps``."""
+    return min(PAPER_REFLECTION_RATE * shorter_by(steps), MOST_REFLECTION_RATE) if rate is None else rate
+
+
+@dataclass(frozen=True)
+class ThreeDGSDRRecipe(SplatRecipe):
+    """3DGS with deferred reflection (Ye et al. 2024): harmonics, and a cubemap that each pixel reflects."""
+
+    steps: int = 30_000
+    """Training steps, one photograph each. 3DGS-DR takes 61,000 on Shiny-Blender."""
+    coarse_steps: int = 700
+    """Steps with photographs at a quarter of their size, and as many again at half, as ``3dgs`` has (a tenth of the run
+    if that is less); 0 for none, as in 3DGS-DR."""
+    warmup: float = 0.05
+    """Share of the steps with base colours only, before the reflection is switched on. 3DGS-DR: 3,000 of 61,000."""
+    sh_degree: int = 3
+    """Degree of the base colours' harmonics, 0 to 3."""
+    sh_from: float = 0.6
+    """Share of the steps before the harmonics' degree rises for the first time: what changes with the view shall be
+    explained by reflections first. 3DGS-DR: 10,000 of 61,000; the rates of ``3dgs`` in short runs let harmonics be
+    faster than the reflection."""
+    sh_every: float = 0.016
+    """Share of the steps between two degrees. 3DGS-DR: 1,000 of 61,000."""
+    sh_rate: float | None = None
+    """Learning rate of the constant coefficients; by default that of ``3dgs`` for the run's length."""
+    sh_rest_rate: float | None = None
+    """Learning rate of the view-dependent coefficients; by default that of ``3dgs`` for the run's length."""
+    reflection_rate: float | None = None
+    """Learning rate of the strengths' logits. By default 3DGS-DR's 6e-3 in a run of 30,000 steps or more; a run half as
+    long takes twice of it, and none more than 0.05."""
+    environment_rate: float = 0.05
+    """Learning rate of the environment's logits."""
+    environment_side: int = 128
+    """Texels on a side of the environment's six faces."""
+    start: SurfaceStart = field(default_factory=lambda: SurfaceStart(points=FIRST_GAUSSIANS))
+    """Where Gaussians start. 3DGS-DR takes the scene's points; discs that lie in the hull have normals to begin with,
+    which short runs do not find from random points."""
+    antialiased: bool = False
+    """Rasterize with the opacity compensation of Mip-Splatting."""
+    visible_only: bool = False
+    """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    propagation: PropagationSettings = field(default_factory=PropagationSettings)
+    """Normal propagation and colour sabotage."""
+    rates: GaussianRates = field(default_factory=GaussianRates)
+    """Learning rates of the geometry."""
+    densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0))
+    """Adaptive density control, without opacity resets, which would tear a surface open that is there from the first
+    step. 3DGS-DR resets every 3,000 steps."""
+    loss: PhotometricLoss = field(default_factory=PhotometricLoss)
+    """What is compared with the photographs."""
+
+    def __post_init__(self) -> None:
+        if self.coarse_steps < 0:
+            raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
+        for name in ("warmup", "sh_from", "sh_every"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise RecipeError(f"{name} is {getattr(self, name):g}; give a share of the steps, from 0 to 1")
+        check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
+
+    def at_length(self) -> "ThreeDGSDRRecipe":
+        """See :meth:`SplatRecipe.at_length`."""
+        of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
+        start = self.start.at_length(self.steps)
+        of_strengths = reflection_rate_at(self.reflection_rate, self.steps)
+        rates = {"sh_rate": of_dc, "sh_rest_rate": of_rest, "reflection_rate": of_strengths}
+        return replace(super().at_length(), start=start, **rates)
+
+    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
+
+    def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
+        from ringlight.color.reflective_harmonics import ReflectiveHarmonics
+        from ringlight.shade.environment import EnvironmentShader
+
+        return ReflectiveHarmonics(self.sh_degree), EnvironmentShader(self.environment_side, seed)
+
+    @property
+    def first_lit(self) -> int:
+        """The last step with base colours only."""
+        return max(int(self.warmup * self.steps), 1)
+
+    @property
+    def degrees(self) -> dict[int, int]:
+        """The harmonics' degree by the step after which it is taken."""
+        first, every = int(self.sh_from * self.steps), max(int(self.sh_every * self.steps), 1)
+        return {max(first, 1) + (degree - 1) * every: degree for degree in range(1, self.sh_degree + 1)}
+
+    def course(self, scene: "Scene") -> "Course":
+        from ringlight.fit.strategies.densify import Densify
+        from ringlight.fit.strategies.propagate_normals import PropagateNormals
+        from ringlight.methods.assembly import Course
+
+        recipe = self.at_length()
+        of_dc, of_rest = harmonics_rates(recipe.sh_rate, recipe.sh_rest_rate, self.steps)
+        held, first_lit = recipe.rates.held, self.first_lit
+        rounds = self.propagation.rounds(first_lit, self.steps)
+        density = Densify(recipe.densify, scene.extent, self.steps, 0, white=scene.background == "white")
+        return Course(
+            groups={
+                "columns.opacity_logits": Adam(
+                    held(recipe.rates.opacities), frozen=self.propagation.held(rounds, self.steps)
+                ),
+                "columns.sh_dc": Adam(held(of_dc)),
+                "columns.sh_rest": Adam(held(of_rest)),
+                "columns.reflection_logits": Adam(Rate.constant(reflection_rate_at(self.reflection_rate, self.steps))),
+                "shader.texels": Adam(Rate.constant(self.environment_rate)),
+            },
+            unlocks={"color.harmonic.active_degree": self.degrees, "shader.lit": {first_lit: 1}},
+            surface_opacity=self.start.opacity,
+            coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
+            last=(PropagateNormals(self.propagation, rounds, density.resets, seed=0),),
+        )
