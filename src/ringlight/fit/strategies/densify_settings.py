@@ -66,8 +66,8 @@ class DensifySettings:
     """adaptive: Gaussians are cloned, split and removed by their gradients and opacities, as in 3DGS. mcmc: as many as
     max_gaussians says; dead ones move to where others are, and faint ones wander (Kheradmand et al. 2024)."""
     threshold: float | None = 2e-4
-    """A Gaussian is cloned or split if its mean screen-space gradient, dL/d(NDC position), exceeds this. None, the
-    default of ringlight-basis: 1e-4 in runs of up to 7,000 steps, 2e-4 from 30,000 steps on."""
+    """A Gaussian is cloned or split if its mean screen-space gradient, dL/d(NDC position), exceeds this. That of
+    ringlight-basis goes by the run's length: 1e-4 in runs of up to 7,000 steps, 2e-4 from 30,000 steps on."""
     begin: int | None = None
     """Gaussians are added after this step. By default 500 as in 3DGS, or a tenth of the run if that is less."""
     stop: float = 0.5
@@ -100,8 +100,8 @@ class DensifySettings:
     an error once they need more than half of the machine's memory."""
     drop_share: float | None = 0.0
     """Share of the Gaussians that is dropped once no more are added: those that add least to the training photographs.
-    Until then there may be max_gaussians / (1 - drop_share), with mcmc there are. 0 keeps all, as 3DGS does. None, the
-    default of ringlight-basis: 0.7 in runs of up to 7,000 steps, 0.4 from 30,000 steps on."""
+    Until then there may be max_gaussians / (1 - drop_share), with mcmc there are. 0 keeps all, as 3DGS does. That of
+    ringlight-basis goes by the run's length: 0.7 in runs of up to 7,000 steps, 0.4 from 30,000 steps on."""
     drop_until: float = 0.75
     """Share of all steps at which the last Gaussians are dropped."""
     drop_by: Literal["weights", "effects"] = later("weights")
