@@ -98,8 +98,8 @@ class ThreeDGSDRRecipe(SplatRecipe):
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
         start = self.start.at_length(self.steps)
         of_strengths = reflection_rate_at(self.reflection_rate, self.steps)
-        rates = {"sh_rate": of_dc, "sh_rest_rate": of_rest, "reflection_rate": of_strengths}
-        return replace(super().at_length(), start=start, **rates)
+        settled = replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest)
+        return replace(settled, reflection_rate=of_strengths, start=start)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
