@@ -26,7 +26,7 @@ from ringlight.core.want import Want
 STRENGTHS = "reflection_logits"
 
 FIRST_STRENGTH = 1e-3
-"""Share of the reflection in a Gaussian's colour at the start, as in 3DGS-DR: too little to see, enough for a gradient."""
+"""Share of the reflection in a Gaussian's colour at the start, as in 3DGS-DR: too little to see, yet it learns."""
 
 FIRST_LOGIT = -6.906754778648554
 """Its logit."""
