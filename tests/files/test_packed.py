@@ -12,7 +12,17 @@ from ringlight.core.directions import normalize
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
-from ringlight.files.packed import COEFFICIENT_STEP, PACKINGS, PLAN, Packed, bytes_stored, pack_tensors, unpack_tensors
+from ringlight.files.packed import (
+    COARSE_COEFFICIENT_STEP,
+    COARSE_STEP,
+    COEFFICIENT_STEP,
+    PACKINGS,
+    PLAN,
+    Packed,
+    bytes_stored,
+    pack_tensors,
+    unpack_tensors,
+)
 from ringlight.files.tensor_file import read_tensors, write_tensors
 
 SEEDS = st.integers(0, 10_000)
@@ -85,6 +95,31 @@ def test_weights_lose_half_a_step_of_the_coefficients_that_they_add(rows: int, s
     error = (unpack_tensors(packed)["columns.basis_weights"] - weights).abs().double()
     half = COEFFICIENT_STEP / basis.flatten(1).double().norm(dim=1) / 2
     assert (error <= half * (1 + 1e-9) + weights.abs() * 2**-23).all()
+
+
+@MANY
+@given(seed=SEEDS, spread=st.sampled_from([0.01, 0.1, 1.0]))
+def test_coarse_numbers_lie_within_half_a_coarse_step(seed: int, spread: float) -> None:
+    tensors = {
+        "columns.means": noise(50, 3, seed=seed),
+        "columns.log_scales": noise(50, 3, seed=seed + 1) + math.log(spread),
+        "columns.basis_weights": noise(50, 2, seed=seed + 2),
+        "color.basis": noise(2, 15, 3, seed=seed + 3),
+    }
+    fine, coarse = (pack_tensors(tensors, coarse=coarse) for coarse in (False, True))
+    assert (fine.packing["columns.log_scales"], coarse.packing["columns.log_scales"]) == ("fixed10", "fixed8")
+    middle = tensors["columns.log_scales"].sort(-1).values[:, 1].exp().sort().values[4]
+    error = (unpack_tensors(coarse)["columns.means"] - tensors["columns.means"]).abs().max()
+    reach = (tensors["columns.means"].amax(0) - tensors["columns.means"].amin(0)).max()
+    assert error <= max(COARSE_STEP * middle, reach / 0xFFFF) / 2 * 1.001
+    half = COARSE_COEFFICIENT_STEP / tensors["color.basis"].flatten(1).norm(dim=1) / 2
+    moved = (unpack_tensors(coarse)["columns.basis_weights"] - tensors["columns.basis_weights"]).abs()
+    assert (moved <= half * 1.001).all()
+
+
+def test_coarse_positions_without_scales_are_as_fine_as_ever() -> None:
+    means = {"columns.means": noise(20, 3, seed=1)}
+    assert pack_tensors(means, coarse=True).packing == pack_tensors(means).packing
 
 
 def test_weights_that_are_too_many_steps_from_zero_are_packed_over_their_range() -> None:
@@ -237,12 +272,10 @@ def test_a_packed_file_reads_as_a_model(tmp_path: Path) -> None:
     assert all(torch.equal(found.tensors[name], tensor) for name, tensor in expected.items())
 
 
-def test_files_of_earlier_versions_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_of_earlier_versions_are_read(tmp_path: Path) -> None:
     earlier = {"columns.log_scales": "fixed8", "columns.sh_dc": "fixed16"}
-    monkeypatch.setattr("ringlight.files.packed.PLAN", (*earlier.items(), *PLAN))
     tensors = model_tensors() | {"columns.sh_dc": noise(300, 3, seed=12)}
-    write_model_file(tmp_path / "m", pack_tensors(tensors), HEADER)
-    monkeypatch.undo()
+    write_model_file(tmp_path / "m", pack_tensors(tensors, (*earlier.items(), *PLAN)), HEADER)
     found = read_model_file(tmp_path / "m")
     assert found.stored.packing.items() >= earlier.items()
     for name in earlier:

@@ -53,7 +53,7 @@ def model_of(method: str, scene: Scene, evaluation: str = "tabulated") -> SplatM
                 parameter.mul_(DIM)
             elif name.endswith("base"):
                 parameter.mul_(DIM).sub_(DIM)
-        for buffer in ("color.active_degree", "color.lit", "shader.lit"):
+        for buffer in ("color.active_degree", "color.varying.active_degree", "color.lit", "shader.lit"):
             if buffer in dict(model.named_buffers()):
                 model.get_buffer(buffer).fill_(3 if "degree" in buffer else 1)
     return model
@@ -95,18 +95,33 @@ def test_a_picture_of_the_edited_model_is_composed_of_the_layers_before(method: 
         assert decibels(shown, wanted) > NEAR.get(method, NEARLY_ALL)
 
 
+def test_a_constant_mirror_is_edited_as_exactly(scene: Scene) -> None:
+    recipe = small("ringlight-mirror", steps=10, basis_size=0)
+    model = recipe.build(scene, rasterizer_for("cpu"), 3).model
+    assert isinstance(model, SplatModel)
+    with torch.no_grad():
+        model.get_buffer("shader.lit").fill_(1)
+        model.columns["base"].mul_(DIM).sub_(DIM)
+    found = edited(model, recipe_to_dict(recipe), EDIT)
+    after = recipe.model(scene.box, rasterizer_for("cpu"))
+    assert isinstance(after, SplatModel)
+    after.load_tensors(found.tensors)
+    camera = scene.train[0].camera
+    shown = after.render(camera, torch.zeros(3), Want.EXACT).color
+    assert decibels(shown, composed(model, camera, EDIT)) > NEAR["ringlight-mirror"]
+
+
 def test_a_mirrors_edit_is_exact_where_its_network_is(scene: Scene) -> None:
     model, camera = model_of("ringlight-mirror", scene), scene.train[0].camera
     after, black = loaded("ringlight-mirror", scene, model, EDIT), torch.zeros(3)
-    bases, pictures = [], []
+    base, pictures = model.layers(camera)["base"], []
     for one in (model, after):
         shown = one.render(camera, black, Want.EXACT, ("rgb", "normal", "latents", "depth"))
         buffers = {**shown.buffers, "alpha": shown.alpha}
-        bases.append(buffers["rgb"])
         with torch.no_grad():
             pictures.append(one.shader.reference(buffers, camera, black))  # type: ignore[union-attr]
     factors, tints = torch.tensor(EDIT.residual), torch.tensor(EDIT.base)
-    assert decibels(pictures[1], bases[0] * tints + (pictures[0] - bases[0]) * factors) > NEARLY_ALL
+    assert decibels(pictures[1], base * tints + (pictures[0] - base) * factors) > NEARLY_ALL
 
 
 @pytest.mark.parametrize("method", METHODS)

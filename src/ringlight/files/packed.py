@@ -93,9 +93,9 @@ MEANS, SCALES, WEIGHTS = "columns.means", "columns.log_scales", "columns.basis_w
 BASES = ("color.basis", "color.varying.basis")
 """What the weights mix."""
 
-COEFFICIENT_STEP = 1 / 32
-"""Of a weight, in the length of the coefficients that it adds. Half of it moves a coefficient by a few thousandths, as
-8 bit move a base colour."""
+COEFFICIENT_STEP, COARSE_COEFFICIENT_STEP = 1 / 32, 1 / 16
+"""Of a weight, in the length of the coefficients that it adds. Half of the first moves a coefficient by a few
+thousandths, as 8 bit move a base colour."""
 
 FEWEST_ROWS8, FEWEST_PACKED = 1024, 64
 """Shared tensors of fewer values than the first are half floats, of fewer than the second stay as they are: biases and
@@ -104,6 +104,10 @@ single numbers save nothing and may matter much."""
 SHIFT = 0.01
 """Positions may move by this share of a usual Gaussian's largest standard deviation, which changes what it adds to a
 pixel by 0.6 % of its peak at most. 16 bits do in scenes of one object, unbounded scenes take 24."""
+
+COARSE_SCALES, COARSE_STEP, SMALL = "fixed8", 0.04, 0.1
+"""Coarse scales, and the step of coarse positions in standard deviations: along the middle axis of a Gaussian than
+which this share of all is smaller."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +118,11 @@ class Packed:
     packing: dict[str, str]
 
 
-def pack_tensors(tensors: Mapping[str, Tensor], plan: Plan = PLAN) -> Packed:
-    """Every tensor by the plan."""
+def pack_tensors(tensors: Mapping[str, Tensor], plan: Plan = PLAN, coarse: bool = False) -> Packed:
+    """Every tensor by the plan; ``coarse``, scales, positions and weights are rounded further, which takes fewer bytes
+    once they are deflated."""
+    if coarse:
+        plan = ((SCALES, COARSE_SCALES), *plan)
     stored: dict[str, Tensor] = {}
     packing: dict[str, str] = {}
     for name, tensor in counted("packing", list(tensors.items())):
@@ -123,7 +130,8 @@ def pack_tensors(tensors: Mapping[str, Tensor], plan: Plan = PLAN) -> Packed:
         if chosen is None:
             stored[name] = tensor
             continue
-        parts = _weights_in_steps(tensor, tensors) if name == WEIGHTS else None
+        step = _step(name, tensors, coarse)
+        parts = None if step is None else _in_steps(tensor, step)
         if parts is not None:
             chosen = f"fixed{8 * parts['codes'].shape[-1]}"
         packing[name] = chosen
@@ -197,15 +205,38 @@ def _chosen(name: str, tensor: Tensor, log_scales: Tensor | None, patterns: Plan
     return plan
 
 
-def _weights_in_steps(weights: Float[Tensor, "N K"], tensors: Mapping[str, Tensor]) -> Parts | None:
-    """Each column in steps of its own; None where the basis is not there, or of another size."""
+def _step(name: str, tensors: Mapping[str, Tensor], coarse: bool) -> Float[Tensor, "C"] | None:
+    """The step of each column of a tensor that is packed in steps of its own; None for all others."""
+    if name == WEIGHTS:
+        return _step_of_weights(tensors, COARSE_COEFFICIENT_STEP if coarse else COEFFICIENT_STEP)
+    if name == MEANS and coarse:
+        return _step_of_positions(tensors)
+    return None
+
+
+def _step_of_weights(tensors: Mapping[str, Tensor], coefficient: float) -> Float[Tensor, "K"] | None:
+    """None where the basis is not there, or of another size."""
     basis = next((tensors[name].detach().cpu().double() for name in BASES if name in tensors), None)
-    if basis is None or weights.dim() != 2 or len(basis) != weights.shape[1]:
+    if basis is None or tensors[WEIGHTS].dim() != 2 or len(basis) != tensors[WEIGHTS].shape[1]:
         return None
-    lengths = basis.flatten(1).norm(dim=1)
-    step = COEFFICIENT_STEP / lengths.clamp_min(SHORTEST_FUNCTION)
+    return coefficient / basis.flatten(1).norm(dim=1).clamp_min(SHORTEST_FUNCTION)
+
+
+def _step_of_positions(tensors: Mapping[str, Tensor]) -> Float[Tensor, "3"] | None:
+    """None where there are no scales, or where it is finer than 16 bits are."""
+    means, log_scales = tensors[MEANS].detach().cpu().double(), tensors.get(SCALES)
+    if log_scales is None or log_scales.shape != means.shape or not len(means) or not bool(log_scales.isfinite().all()):
+        return None
+    middle = log_scales.detach().cpu().double().sort(-1).values[:, 1]
+    small = middle.kthvalue(max(int(SMALL * len(middle)), 1)).values.exp()
+    step, reach = COARSE_STEP * small, (means.amax(0) - means.amin(0)).amax()
+    return step.expand(3).clone() if step > reach / 0xFFFF else None
+
+
+def _in_steps(values: Float[Tensor, "N C"], step: Float[Tensor, "C"]) -> Parts | None:
+    """None where two bytes are too few for it."""
     try:
-        return pack_in_steps(weights.detach().cpu(), step)
+        return pack_in_steps(values.detach().cpu(), step)
     except ValueError:
         return None
 

@@ -14,10 +14,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.color.harmonics import SH_COLUMNS, SphericalHarmonics
-from ringlight.color.mirror import Mirror
+from ringlight.color.mirror import LATENTS, Mirror
 from ringlight.color.ring_emission import BASE
 from ringlight.color.ringlight import DARKEST, RingLight
 from ringlight.color.shared_basis import BASIS, DC, SharedBasis
+from ringlight.color.varying_mirror import VARYING, VaryingMirror
 from ringlight.core.gradients import COLOR, COLUMNS, SHADER
 from ringlight.core.sh_basis import rgb_from_sh, sh_from_rgb
 from ringlight.errors import RecipeError
@@ -66,6 +67,10 @@ def edited(model: object, settings: Mapping[str, object], edit: LightEdit) -> Ed
     if not isinstance(model, SplatModel):
         raise RecipeError("only the light of Gaussians can be edited, and this model is made of something else")
     tensors, changed, clipped = model.rendering_tensors(), dict(settings), 0.0
+    if isinstance(model.color, VaryingMirror):
+        if edit.residual not in (ONES, edit.base):
+            refuse_unlit(model)
+        return _edited_varying(model, tensors, changed, edit)
     if edit.residual != ONES:
         if edit.residual != edit.base:  # a tint of all light finds what there is
             refuse_unlit(model)
@@ -130,6 +135,43 @@ def _tint_base(model: SplatModel, tensors: dict[str, Tensor], factors: Rgb) -> f
         raise _unknown(model)
     tensors[COLUMNS + BASE], clipped = tinted_logits(tensors[COLUMNS + BASE], factors)
     return clipped
+
+
+def _edited_varying(
+    model: SplatModel, tensors: dict[str, Tensor], settings: dict[str, object], edit: LightEdit
+) -> Edited:
+    """A mirror whose base colours change with the view: its network sees them as they were.
+
+    It saw c + r, a constant colour and what the view adds. Blended are c' and f r now, so it sees (c' + f r) / f, and
+    c - c' / f as three more latents.
+    """
+    shader = model.shader
+    assert isinstance(shader, ReflectionShader)
+    before = tensors[COLUMNS + BASE].double().sigmoid()
+    tensors[COLUMNS + BASE], clipped = tinted_logits(tensors[COLUMNS + BASE], edit.base)
+    after = tensors[COLUMNS + BASE].double().sigmoid()
+    factors = before.new_tensor(edit.residual)
+    inverse = torch.where(factors > 0, 1 / factors, 0)
+    _multiply(tensors, COLOR + VARYING + BASIS, edit.residual)
+    last = f"{SHADER}mlp.{len(shader.mlp) - 1}"
+    _multiply(tensors, f"{last}.weight", edit.residual, rows=True)
+    _multiply(tensors, f"{last}.bias", edit.residual)
+    lost = (before - after * inverse).float()
+    first, seen = f"{SHADER}mlp.0.weight", 1 + shader.settings.latents
+    weight = tensors[first]
+    of_base = weight[:, seen : seen + 3]
+    scaled = of_base * inverse.to(weight)
+    if bool((lost.abs() > NOTHING).any()):
+        tensors[COLUMNS + LATENTS] = torch.cat([tensors[COLUMNS + LATENTS], lost], 1)
+        tensors[first] = torch.cat([weight[:, :seen], of_base, scaled, weight[:, seen + 3 :]], 1)
+        settings["shader"] = {**_group(settings["shader"]), "latents": shader.settings.latents + 3}
+    else:
+        tensors[first] = torch.cat([weight[:, :seen], scaled, weight[:, seen + 3 :]], 1)
+    return Edited(tensors, settings, clipped)
+
+
+NOTHING = 1e-6
+"""Of a colour: rounding."""
 
 
 def tinted_logits(logits: Float[Tensor, "N 3"], factors: Rgb) -> tuple[Float[Tensor, "N 3"], float]:

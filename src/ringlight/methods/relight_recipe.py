@@ -36,6 +36,7 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
             base_rate=0.0,
             normals_rate=0.0,
             latents_rate=0.0,
+            weights_rate=0.0,
             maps_rate=MAPS_RATE,
             network_rate=NETWORK_RATE,
             axes_rate=AXES_RATE,

@@ -81,7 +81,7 @@ class RingLightMirrorRecipe(SplatRecipe):
     undo_collapse: bool = later(False, now=True)
     """Whether a shader that collapses is noticed, and the run set back to where it was good, with half of the shader's
     rates from there on."""
-    basis_size: int = later(0, now=8)
+    basis_size: int = later(0, now=4)
     """Weights of each Gaussian, of harmonics that all share, by which its base colour changes with the view: what one
     part of a scene reflects of another. 0 to 16; 0 keeps base colours constant."""
     sh_every: int = later(1000)
