@@ -47,7 +47,7 @@ MOST_PICTURES = 5
 """Training cameras from which the page's model is held against the model."""
 
 GOOD_ENOUGH = 56.0
-"""dB of these pictures from which on numbers are rounded coarsely: a tenth of the bytes for about 2 dB. Nobody sees a
+"""dB of these pictures from which on numbers are rounded coarsely: a tenth of the bytes for some 4 dB. Nobody sees a
 difference of 50."""
 
 WEIGHING_CAMERAS = 30
