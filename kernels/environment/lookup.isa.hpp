@@ -14,7 +14,7 @@ RINGLIGHT_INLINE Vec inner(const Vec a[3], const Vec b[3]) { return fma(a[0], b[
 
 // The ray that a pixel's centre sees, its blended normal, and the ray reflected.
 struct Mirror {
-  Vec direction[3], normal[3], stretch, facing, reflected[3];  // normal = stretch * blended; facing = direction . normal
+  Vec direction[3], normal[3], stretch, facing, reflected[3];  // normal = stretch * blended; facing = direction.normal
   Mask stretched;                                              // whether the normal is of unit length
 };
 

@@ -11,7 +11,9 @@ export function lightShares(layer, blend) {
 export function inLightOf(model, pack) {
   const tensors = new Map(model.tensors),
     prefix = `light.${pack}.`;
-  for (const [name, tensor] of model.tensors) if (name.startsWith(prefix)) tensors.set(name.slice(prefix.length), tensor);
+  for (const [name, tensor] of model.tensors) {
+    if (name.startsWith(prefix)) tensors.set(name.slice(prefix.length), tensor);
+  }
   const colors = tensors.get("colors");
   if (colors) {
     const constant = tensors.get("columns.sh_dc");

@@ -59,8 +59,8 @@ export class Picture {
     this.lists = lists;
   }
 
-  // Draw what was loaded: in the model's own light, and over it by the share `blend` in that of pack number `pack`. With
-  // `some` colours may be of a moment ago; true where all is exact.
+  // Draw what was loaded: in the model's own light, and over it by the share `blend` in that of pack number `pack`.
+  // With `some` colours may be of a moment ago; true where all is exact.
   draw({ layer, residual, background, some, pack = 0, blend = 0 }, target = null) {
     const [width, height] = this.lists.camera.size;
     if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
