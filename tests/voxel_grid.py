@@ -72,6 +72,7 @@ class VoxelRecipe:
     most = None
     random_points = 0
     start = None
+    packings = ()
 
     def settled(self, scene, rasterize, seed):
         return self, None
@@ -90,3 +91,6 @@ class VoxelRecipe:
 
     def without_effect(self):
         return {}
+
+    def as_stored(self, shapes):
+        return self

@@ -23,6 +23,8 @@ LINES = {
     "share": ("share", "{run}", "{new}.html"),
     "study": ("study", "rank", "{scene}", *flags(steps=2, seeds=1), "--lpips", "--only", "rank-4", "--out", "{new}"),
     "study --dry-run": ("study", "rank", "{scene}", "--dry-run", "--out", "{new}"),
+    "table": ("table", "{scene}", "--methods", "3dgs", *flags(steps=2), "--lpips", "--out", "{new}"),
+    "table --dry-run": ("table", "{scene}", "--methods", "3dgs", "--dry-run", "--out", "{new}"),
     "info": ("info", "{run}"),
     "compress": ("compress", "{run}", "{new}.safetensors"),
     "edit": ("edit", "{run}", "{new}.safetensors", "--residual", "0.5"),

@@ -58,9 +58,6 @@ STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
     "drop least": lambda scene: dropping(scene, "weights"),
     "drop what changes least": lambda scene: dropping(scene, "effects"),
     "drop insignificant": lambda scene: DropInsignificant((7, 15), 0.6, cameras_of(scene), 0.1),
-    "distil": lambda scene: DistillHarmonics(
-        Teacher(METHODS["3dgs"].model(scene.box, rasterizer_for("auto"))), 9, 25, 1
-    ),
     "quantize": lambda scene: QuantizeColors(STEPS, 0.6, 8, cameras_of(scene), 0.1, rounded_to_half, 3),
     "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),
     "unlock": lambda scene: Unlock("color.active_degree", {5: 1, 12: 2, 20: 3}),

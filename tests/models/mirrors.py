@@ -15,6 +15,9 @@ LIKE_TRAINED = 0.47
 """Times the width, the last layer's weights: residuals are then a quarter of the colours' range, root mean square,
 whether it is 32 or 64."""
 
+WEIGHT = 0.1
+"""Of a shared function, whose coefficients are 0.3 at the start."""
+
 
 def mirror(size: str = "600@96", **shader: object) -> SplatModel:
     """The workload's ball as a mirror, with residuals as large as those of a trained one."""
@@ -28,6 +31,9 @@ def mirror(size: str = "600@96", **shader: object) -> SplatModel:
             if name.startswith("places"):
                 parameter.copy_(1 + 0.3 * torch.randn(parameter.shape, generator=torch.Generator().manual_seed(4)))
         model.get_parameter("columns.normals").copy_(torch.randn(len(model), 3, generator=drawn))
+        model.get_buffer("color.varying.active_degree").fill_(3)
+        weights = model.get_parameter("columns.basis_weights")
+        weights.copy_(WEIGHT * torch.randn(weights.shape, generator=torch.Generator().manual_seed(5)))
         last = f"shader.mlp.{2 * recipe.shader.hidden_layers}.weight"
         model.get_parameter(last).mul_(LIKE_TRAINED * recipe.shader.hidden)
     return model.eval()

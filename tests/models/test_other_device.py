@@ -83,6 +83,14 @@ def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
     return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)
 
 
+LOSSES_ALIKE = {"3dgs-dr": {"rel": 0.05}, "light-gaussian": {"rel": 1e-3, "abs": 1e-5}}
+"""Strengths of 3dgs-dr that hardly have a gradient are moved by their whole rate to where its last bit points. What a
+distilled model differs by from its teacher is some 1e-5."""
+
+PICTURES_ALIKE = {"3dgs-dr": 40}
+"""dB, for the same reason."""
+
+
 def pictures(model: SplatModel, scene: Scene) -> list[torch.Tensor]:
     with torch.no_grad():
         return [model.render(view.camera, scene.background_color).color.cpu() for view in scene.test]
@@ -97,7 +105,8 @@ def test_training_elsewhere_is_training_here(method: str, monkeypatch: pytest.Mo
     with other_device():
         there = short_run(method, scene, rasterizer_elsewhere())
         assert {parameter.device.type for parameter in there.model.parameters()} == {ELSEWHERE.type}
-        assert [progress.loss for progress in train(there)] == pytest.approx(losses, rel=1e-3)
+        alike = LOSSES_ALIKE.get(method, {"rel": 1e-3})
+        assert [progress.loss for progress in train(there)] == pytest.approx(losses, **alike)
         assert len(there.model) == len(here.model)
         shown = pictures(there.model, scene)
         parts = {name: layer.cpu() for name, layer in there.model.layers(scene.test[0].camera).items()}
@@ -106,5 +115,5 @@ def test_training_elsewhere_is_training_here(method: str, monkeypatch: pytest.Mo
     assert parts.keys() == moved.model.layers(scene.test[0].camera).keys()
     assert parts["depth"].isfinite().all()
     for ours, native, again in zip(shown, pictures(here.model, scene), pictures(moved.model, scene), strict=True):
-        assert psnr(ours, native) > ALIKE
+        assert psnr(ours, native) > PICTURES_ALIKE.get(method, ALIKE)
         assert psnr(ours, again) > ALIKE, "the same model on the other device"

@@ -9,7 +9,7 @@ from mirrors import WHITE, mirror, view
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.color.mirror import mirror_channels_reference
+from ringlight.color.varying_mirror import varying_channels_reference
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradients, dense
@@ -73,7 +73,8 @@ def test_gradients_and_exact_have_the_same_bits_in_tiles_or_not(size: tuple[int,
 def plain(model: SplatModel, leaves: dict[str, Tensor], camera: Camera, behind: Tensor) -> tuple[Tensor, Channels]:
     """Colour and buffers by the references of all three parts, in one graph of torch."""
     table = {name.removeprefix("columns."): leaf for name, leaf in leaves.items() if name.startswith("columns.")}
-    channels = mirror_channels_reference(table, camera)
+    degree = int(model.color.varying.active_degree)
+    channels = varying_channels_reference(table, leaves["color.varying.basis"], camera, degree)
     widths = [values.shape[-1] for values in channels.values()]
     columns = table | {"channels": torch.cat(list(channels.values()), -1), "opacity_factor": None}
     behind = torch.cat([behind, behind.new_zeros(sum(widths) - 3)])
@@ -87,7 +88,7 @@ def test_the_seams_add_up_to_one_graph_of_torch(shader: dict[str, object]):
     """In double precision; the picture, depth and alpha all have a gradient, also where the shader reads no depth."""
     small, camera = mirror("60@24", gradient_share=1.0, **shader), view(24, 20)
     table = Gaussians.from_columns({name: column.detach().double() for name, column in small.columns.items()})
-    model = SplatModel(table, small.color, small.shader.double(), ReferenceRasterizer(), small.options)
+    model = SplatModel(table, small.color.double(), small.shader.double(), ReferenceRasterizer(), small.options)
     behind, by_color = WHITE.double(), upstream(24, 20).double()
     by_buffers = {"depth": by_color[..., :1] ** 2, "alpha": by_color[..., 1:2]}
 

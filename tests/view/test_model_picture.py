@@ -64,9 +64,9 @@ def test_a_faded_mirror_reflects_less(scene: Scene):
     model, camera, white = trained("ringlight-mirror", scene).model, scene.test[0].camera, torch.ones(3)
     shown = model.render(camera, white, Want.EXACT, tuple(model.shader.needs))
     reference = model.shader.reference({**shown.buffers, "alpha": shown.alpha}, camera, white)
-    rgb = shown.buffers["rgb"]
+    base = model.layers(camera)["base"] + (1 - shown.alpha)
     found = model_picture(model, camera, white, light=0.4)
-    assert torch.allclose(found, (rgb + 0.4 * (reference - rgb)).clamp(0, 1), atol=1e-3)
+    assert torch.allclose(found, (base + 0.4 * (reference - base)).clamp(0, 1), atol=1e-3)
 
 
 def test_a_layer_that_there_is_not_is_the_picture(scene: Scene):

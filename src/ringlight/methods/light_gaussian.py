@@ -71,6 +71,10 @@ class LightGaussianRecipe(ThreeDGSRecipe):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.densify.kind == "mcmc":
+            raise RecipeError(
+                "densify.kind is mcmc, and light-gaussian drops Gaussians by itself; use adaptive, or 3dgs"
+            )
         for name in ("grow_share", "distill_share", "prune_share", "codebook_share"):
             if not 0 <= (getattr(self, name) or 0) <= 1:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give a share, from 0 to 1")

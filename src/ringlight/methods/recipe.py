@@ -99,8 +99,16 @@ Settings = TypeVar("Settings")
 
 
 def recipe_to_dict(recipe: Recipe) -> dict[str, Any]:
-    """Plain values only, ready for JSON."""
-    return dataclasses.asdict(recipe)
+    """Plain values only, as JSON gives them back."""
+    plain: dict[str, Any] = _listed(dataclasses.asdict(recipe))
+    return plain
+
+
+def _listed(value: Any) -> Any:
+    """With lists in place of tuples."""
+    if isinstance(value, dict):
+        return {name: _listed(inner) for name, inner in value.items()}
+    return [_listed(inner) for inner in value] if isinstance(value, (list, tuple)) else value
 
 
 def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -> Settings:
@@ -151,7 +159,7 @@ def _fits(hint: Any, value: Any) -> bool:
     if get_origin(hint) in (Union, UnionType):
         return any(_fits(choice, value) for choice in choices)
     if get_origin(hint) is tuple:
-        return isinstance(value, list) and all(_fits(choices[0], item) for item in value)
+        return isinstance(value, (list, tuple)) and all(_fits(choices[0], item) for item in value)
     if isinstance(value, bool):
         return hint is bool
     if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
