@@ -22,13 +22,13 @@ from ringlight.core.camera import Camera
 from ringlight.core.rendering import Emission
 from ringlight.core.want import Want
 from ringlight.files.layer_pictures import layer_pictures, looking
-from ringlight.files.packed import pack_tensors, unpack_tensors
+from ringlight.files.packed import unpack_tensors
 from ringlight.files.page.document import _modules
 from ringlight.files.page.modules import joined
 from ringlight.methods.store import StoredModel, model_of_tensors, save_model, tensors_from_cameras
 from ringlight.models.splats import SplatModel
 from ringlight.runs.opened import open_model
-from ringlight.runs.share import share
+from ringlight.runs.share import page_for, share
 
 VIEWS, SIDE = 6, 72
 
@@ -93,8 +93,11 @@ def page(browser: Any) -> Iterator[Tab]:
 
 def as_page_holds(folder: Path) -> tuple[StoredModel, SplatModel]:
     """The run's model, and what is left of it once it was packed."""
-    stored = open_model(folder).stored
-    tensors = unpack_tensors(pack_tensors(stored.model.rendering_tensors())) | tensors_from_cameras(stored.cameras)
+    opened = open_model(folder)
+    stored, model = opened.stored, opened.stored.model.splats()
+    assert model is not None
+    page, _ = page_for(opened, model, None, ())
+    tensors = unpack_tensors(page.packed) | tensors_from_cameras(stored.cameras)
     packed = model_of_tensors(tensors, stored.header, stored.rasterize, folder).model.splats()
     assert packed is not None
     return stored, packed

@@ -117,13 +117,7 @@ def share(opened: Opened, path: Path, budget: float | None = None, packs: Sequen
         )
     for pack in packs:
         relit(stored, pack, opened.file)
-    page = _page(opened, model, budget, packs, coarse=True)
-    decibels = list(_picture_loss(opened, page.packed))
-    if fmean(decibels) < GOOD_ENOUGH:
-        finer = _page(opened, model, budget, packs, coarse=False)
-        of_finer = list(_picture_loss(opened, finer.packed))
-        if fmean(of_finer) > fmean(decibels):
-            page, decibels = finer, of_finer
+    page, decibels = page_for(opened, model, budget, packs)
     with written_atomically(path) as file:
         file.write(page.document)
     return Shared(
@@ -138,6 +132,20 @@ def share(opened: Opened, path: Path, budget: float | None = None, packs: Sequen
         pictures=len(decibels),
         picture_psnr=fmean(decibels),
     )
+
+
+def page_for(
+    opened: Opened, model: SplatModel, budget: float | None, packs: Sequence[LightPack]
+) -> tuple[_Page, list[float]]:
+    """The page with coarse numbers, or with finer ones where those show too much; and how near its pictures are, dB."""
+    page = _page(opened, model, budget, packs, coarse=True)
+    decibels = list(_picture_loss(opened, page.packed))
+    if fmean(decibels) < GOOD_ENOUGH:
+        finer = _page(opened, model, budget, packs, coarse=False)
+        of_finer = list(_picture_loss(opened, finer.packed))
+        if fmean(of_finer) > fmean(decibels):
+            return finer, of_finer
+    return page, decibels
 
 
 def _page(opened: Opened, model: SplatModel, budget: float | None, packs: Sequence[LightPack], coarse: bool) -> _Page:
