@@ -100,6 +100,7 @@ def test_what_fills_up_a_block_has_all_channels_in_front():
         model.get_parameter("shader.places.axes").fill_(1)
         model.columns["base"].fill_(0.3)
         model.columns["latents"].fill_(0.2)
+        model.columns["basis_weights"].zero_()
         model.columns["normals"].copy_(torch.tensor([0.1, 0.2, -1.0]))
         tiles, planes = picture(model, camera), in_planes(model, camera)
         black = picture(model, camera, torch.zeros(3))

@@ -18,13 +18,13 @@ from ringlight.cli.main import run
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.want import Want
-from ringlight.files.packed import pack_tensors, unpack_tensors
+from ringlight.files.packed import unpack_tensors
 from ringlight.methods.light_edit import LightEdit
 from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.runs.edit import edit_light
 from ringlight.runs.light_pack import COLORS, LightPack, pack_between, transformed, write_pack
-from ringlight.runs.opened import open_model
-from ringlight.runs.share import share
+from ringlight.runs.opened import Opened, open_model
+from ringlight.runs.share import page_for, share
 
 VIEWS, SIDE = 6, 64
 
@@ -78,9 +78,12 @@ def other_light(stored: StoredModel, seed: int, path: Path) -> LightPack:
     return pack
 
 
-def picture(stored: StoredModel, camera: Camera, pack: LightPack | None = None) -> torch.Tensor:
+def picture(opened: Opened, camera: Camera, pack: LightPack | None = None) -> torch.Tensor:
     """What the page holds, exactly drawn."""
-    tensors = unpack_tensors(pack_tensors(stored.model.rendering_tensors()))
+    stored, model = opened.stored, opened.stored.model.splats()
+    assert model is not None
+    page, _ = page_for(opened, model, None, ())
+    tensors = unpack_tensors(page.packed)
     if pack is not None:
         light = pack.tensors
         colors = light.pop(COLORS, None)
@@ -107,7 +110,7 @@ def test_the_slider_goes_from_the_own_light_to_a_packs(
     packs = [other_light(stored, seed, tmp_path / f"{seed}.safetensors") for seed in (1, 2)]
     share(opened, tmp_path / "page.html", packs=packs)
     assert page.open(tmp_path / "page.html", "#view=train-0&bare&pack=2&blend=1") == "drawn"
-    own, *lit = (picture(stored, camera, pack) for pack in (None, *packs))
+    own, *lit = (picture(opened, camera, pack) for pack in (None, *packs))
     assert psnr(own.numpy(), lit[0]) < EXACT - 15
     assert psnr(lit[0].numpy(), lit[1]) < EXACT - 15
     assert psnr(page.values(), lit[1]) > EXACT
@@ -153,4 +156,4 @@ def test_the_page_of_an_edited_ring_shows_the_edit(runs: dict[str, Path], tmp_pa
     opened = open_model(out)
     share(opened, tmp_path / "page.html")
     page.open(tmp_path / "page.html", "#view=train-0&bare")
-    assert psnr(page.values(), picture(opened.stored, opened.stored.cameras[0])) > EXACT
+    assert psnr(page.values(), picture(opened, opened.stored.cameras[0])) > EXACT
