@@ -5,14 +5,18 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from statistics import fmean
 
 import pytest
+import torch
 from cli_session import QUICK, flags
 from command import Command
 from refusal import refused, snapshot
 
 from ringlight.files.model_file import read_model_file, write_model_file
 from ringlight.files.tensor_file import read_metadata
+from ringlight.runs import sized_page
+from ringlight.runs.opened import open_model
 
 
 @pytest.mark.parametrize("method", ["3dgs", "ringlight-basis", "ringlight-ring"])
@@ -83,10 +87,35 @@ def test_a_budget_is_kept_by_leaving_out_what_shows_least(
     assert out.stat().st_size <= budget * 1e6
 
 
+def test_a_thinned_page_is_the_better_of_two(trained: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """What shows least by blending weights and by effects of removal differ: the page that loses less is kept."""
+    opened = open_model(trained["3dgs"])
+    model = opened.stored.model.splats()
+    assert model is not None
+    budget = len(sized_page.page_for(opened, model, None, ()).document) - 2_000.0
+    best = sized_page.page_for(opened, model, budget, ())
+    alone = []
+    for name, other in (("_by_weights", "_by_effects"), ("_by_effects", "_by_weights")):
+        with monkeypatch.context() as only:
+            only.setattr(sized_page, other, getattr(sized_page, name))
+            alone.append(sized_page.page_for(opened, model, budget, ()).decibels)
+    assert alone[0] != alone[1]
+    assert fmean(best.decibels) == max(map(fmean, alone))
+
+
+def test_a_model_that_shows_nothing_loses_nothing(run_folder: Path, tmp_path: Path, ringlight: Command) -> None:
+    file = read_model_file(run_folder / "model.safetensors")
+    unseen = {"columns.opacity_logits": torch.full_like(file.tensors["columns.opacity_logits"], -20)}
+    write_model_file(tmp_path / "unseen.safetensors", file.tensors | unseen, file.header)
+    done = ringlight("share", tmp_path / "unseen.safetensors", tmp_path / "page.html", "--quiet")
+    assert done.code == 0, done.err
+    assert "no difference" in done.out
+
+
 def test_a_page_that_is_too_large_is_refused_with_the_flag_that_helps(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ringlight.runs.share.LARGEST_PAGE", 30_000)
+    monkeypatch.setattr("ringlight.runs.sized_page.LARGEST_PAGE", 30_000)
     refused(ringlight("share", trained["3dgs"], tmp_path / "page.html", "--quiet"), 1, "--budget", "MB")
     assert not (tmp_path / "page.html").exists()
 

@@ -105,9 +105,11 @@ def test_coarse_numbers_lie_within_half_a_coarse_step(seed: int, spread: float) 
         "columns.log_scales": noise(50, 3, seed=seed + 1) + math.log(spread),
         "columns.basis_weights": noise(50, 2, seed=seed + 2),
         "color.basis": noise(2, 15, 3, seed=seed + 3),
+        "columns.quats": noise(50, 4, seed=seed + 4),
     }
     fine, coarse = (pack_tensors(tensors, coarse=coarse) for coarse in (False, True))
     assert (fine.packing["columns.log_scales"], coarse.packing["columns.log_scales"]) == ("fixed10", "fixed8")
+    assert (fine.packing["columns.quats"], coarse.packing["columns.quats"]) == ("quaternions32", "turns24")
     middle = tensors["columns.log_scales"].sort(-1).values[:, 1].exp().sort().values[4]
     error = (unpack_tensors(coarse)["columns.means"] - tensors["columns.means"]).abs().max()
     reach = (tensors["columns.means"].amax(0) - tensors["columns.means"].amin(0)).max()
@@ -156,6 +158,26 @@ def test_directions_turn_by_less_than_a_quarter_of_a_degree(rows: int, seed: int
 def test_the_axes_are_directions_that_lose_nothing() -> None:
     axes = torch.cat([torch.eye(3), -torch.eye(3)])
     torch.testing.assert_close(there_and_back("directions20", axes), axes, rtol=0, atol=1e-7)
+
+
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=SPREAD)
+def test_turns_show_the_same_ellipsoid_within_little_more_than_a_degree(rows: int, seed: int, spread: float) -> None:
+    quats = noise(rows, 4, seed=seed, spread=spread)
+    restored = there_and_back("turns24", quats)
+    before, after = (
+        Gaussians(torch.zeros(rows, 3), torch.zeros(rows, 3), q, torch.zeros(rows)).rotations.double()
+        for q in (quats, restored)
+    )
+    # Each axis lies along its own line; its sign is free.
+    along = (before * after).sum(1).abs().clamp(max=1)
+    assert (along.acos() <= math.radians(1.2)).all()
+    assert sum(tensor.numel() for tensor in PACKINGS["turns24"].pack(quats).values()) == 3 * rows
+
+
+def test_half_turns_are_no_turn() -> None:
+    quats = torch.cat([torch.eye(4), -torch.eye(4), torch.zeros(1, 4)])
+    torch.testing.assert_close(there_and_back("turns24", quats), torch.eye(4)[:1].expand(9, 4), rtol=0, atol=1e-7)
 
 
 @MANY

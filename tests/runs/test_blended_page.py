@@ -24,7 +24,8 @@ from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_
 from ringlight.runs.edit import edit_light
 from ringlight.runs.light_pack import COLORS, LightPack, pack_between, transformed, write_pack
 from ringlight.runs.opened import Opened, open_model
-from ringlight.runs.share import page_for, share
+from ringlight.runs.share import share
+from ringlight.runs.sized_page import page_for
 
 VIEWS, SIDE = 6, 64
 
@@ -82,7 +83,7 @@ def picture(opened: Opened, camera: Camera, pack: LightPack | None = None) -> to
     """What the page holds, exactly drawn."""
     stored, model = opened.stored, opened.stored.model.splats()
     assert model is not None
-    page, _ = page_for(opened, model, None, ())
+    page = page_for(opened, model, None, ())
     tensors = unpack_tensors(page.packed)
     if pack is not None:
         light = pack.tensors

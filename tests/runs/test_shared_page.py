@@ -28,7 +28,8 @@ from ringlight.files.page.modules import joined
 from ringlight.methods.store import StoredModel, model_of_tensors, save_model, tensors_from_cameras
 from ringlight.models.splats import SplatModel
 from ringlight.runs.opened import open_model
-from ringlight.runs.share import page_for, share
+from ringlight.runs.share import share
+from ringlight.runs.sized_page import page_for
 
 VIEWS, SIDE = 6, 72
 
@@ -96,7 +97,7 @@ def as_page_holds(folder: Path) -> tuple[StoredModel, SplatModel]:
     opened = open_model(folder)
     stored, model = opened.stored, opened.stored.model.splats()
     assert model is not None
-    page, _ = page_for(opened, model, None, ())
+    page = page_for(opened, model, None, ())
     tensors = unpack_tensors(page.packed) | tensors_from_cameras(stored.cameras)
     packed = model_of_tensors(tensors, stored.header, stored.rasterize, folder).model.splats()
     assert packed is not None
@@ -253,6 +254,32 @@ def test_a_moving_picture_ends_whole(pages: dict[str, Path], page: Tab) -> None:
     page.page.evaluate("window.ringlight.move((pose) => pose.moved(0.1, 0, 0))")
     page.wait_until("window.widths.at(-1) === 400 && window.widths.length > 1")
     assert page.page.evaluate("window.widths[0]") == 100
+
+
+COLORED = """() => {
+  const { kind, seen } = window.ringlight.viewer.picture, { made } = kind.colored;
+  const rows = Array.from(seen.rows.subarray(0, seen.count));
+  return { now: made.filter((when) => when === 2).length, seen: seen.count, all: rows.every((row) => made[row] === 2) };
+}"""
+
+
+@pytest.mark.parametrize("method", ["3dgs", "ringlight-ring"])
+def test_only_what_is_seen_is_coloured_and_only_once(method: str, pages: dict[str, Path], page: Tab) -> None:
+    """Going near makes the colours of what is in view; turning there, only those that come into it."""
+    page.open(pages[method])
+    gaussians = page.page.evaluate("window.ringlight.facts.gaussians")
+    page.page.evaluate("window.ringlight.move((pose) => pose.nearer(0.3))")
+    page.values()
+    near = page.page.evaluate(COLORED)
+    assert near["now"] == near["seen"] < gaussians
+    page.page.evaluate("window.ringlight.move((pose) => pose.turned(0.4, 0, window.ringlight.facts.up, false))")
+    seen = page.values()
+    turned = page.page.evaluate(COLORED)
+    assert turned["all"]
+    assert max(near["now"], turned["seen"]) < turned["now"]
+    page.page.evaluate("window.ringlight.viewer.picture.kind.colored.wish = null")
+    assert np.array_equal(page.values(), seen), "colours made at once are those made one after the other"
+    assert page.page.evaluate(COLORED)["now"] == turned["seen"]
 
 
 def test_the_address_holds_the_camera(pages: dict[str, Path], page: Tab) -> None:

@@ -1,5 +1,6 @@
 """``ringlight share MODEL OUT.html``: the model itself as one page for any browser."""
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,8 +73,12 @@ def _sentences(shared: "Shared") -> str:
         f"{shared.file}: {numbered(shared.counted, shared.noun)}, {shared.bytes_file / MEGABYTE:.3f} MB; "
         "open it in a browser",
         f"  its pictures against the model's, from {counted(shared.pictures, 'training camera')}: "
-        f"{shared.picture_psnr:.1f} dB PSNR",
+        f"{_nearness(shared.picture_psnr)}",
     ]
     if left_out:
         lines.insert(1, f"  {numbered(left_out, shared.noun)} that show least were left out")
     return "\n".join(lines) + "\n"
+
+
+def _nearness(decibels: float) -> str:
+    return f"{decibels:.1f} dB PSNR" if math.isfinite(decibels) else "no difference"

@@ -1,4 +1,4 @@
-"""Directions and rotations in fewer bytes: octahedral coordinates of 2 x 10 bit, the smallest three of a quaternion.
+"""Directions and rotations in fewer bytes: octahedral coordinates of 2 x 10 bit, three components of a quaternion.
 
 Parts and errors are as in ``pack_numbers``. Lengths are not kept: what is packed here is normalized where it is used.
 """
@@ -16,6 +16,9 @@ mirror's reflections lose some 2 dB."""
 
 QUATERNION_STEPS = 1022
 """The same for a quaternion's components, so that no rotation is exactly none."""
+
+TURN_STEPS = 254
+"""Even, and what 8 bits hold."""
 
 SMALLEST_THREE = 0.5**0.5
 """The three smaller components of a unit quaternion lie within this."""
@@ -75,3 +78,29 @@ def _others(largest: Int[Tensor, "N"]) -> Int[Tensor, "N 3"]:
     """The three components besides the largest, ascending."""
     table = torch.tensor([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
     return table[largest]
+
+
+def pack_turns(quats: Float[Tensor, "N 4"]) -> Parts:
+    """Three bytes each, at most 1.2 degrees off: an ellipsoid's axes have no sign, so that half a turn about one of
+    them changes nothing. Of the four quaternions which show the same that is taken whose w is largest, and x, y, z are
+    kept in 8 bit each. What comes back is another rotation of the same ellipsoid: not for axes that point somewhere.
+    """
+    length = quats.double().norm(dim=-1, keepdim=True)
+    w, x, y, z = torch.where(length > 0, quats / length, quats.new_tensor([1.0, 0, 0, 0])).double().unbind(-1)
+    half_turned = [torch.stack(turn, -1) for turn in ((w, x, y, z), (-x, w, z, -y), (-y, -z, w, x), (-z, y, -x, w))]
+    same = torch.stack(half_turned, 1)
+    chosen = same[:, :, 0].abs().argmax(1)
+    turn = same.gather(1, chosen[:, None, None].expand(-1, 1, 4))[:, 0]
+    axis = turn[:, 1:] * torch.where(turn[:, :1] < 0, -1.0, 1.0)
+    codes = ((axis / SMALLEST_THREE + 1) * (TURN_STEPS / 2)).round().clamp(0, TURN_STEPS)
+    return {"codes": codes.to(torch.uint8)}
+
+
+def unpack_turns(parts: Parts) -> Float[Tensor, "N 4"]:
+    """Unit quaternions wxyz of the ellipsoids of :func:`pack_turns`."""
+    codes = part(parts, "codes", torch.uint8, 2).double()
+    if codes.shape[1] != 3:
+        raise ValueError("turns of another size than three bytes")
+    axis = (codes * (2 / TURN_STEPS) - 1) * SMALLEST_THREE
+    turn = torch.cat([(1 - axis.square().sum(-1, keepdim=True)).clamp_min(0).sqrt(), axis], -1)
+    return (turn / turn.norm(dim=-1, keepdim=True)).float()

@@ -20,8 +20,10 @@ from ringlight.files.pack_codebook import pack_codebook, unpack_codebook
 from ringlight.files.pack_directions import (
     pack_directions,
     pack_quaternions,
+    pack_turns,
     unpack_directions,
     unpack_quaternions,
+    unpack_turns,
 )
 from ringlight.files.pack_numbers import (
     LARGEST_HALF,
@@ -62,6 +64,7 @@ PACKINGS = {
     "share8": Packing(pack_share, unpack_share),
     "directions20": Packing(pack_directions, unpack_directions),
     "quaternions32": Packing(pack_quaternions, unpack_quaternions),
+    "turns24": Packing(pack_turns, unpack_turns),
     "codebook": Packing(pack_codebook, unpack_codebook),
 }
 """By the names that model files use; a name never changes its meaning."""
@@ -105,9 +108,12 @@ SHIFT = 0.01
 """Positions may move by this share of a usual Gaussian's largest standard deviation, which changes what it adds to a
 pixel by 0.6 % of its peak at most. 16 bits do in scenes of one object, unbounded scenes take 24."""
 
-COARSE_SCALES, COARSE_STEP, SMALL = "fixed8", 0.04, 0.1
-"""Coarse scales, and the step of coarse positions in standard deviations: along the middle axis of a Gaussian than
-which this share of all is smaller."""
+COARSE: Plan = ((SCALES, "fixed8"), ("columns.quats", "turns24"))
+"""Of what is rounded further."""
+
+COARSE_STEP, SMALL = 0.05, 0.1
+"""The step of coarse positions in standard deviations: along the middle axis of a Gaussian than which this share of all
+is smaller."""
 
 
 @dataclass(frozen=True)
@@ -119,10 +125,10 @@ class Packed:
 
 
 def pack_tensors(tensors: Mapping[str, Tensor], plan: Plan = PLAN, coarse: bool = False) -> Packed:
-    """Every tensor by the plan; ``coarse``, scales, positions and weights are rounded further, which takes fewer bytes
-    once they are deflated."""
+    """Every tensor by the plan; ``coarse``, scales, rotations, positions and weights are rounded further, which takes
+    fewer bytes once they are deflated."""
     if coarse:
-        plan = ((SCALES, COARSE_SCALES), *plan)
+        plan = (*COARSE, *plan)
     stored: dict[str, Tensor] = {}
     packing: dict[str, str] = {}
     for name, tensor in counted("packing", list(tensors.items())):

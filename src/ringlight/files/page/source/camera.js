@@ -1,10 +1,13 @@
 const STEEPEST = 1.55; // radians above or below the horizon that a view is turned to
 
-// A pinhole as core/camera.py has it: x right, y down, z forward; `pose` is world to camera, three rows of four.
-export function cameraOf(pose, focal, center, size) {
-  const [a, b, c, x, d, e, f, y, g, h, i, z] = pose;
-  const position = [-(a * x + d * y + g * z), -(b * x + e * y + h * z), -(c * x + f * y + i * z)];
+// A pinhole as core/camera.py has it: x right, y down, z forward; `pose` is world to camera, three rows of four. Who
+// knows the `position` gives it: computed, it would change by a rounding when the camera only turns.
+export function cameraOf(pose, focal, center, size, position = positionOf(pose)) {
   return { pose, focal, center, size, position };
+}
+
+function positionOf([a, b, c, x, d, e, f, y, g, h, i, z]) {
+  return [-(a * x + d * y + g * z), -(b * x + e * y + h * z), -(c * x + f * y + i * z)];
 }
 
 // The same view in a picture of another size, whole: what is missing at two sides is shown in addition.
@@ -12,7 +15,7 @@ export function fitted(camera, size) {
   const factor = Math.min(size[0] / camera.size[0], size[1] / camera.size[1]);
   const focal = camera.focal.map((value) => value * factor);
   const center = camera.center.map((value, axis) => size[axis] / 2 + (value - camera.size[axis] / 2) * factor);
-  return cameraOf(camera.pose, focal, center, size);
+  return cameraOf(camera.pose, focal, center, size, camera.position);
 }
 
 // A place to look from: `turn` are the rows right, down, forward; `reach` is how far in front the view turns about.

@@ -1,46 +1,71 @@
-// Colours of all Gaussians from where the camera is, in a texture: made again only when its position or the fader
-// changes.
+// Colours of the Gaussians that can be seen from where the camera is, in a texture: each made again only when the camera's
+// position or the fader has changed since.
 import { Texture, texelRows } from "./gl.js";
 
-const HEIGHT_AT_ONCE = 8; // rows of 2048 Gaussians that a moving camera recolours in one picture
+const AT_ONCE = 8 * 2048; // Gaussians that a moving camera recolours in one picture
+const NEVER = 0,
+  EARLIER = 1,
+  NOW = 2; // when a Gaussian's colour was made
 
 export class Colors {
   // `recolor` is the program that makes them of these textures, numbers and whole numbers.
   constructor(gl, recolor, rows, { textures, numbers = {}, wholes = {} }) {
-    Object.assign(this, { gl, recolor, rows, textures, numbers, wholes });
-    this.colors = new Texture(gl, "rgba32ui", 2048, texelRows(rows));
+    Object.assign(this, { gl, recolor, textures, numbers, wholes });
+    const height = texelRows(rows);
+    this.colors = new Texture(gl, "rgba32ui", 2048, height);
+    this.wanted = new Texture(gl, "r8ui", 2048, height); // one where a colour is to be made
     this.target = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.colors.texture, 0);
-    // Camera position and fader of the colours, how many rows of 2048 are still of earlier ones, and the next of them.
-    this.made = null;
+    this.made = new Uint8Array(2048 * height).fill(NEVER);
+    this.marks = new Uint8Array(2048 * height);
+    this.wish = null; // camera position and fader that NOW stands for
   }
 
-  // Bring the colours up to date; with `some` only a part of them, if there are many. True once all are.
-  prepare({ position }, residual, some) {
-    const wish = [...position, residual].join(),
-      height = this.colors.height;
-    if (this.made?.wish !== wish) this.made = { wish, left: height, next: this.made?.next ?? 0 };
-    if (!this.made.left) return true;
-    const gl = this.gl,
-      lines = some ? Math.min(HEIGHT_AT_ONCE, this.made.left) : this.made.left;
-    const first = this.made.next;
-    this.recolor
-      .use()
-      .textures(this.textures)
-      .numbers({ ...this.numbers, position, residual });
-    this.recolor.wholes({ ...this.wholes, rows: this.rows });
-    gl.enable(gl.SCISSOR_TEST);
-    for (let line = 0; line < lines;) {
-      const from = (first + line) % height,
-        here = Math.min(lines - line, height - from);
-      gl.scissor(0, from, 2048, here);
-      this.recolor.draw(this.target, 2048, height);
-      line += here;
+  // Bring the colours of what is `seen` up to date, nearest first; with `some` only a part of those that have one. True
+  // once all are.
+  prepare({ camera, seen }, residual, some) {
+    const wish = [...camera.position, residual].join();
+    if (this.wish !== wish) {
+      this.wish = wish;
+      for (let row = 0; row < this.made.length; row++) if (this.made[row] === NOW) this.made[row] = EARLIER;
     }
+    const { left, first, last } = this.mark(seen, some ? AT_ONCE : Infinity);
+    if (first > last) return true;
+    const gl = this.gl,
+      lines = last - first + 1;
+    this.wanted.writeRows(this.marks, first, lines);
+    const textures = { ...this.textures, wanted: this.wanted };
+    const numbers = { ...this.numbers, position: camera.position, residual };
+    this.recolor.use().textures(textures).numbers(numbers).wholes(this.wholes);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(0, first, 2048, lines);
+    this.recolor.draw(this.target, 2048, this.colors.height);
     gl.disable(gl.SCISSOR_TEST);
-    this.made.next = (first + lines) % height;
-    this.made.left -= lines;
-    return this.made.left === 0;
+    this.marks.fill(0, 2048 * first, 2048 * (last + 1));
+    return left === 0;
+  }
+
+  // Mark what is to be made: all that never was, and `most` of the others. How many of these are left, and the first
+  // and last line of the texture with a mark.
+  mark({ rows, count }, most) {
+    const { made, marks } = this;
+    let left = 0,
+      first = Infinity,
+      last = -1;
+    for (let place = 0; place < count; place++) {
+      const row = rows[place];
+      if (made[row] === NOW) continue;
+      if (made[row] === EARLIER && most-- <= 0) {
+        left++;
+        continue;
+      }
+      made[row] = NOW;
+      marks[row] = 1;
+      const line = row >> 11;
+      if (line < first) first = line;
+      if (line > last) last = line;
+    }
+    return { left, first, last };
   }
 }

@@ -6,6 +6,7 @@ export const texelRows = (count) => Math.max(Math.ceil(count / WIDTH), 1);
 const FORMATS = {
   rgba32f: ["RGBA32F", "RGBA", "FLOAT", 4, Float32Array],
   rg32ui: ["RG32UI", "RG_INTEGER", "UNSIGNED_INT", 2, Uint32Array],
+  r8ui: ["R8UI", "RED_INTEGER", "UNSIGNED_BYTE", 1, Uint8Array],
   r32ui: ["R32UI", "RED_INTEGER", "UNSIGNED_INT", 1, Uint32Array],
   rgba32ui: ["RGBA32UI", "RGBA_INTEGER", "UNSIGNED_INT", 4, Uint32Array],
   rgba8ui: ["RGBA8UI", "RGBA_INTEGER", "UNSIGNED_BYTE", 4, Uint8Array],
@@ -28,11 +29,16 @@ export class Texture {
   }
 
   write(values, count) {
+    this.writeRows(values, 0, Math.ceil(count / this.width));
+  }
+
+  // Replace `rows` rows from the `first` on by the same rows of `values`, which begin with row 0.
+  writeRows(values, first, rows) {
     const gl = this.gl,
-      [, layout, type] = this.format;
+      [, layout, type, channels] = this.format,
+      from = first * this.width * channels;
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
-    const rows = Math.ceil(count / this.width);
-    if (rows) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.width, rows, gl[layout], gl[type], values);
+    if (rows) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, first, this.width, rows, gl[layout], gl[type], values, from);
   }
 
   free() {

@@ -3,7 +3,8 @@
 uniform sampler2D means, dc;
 uniform vec3 position;
 uniform float residual;
-uniform int rows, degree;
+uniform usampler2D wanted;
+uniform int degree;
 layout(location = 0) out uvec4 color;
 
 const float C0 = 0.28209479177387814, C1 = 0.4886025119029199;
@@ -53,7 +54,7 @@ vec3 seen(int row, vec3 v) {
 
 void main() {
   int row = int(gl_FragCoord.x) + 2048 * int(gl_FragCoord.y);
-  if (row >= rows) discard;
+  if (texelFetch(wanted, ivec2(gl_FragCoord.xy), 0).r == 0u) discard;
   vec3 constant = 0.5 + C0 * numbered(dc, row).xyz;
   vec3 direction = unit(numbered(means, row).xyz - position);
   color = uvec4(floatBitsToUint(max(constant + residual * seen(row, direction), 0.0)), 0u);

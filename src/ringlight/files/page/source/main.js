@@ -32,9 +32,9 @@ async function begin(facts, payload) {
     canvas.style.width = own ? `${own.size[0]}px` : "100%";
     canvas.style.height = own ? `${own.size[1]}px` : "100%";
     const scaled = size.map((side) => Math.max(Math.round(side * scale), 1));
-    return own && scale === 1
-      ? own
-      : fitted(cameraOf(state.pose.numbers(), state.lens.focal, state.lens.center, state.lens.size), scaled);
+    if (own && scale === 1) return own;
+    const { focal, center, size: lensSize } = state.lens;
+    return fitted(cameraOf(state.pose.numbers(), focal, center, lensSize, state.pose.position), scaled);
   };
   const viewer = new Viewer(picture, worker, wished);
   viewer.onfailure = (error) => fallBack(error.message);

@@ -47,8 +47,8 @@ export class MirrorKind {
 
   // Nothing else of a Gaussian depends on the camera but which way its normal looks, and that the lists say. Colours
   // are whole whatever the fader says: the network sees them, and what they have of the view is faded in the picture.
-  prepare(camera, _, some) {
-    return this.colored?.prepare(camera, 1, some) ?? true;
+  prepare(view, _, some) {
+    return this.colored?.prepare(view, 1, some) ?? true;
   }
 
   bound(lists, camera, residual) {

@@ -2,6 +2,7 @@
 import { numbered, Texture } from "./gl.js";
 import { inLightOf, lightShares } from "./lights.js";
 import { MirrorKind } from "./mirror_kind.js";
+import { ELLIPSE } from "./projection.js";
 import { SplatKind } from "./splat_kind.js";
 
 const LIST_WIDTH = 2048,
@@ -26,6 +27,7 @@ export class Picture {
     this.kind = this.make(model);
     this.relit = new Map(); // kinds in the light of a pack, by its number; made when first asked for
     this.ellipses = numbered(gl, "rgba32f", 2 * model.facts.gaussians);
+    this.seen = { rows: new Uint32Array(model.facts.gaussians), count: 0 }; // nearest first
     this.tiles = null;
     this.entries = null;
     this.most = LIST_WIDTH * Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE), LIST_ROWS);
@@ -45,6 +47,9 @@ export class Picture {
   load(lists) {
     const gl = this.gl;
     this.ellipses.write(lists.ellipses, 2 * lists.count);
+    for (let place = 0; place < lists.count; place++)
+      this.seen.rows[place] = Math.abs(lists.ellipses[ELLIPSE * place + 3]) - 1;
+    this.seen.count = lists.count;
     if (this.tiles?.width !== lists.across || this.tiles.height !== lists.down) {
       this.tiles?.free();
       this.tiles = new Texture(gl, "rg32ui", lists.across, lists.down);
@@ -85,7 +90,7 @@ export class Picture {
   drawKind(kind, { layer, amount, background, some }, target, share) {
     const { gl, lists } = this,
       { camera, side } = lists;
-    const exact = kind.prepare(camera, amount, some);
+    const exact = kind.prepare({ camera, seen: this.seen }, amount, some);
     const program = kind.bound({ ellipses: this.ellipses, tiles: this.tiles, entries: this.entries }, camera, amount);
     program.wholes({ size: camera.size, side, layer: LAYERS.indexOf(layer) });
     program.numbers({ background, nearFar: this.facts.nearFar });

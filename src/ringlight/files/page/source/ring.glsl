@@ -3,7 +3,7 @@
 uniform sampler2D means, surfaces, axes, view, core, shading;
 uniform vec3 position, boxLow, boxSize, gain;
 uniform float residual;
-uniform int rows;
+uniform usampler2D wanted;
 layout(location = 0) out uvec4 color;
 
 const int R4 = RANK / 4, LATENT_TEXELS = (LATENTS + 3) / 4;
@@ -118,7 +118,7 @@ vec3 light(int row, vec3 base) {
 
 void main() {
   int row = int(gl_FragCoord.x) + 2048 * int(gl_FragCoord.y);
-  if (row >= rows) discard;
+  if (texelFetch(wanted, ivec2(gl_FragCoord.xy), 0).r == 0u) discard;
   vec3 base = numbered(surfaces, row * (1 + LATENT_TEXELS)).xyz, shown = base;
   if (residual != 0.0) {
     shown += residual * gain * light(row, base);

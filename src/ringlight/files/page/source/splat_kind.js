@@ -30,8 +30,8 @@ export class SplatKind {
   }
 
   // Bring the colours up to date; with `some` only a part of them, if there are many. True once all are.
-  prepare(camera, residual, some) {
-    return this.colored.prepare(camera, residual, some);
+  prepare(view, residual, some) {
+    return this.colored.prepare(view, residual, some);
   }
 
   // The program of pictures with what is this kind's own.

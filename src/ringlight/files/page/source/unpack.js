@@ -1,6 +1,7 @@
 // Numbers as `ringlight compress` packs them, back to floats; the twin of files/pack_numbers.py and pack_directions.py.
 const OCTAHEDRAL_STEPS = 1022,
   QUATERNION_STEPS = 1022,
+  TURN_STEPS = 254,
   DARKEST = 0.25 / 255;
 
 const OTHERS = [
@@ -21,6 +22,7 @@ const UNPACKINGS = {
   share8: unpackShare,
   directions20: unpackDirections,
   quaternions32: unpackQuaternions,
+  turns24: unpackTurns,
 };
 
 // All tensors by name, { shape, values }; what was not packed is as it was.
@@ -113,6 +115,21 @@ function unpackQuaternions({ words }) {
       left -= value * value;
     });
     values[4 * row + largest] = Math.sqrt(Math.max(left, 0));
+  }
+  return { shape: [rows, 4], values };
+}
+
+function unpackTurns({ codes }) {
+  const rows = codes.shape[0],
+    values = new Float32Array(rows * 4);
+  for (let row = 0; row < rows; row++) {
+    let left = 1;
+    for (let k = 0; k < 3; k++) {
+      const value = (codes.values[3 * row + k] * (2 / TURN_STEPS) - 1) * Math.SQRT1_2;
+      values[4 * row + 1 + k] = value;
+      left -= value * value;
+    }
+    values[4 * row] = Math.sqrt(Math.max(left, 0));
   }
   return { shape: [rows, 4], values };
 }

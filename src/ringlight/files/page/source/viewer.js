@@ -13,7 +13,6 @@ export class Viewer {
     this.spare = picture.buffers();
     this.scale = 1;
     this.changed = -Infinity;
-    this.shown = null; // what the last exact picture was made of
     this.waiting = [];
     this.answers = [];
     worker.onerror = (event) => this.fail(new Error(event.message));

@@ -1,0 +1,174 @@
+"""The page of a model, as coarse as its pictures allow, and thinned to a budget where there is one."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+import torch
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.gradients import COLUMNS
+from ringlight.core.stages import counted, tell
+from ringlight.core.want import Want
+from ringlight.core.words import MEGABYTE
+from ringlight.errors import RunError
+from ringlight.files.packed import Packed, pack_tensors, unpack_tensors
+from ringlight.files.page.document import page_of, program_texts
+from ringlight.files.page.payload import payload_of
+from ringlight.files.page.shown import shown_of
+from ringlight.fit.strategies.drop_least import blending_weights
+from ringlight.fit.strategies.removal_effects import removal_effects
+from ringlight.measure import metrics
+from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_cameras
+from ringlight.models.splats import SplatModel
+from ringlight.runs.light_pack import LightPack
+from ringlight.runs.opened import Opened
+from ringlight.runs.page_facts import background_of, caption_of, facts_of_page, numbers_of_stops, still_of, stops_of
+
+LARGEST_PAGE = 40e6
+"""Bytes of a page that is made without being asked for: one and a half million Gaussians of a mirror. Phones have no
+room for more, and mail takes less."""
+
+MOST_PICTURES = 5
+"""Training cameras from which the page's model is held against the model."""
+
+GOOD_ENOUGH = 56.0
+"""dB of these pictures from which on numbers are rounded coarsely: a seventh of the bytes for some 5 dB. Nobody sees a
+difference of 50."""
+
+WEIGHING_CAMERAS = 30
+"""Training cameras that say which Gaussians show least, evenly spread."""
+
+THINNINGS = 6
+"""Times that a budget is approached: each page's size says how many Gaussians the next one may have."""
+
+NEARLY = 0.98
+"""Share of the budget that is aimed at, so that the next page is not a few bytes too large."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """A document, what it holds, and how near pictures of that are to the model's: dB, from each camera compared."""
+
+    packed: Packed
+    gaussians: int
+    document: bytes
+    decibels: tuple[float, ...] = ()
+
+
+def page_for(opened: Opened, model: SplatModel, budget: float | None, packs: Sequence[LightPack]) -> Page:
+    """The page with coarse numbers, with finer ones where those show too much, or with as many Gaussians as fit.
+
+    Raises RunError for a page that is too large without a ``budget`` in bytes, or for a budget that none fits.
+    """
+    pages = _Pages(opened, model, packs)
+    tensors = model.rendering_tensors()
+    whole = pages.of(tensors, coarse=True)
+    if budget is None and len(whole.document) > LARGEST_PAGE:
+        raise RunError(
+            f"{opened.file}: its page would take {len(whole.document) / MEGABYTE:.0f} MB, and browsers have trouble "
+            f"with more than {LARGEST_PAGE / MEGABYTE:.0f}; give --budget 20 to leave out the Gaussians that show least"
+        )
+    if budget is not None and len(whole.document) > budget:
+        return _thinned(pages, tensors, whole, budget)
+    compared = pages.compared(whole)
+    if fmean(compared.decibels) >= GOOD_ENOUGH:
+        return compared
+    finer = pages.of(tensors, coarse=False)
+    if budget is not None and len(finer.document) > budget:
+        return compared
+    return _nearer(compared, pages.compared(finer))
+
+
+class _Pages:
+    """Pages of one model, with all that does not depend on which of its Gaussians they hold."""
+
+    def __init__(self, opened: Opened, model: SplatModel, packs: Sequence[LightPack]):
+        self.opened, self.model, self.packs = opened, model, packs
+        stored, stops = opened.stored, stops_of(opened.stored.cameras)
+        tell("looking at the model")
+        shown = facts_of_page(stored, model, shown_of(model), stops)
+        self.facts = shown | {"lights": [pack.scene for pack in packs]}
+        self.still, self.others = still_of(stored, model), {"cameras": numbers_of_stops(stops)}
+        self.title = f"{stored.header.scene.name}, {stored.header.preset}"
+
+    def of(self, tensors: Mapping[str, Tensor], coarse: bool) -> Page:
+        packed = pack_tensors(tensors, coarse=coarse)
+        payload = payload_of(_lit_by(packed, self.packs), self.others, program_texts())
+        gaussians, document = len(tensors[f"{COLUMNS}means"]), b""
+        for size in (0, 1):  # the caption says how large the page is with it
+            caption = caption_of(self.opened.stored, gaussians, len(document) * size)
+            facts = self.facts | {"gaussians": gaussians, "caption": caption}
+            document = page_of(self.title, facts, payload, self.still)
+        return Page(packed, gaussians, document)
+
+    def compared(self, page: Page) -> Page:
+        return Page(page.packed, page.gaussians, page.document, tuple(_nearness(self.opened, page.packed)))
+
+
+def _thinned(pages: _Pages, tensors: Mapping[str, Tensor], whole: Page, budget: float) -> Page:
+    """What shows least can be told in two ways, and which is better depends on the model: both are tried."""
+    spare = len(pages.of(_rows(tensors, torch.zeros(1, dtype=torch.long)), coarse=True).document)
+    best: Page | None = None
+    for worth in (_by_weights, _by_effects):
+        order = worth(pages.opened.stored, pages.model).argsort(descending=True, stable=True)
+        page = whole
+        for _ in range(THINNINGS if spare < budget else 0):
+            share = (budget * NEARLY - spare) / (len(page.document) - spare)
+            page = pages.of(_rows(tensors, order[: max(int(page.gaussians * share), 1)]), coarse=True)
+            if len(page.document) <= budget:
+                best = _nearer(best, pages.compared(page))
+                break
+    if best is None:
+        raise RunError(f"{pages.opened.file}: no page of it fits into {budget / MEGABYTE:g} MB; give a larger --budget")
+    return best
+
+
+def _nearer(one: Page | None, other: Page) -> Page:
+    return one if one is not None and fmean(one.decibels) >= fmean(other.decibels) else other
+
+
+def _lit_by(packed: Packed, packs: Sequence[LightPack]) -> Packed:
+    """With the tensors of each pack, as it stores them, below "light.0.", "light.1.", …"""
+    tensors, packing = dict(packed.tensors), dict(packed.packing)
+    for number, pack in enumerate(packs):
+        tensors |= {f"light.{number}.{name}": tensor for name, tensor in pack.stored.tensors.items()}
+        packing |= {f"light.{number}.{name}": kind for name, kind in pack.stored.packing.items()}
+    return Packed(tensors, packing)
+
+
+def _by_weights(stored: StoredModel, model: SplatModel) -> Tensor:
+    """What each row adds to the training cameras' pictures."""
+    cameras = _spread(stored.cameras, WEIGHING_CAMERAS)
+    return blending_weights(model, list(counted("weighing Gaussians", cameras)))
+
+
+def _by_effects(stored: StoredModel, model: SplatModel) -> Tensor:
+    """What these pictures would lose without each row alone."""
+    cameras = _spread(stored.cameras, WEIGHING_CAMERAS)
+    watched = list(counted("trying pictures without each Gaussian", cameras))
+    return removal_effects(model, watched, background_of(stored), seed=0, step=0)
+
+
+def _rows(tensors: Mapping[str, Tensor], chosen: Tensor) -> dict[str, Tensor]:
+    """The chosen rows of the table, in its order."""
+    rows = chosen.sort().values
+    return {name: tensor[rows] if name.startswith(COLUMNS) else tensor for name, tensor in tensors.items()}
+
+
+@torch.no_grad()
+def _nearness(opened: Opened, packed: Packed) -> Iterator[float]:
+    """PSNR of what the page holds against the model, dB, from a few training cameras; infinite where both are alike."""
+    stored = opened.stored
+    tensors = unpack_tensors(packed) | tensors_from_cameras(stored.cameras)
+    after = model_of_tensors(tensors, stored.header, stored.rasterize, opened.file).model
+    background = background_of(stored)
+    for camera in counted("comparing pictures", _spread(stored.cameras, MOST_PICTURES)):
+        pictures = [one.render(camera, background, Want.EXACT).color.clamp(0, 1) for one in (after, stored.model)]
+        yield metrics.psnr(*pictures)
+
+
+def _spread(cameras: Sequence[Camera], most: int) -> list[Camera]:
+    count = min(len(cameras), most)
+    return [cameras[index * len(cameras) // count] for index in range(count)]
