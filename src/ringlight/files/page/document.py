@@ -20,12 +20,15 @@ from ringlight.files.page_policy import page_policy
 SOURCE = Path(__file__).parent / "source"
 """The page's own files."""
 
+STYLES = ("style.css", "panel.css")
+"""One style sheet, in this order."""
+
 STRICT = '"use strict";\n'
 
 
 def page_of(title: str, facts: dict[str, Any], payload: bytes, still: bytes) -> bytes:
     """The HTML file. ``facts`` are JSON values; ``payload`` holds :func:`program_texts`; ``still`` is a JPEG."""
-    script, style = _script(), slim(_sources()["style.css"])
+    script, style = _script(), slim("".join(_sources()[name] for name in STYLES))
     text = Template(_sources()["page.html"]).substitute(
         policy=page_policy([script, program_texts()["main.js"]], style, workers=True),
         title=html.escape(title),
