@@ -40,7 +40,7 @@ addEventListener("load", () => {
   select.dispatchEvent(new Event("change"));
   const over = [...view.querySelectorAll(".over")], key = view.dataset.key;
   found.left = over.every((one) => one.src === document.getElementById(key + "-1").src);
-  found.broken = [...document.images].filter((image) => image.loading !== "lazy" && !image.naturalWidth).length;
+  found.broken = [...document.images].filter((image) => !image.naturalWidth).length;
 });
 """
 

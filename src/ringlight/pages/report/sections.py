@@ -131,7 +131,7 @@ def _card(view: ViewShown, key: str, scale: Html) -> Html:
         class_="photograph",
     )
     best = None if alone else max(run.psnr for run in view.runs)
-    errors = [element("img", src=run.error, alt="error", class_="error", loading="lazy", **size) for run in view.runs]
+    errors = [element("img", src=run.error, alt="error", class_="error", decoding="async", **size) for run in view.runs]
     if alone:  # its error map stands beside the picture, where other runs' pictures would
         shots = [
             _shot(view.runs[0], key, best, size),
@@ -164,7 +164,7 @@ def layers(shown: Sequence[LayersShown], troubles: Sequence[str]) -> Html:
         figures = [
             element(
                 "figure",
-                element("img", src=one.pictures[layer], alt=CAPTIONS[layer], loading="lazy"),
+                element("img", src=one.pictures[layer], alt=CAPTIONS[layer], decoding="async"),
                 element("figcaption", CAPTIONS[layer]),
             )
             for layer in layer_names([one])
