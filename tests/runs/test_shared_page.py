@@ -16,6 +16,7 @@ import torch
 from scenes_on_disk import write_tiny_scene
 
 from browsers import Tab, chromium, playwright, tab
+from ringlight.bench.page import SCRIPTS
 from ringlight.cli.main import run
 from ringlight.color.harmonics import sh_colors_reference
 from ringlight.core.camera import Camera
@@ -277,9 +278,23 @@ def test_only_what_is_seen_is_coloured_and_only_once(method: str, pages: dict[st
     turned = page.page.evaluate(COLORED)
     assert turned["all"]
     assert max(near["now"], turned["seen"]) < turned["now"]
-    page.page.evaluate("window.ringlight.viewer.picture.kind.colored.wish = null")
+    page.page.evaluate("window.ringlight.viewer.picture.kind.colored.forget()")
     assert np.array_equal(page.values(), seen), "colours made at once are those made one after the other"
     assert page.page.evaluate(COLORED)["now"] == turned["seen"]
+
+
+TIMED = """(async () => {
+  const { colored } = window.ringlight.viewer.picture.kind, forget = colored.forget.bind(colored);
+  let times = 0;
+  colored.forget = () => (times++, forget());
+  await picture(0);
+  return times;
+})()"""
+
+
+def test_a_timed_picture_is_also_timed_with_new_colours(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["ringlight-basis"])
+    assert page.page.evaluate(f"(0, eval)({json.dumps(SCRIPTS.read_text('utf-8') + TIMED)})") == 1
 
 
 def test_the_address_holds_the_camera(pages: dict[str, Path], page: Tab) -> None:

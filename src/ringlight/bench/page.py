@@ -60,7 +60,7 @@ class PageRow:
     picture_ms: float
     """The graphics card's part, until a pixel can be read; colours of Gaussians as they were."""
     recolored_ms: float
-    """The same with the colours of all Gaussians made anew, as when the camera's position has changed."""
+    """The same with the colours of all that are seen made anew, as when the camera's position has changed."""
     pictures: int
     """That were timed."""
     entries: int

@@ -13,14 +13,16 @@ async function picture(turn) {
   window.ringlight.move((pose) => pose.turned(0.9 * turn, 0, [0, 0, 1], true));
   await window.ringlight.settled();
   const { viewer } = window.ringlight, { picture } = viewer, { gl } = picture, pixel = new Uint8Array(4);
+  const finish = () => gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
   const timed = () => {
     const begun = performance.now();
     picture.draw({ ...viewer.look, some: false });
-    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    finish();
     return performance.now() - begun;
   };
+  finish(); // what settled() has drawn may still be at work
   const drawn = timed();
-  if (picture.kind.made) picture.kind.made = null;
+  picture.kind.colored?.forget();
   const recolored = timed();
   const { total, count, side } = picture.lists, { width, height } = picture.canvas;
   return { ...viewer.times, drawn, recolored, entries: total, seen: count, tile: side, width, height };

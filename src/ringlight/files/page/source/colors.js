@@ -22,6 +22,11 @@ export class Colors {
     this.wish = null; // camera position and fader that NOW stands for
   }
 
+  // The next picture makes all colours anew.
+  forget() {
+    this.wish = null;
+  }
+
   // Bring the colours of what is `seen` up to date, nearest first; with `some` only a part of those that have one. True
   // once all are.
   prepare({ camera, seen }, residual, some) {
