@@ -85,7 +85,9 @@ PLAN: Plan = (
     ("columns.normals", "directions20"),
     ("columns.sh_dc", "fixed12"),
     ("columns.sh_rest", "fixed8"),
+    ("columns.reflection_logits", "share8"),
     ("columns.*", "half"),
+    ("shader.texels", "share8"),
     ("color.*", "rows8"),
     ("shader.*", "rows8"),
 )

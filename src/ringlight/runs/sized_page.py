@@ -13,7 +13,8 @@ from ringlight.core.stages import counted, tell
 from ringlight.core.want import Want
 from ringlight.core.words import MEGABYTE
 from ringlight.errors import RunError
-from ringlight.files.packed import Packed, pack_tensors, unpack_tensors
+from ringlight.files.pack_axes import AXES_PLAN, ready_axes
+from ringlight.files.packed import PLAN, Packed, pack_tensors, unpack_tensors
 from ringlight.files.page.document import page_of, program_texts
 from ringlight.files.page.payload import payload_of
 from ringlight.files.page.shown import shown_of
@@ -88,13 +89,19 @@ class _Pages:
         self.opened, self.model, self.packs = opened, model, packs
         stored, stops = opened.stored, stops_of(opened.stored.cameras)
         tell("looking at the model")
-        shown = facts_of_page(stored, model, shown_of(model), stops)
-        self.facts = shown | {"lights": [pack.scene for pack in packs]}
+        shown = shown_of(model)
+        self.axes_are_normals = shown.kind == "environment"
+        facts = facts_of_page(stored, model, shown, stops)
+        self.facts = facts | {"lights": [pack.scene for pack in packs]}
         self.still, self.others = still_of(stored, model), {"cameras": numbers_of_stops(stops)}
         self.title = f"{stored.header.scene.name}, {stored.header.preset}"
 
     def of(self, tensors: Mapping[str, Tensor], coarse: bool) -> Page:
-        packed = pack_tensors(tensors, coarse=coarse)
+        """Never ``coarse`` where a reflection goes by the axes."""
+        if self.axes_are_normals:
+            packed = pack_tensors(ready_axes(tensors), (*AXES_PLAN, *PLAN))
+        else:
+            packed = pack_tensors(tensors, coarse=coarse)
         payload = payload_of(_lit_by(packed, self.packs), self.others, program_texts())
         gaussians, document = len(tensors[f"{COLUMNS}means"]), b""
         for size in (0, 1):  # the caption says how large the page is with it

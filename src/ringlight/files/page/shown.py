@@ -10,6 +10,7 @@ from typing import Any
 from ringlight.color.contract import ColorModel
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.mirror import FLIP_BELOW, Mirror
+from ringlight.color.reflective_harmonics import ReflectiveHarmonics
 from ringlight.color.ringlight import RingLight
 from ringlight.color.shared_basis import SharedBasis
 from ringlight.color.varying_mirror import VaryingMirror
@@ -17,6 +18,7 @@ from ringlight.errors import RecipeError
 from ringlight.fields.encoding import FourierCode
 from ringlight.fields.heads import position_code, view_code
 from ringlight.models.splats import SplatModel
+from ringlight.shade.environment import EnvironmentShader
 from ringlight.shade.passthrough import PassThrough
 from ringlight.shade.reflection import ReflectionShader
 
@@ -53,6 +55,9 @@ def shown_of(model: object) -> Shown:
     if type(color) is SphericalHarmonics and type(shader) is PassThrough:
         stored = model.columns["sh_rest"].shape[1]
         return Shown("harmonics", 0.0, stored > 0, {"BASIS": 0, "STORED": stored}, {"degree": int(color.active_degree)})
+    if type(color) is ReflectiveHarmonics and type(shader) is EnvironmentShader:
+        sizes = {"BASIS": 0, "STORED": model.columns["sh_rest"].shape[1], "ENVIRONMENT_SIDE": shader.texels.shape[1]}
+        return Shown("environment", 0.0, bool(shader.lit), sizes, {"degree": int(color.harmonic.active_degree)})
     if type(color) is RingLight and type(shader) is PassThrough:
         return _ring(color)
     if isinstance(shader, ReflectionShader) and type(color) in (Mirror, VaryingMirror):

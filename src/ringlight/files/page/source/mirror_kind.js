@@ -34,6 +34,7 @@ export class MirrorKind {
       "blend_head.glsl",
       "mirror_channels.glsl",
       "blend.glsl",
+      "surface.glsl",
       "mirror_main.glsl",
     ];
     const sizes = { ...facts.sizes, WEIGHTS: network.length / 4 };

@@ -1,15 +1,13 @@
-// What a pixel reflects; the twin of shade/covered.py and reflection.py, fields/octahedral.py and parallax.py.
+// What a pixel reflects; the twin of shade/reflection.py, fields/octahedral.py and parallax.py.
 uniform sampler2D maps, places;
-uniform mat3 toWorld;
 uniform vec3 position, boxMiddle;
-uniform vec2 focal, center;
 uniform float boxHalf, residual, light;
 uniform vec4 sphere;
 uniform int map_sides[LEVELS], map_rows[LEVELS];
 layout(std140) uniform Network { vec4 weights[WEIGHTS]; };
 out vec4 shown;
 
-const float FAINTEST_SHADED = 0.02, SHORTEST_NORMAL = 1e-3, SMALLEST_HALF_CHORD_SQUARED = 1e-6;
+const float SMALLEST_HALF_CHORD_SQUARED = 1e-6;
 const int FEATURES = 4 * LEVELS, INPUTS = 1 + LATENTS + 3 + FEATURES + 3 * RAW_DIRECTION;
 
 vec4 onMap(int level, vec2 uv) {
@@ -81,10 +79,9 @@ vec3 network(float inputs[INPUTS]) {
 }
 
 vec3 reflectedLight(float alpha) {
-  vec3 n = normal * inversesqrt(max(dot(normal, normal), SHORTEST_NORMAL * SHORTEST_NORMAL));
-  vec3 ray = toWorld * vec3((pixelCenter() - center) / focal, 1.0), direction = ray * inversesqrt(dot(ray, ray));
+  vec3 n = surfaceNormal(), ray = pixelRay(), direction = ray * inversesqrt(dot(ray, ray));
   vec3 point = (position + ray * (depthSum / alpha) - boxMiddle) / boxHalf;
-  vec3 reflected = direction - 2.0 * dot(direction, n) * n;
+  vec3 reflected = mirrored(direction, n);
 #if PARALLAX
   reflected = exitOfSphere(point, reflected);
 #endif

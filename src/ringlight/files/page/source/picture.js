@@ -1,4 +1,5 @@
 // Pictures of one model on one canvas: the worker's lists go in, pixels come out.
+import { EnvironmentKind } from "./environment_kind.js";
 import { numbered, Texture } from "./gl.js";
 import { inLightOf, lightShares } from "./lights.js";
 import { MirrorKind } from "./mirror_kind.js";
@@ -21,7 +22,7 @@ export class Picture {
     });
     if (!gl) throw new Error("it has no WebGL2");
     Object.assign(this, { gl, canvas, facts: model.facts });
-    const Kind = model.facts.kind === "mirror" ? MirrorKind : SplatKind;
+    const Kind = { mirror: MirrorKind, environment: EnvironmentKind }[model.facts.kind] ?? SplatKind;
     this.make = (lit) => new Kind(gl, shaders, lit);
     this.model = model;
     this.kind = this.make(model);

@@ -40,7 +40,8 @@ export class SplatKind {
   }
 }
 
-function harmonicsOf(gl, { tensors, parts, facts }) {
+// Constant coefficients of each Gaussian, and what it has of the direction, as the file holds it.
+export function harmonicsOf(gl, { tensors, parts, facts }) {
   const textures = { dc: numbered(gl, "rgba32f", facts.gaussians, inTexels(tensors.get("columns.sh_dc").values, 3)) };
   if (facts.kind === "basis") Object.assign(textures, basisOf(gl, tensors, "color.basis"));
   else {
