@@ -145,6 +145,21 @@ def test_edits_multiply(method: str, scene: Scene) -> None:
         assert decibels(*(m.render(camera, torch.zeros(3)).color for m in (model, twice))) > 100
 
 
+def test_a_mirror_edited_twice_has_the_latents_of_one_edit(scene: Scene) -> None:
+    model, camera = model_of("ringlight-mirror", scene), scene.train[0].camera
+    again = LightEdit(base=(1.3, 0.9, 0.8), residual=(1.5, 0.7, 1.2))
+    once = loaded("ringlight-mirror", scene, model, EDIT)
+    twice = loaded("ringlight-mirror", scene, once, again)
+    assert twice.columns["latents"].shape == once.columns["latents"].shape
+    assert once.columns["latents"].shape[1] == model.columns["latents"].shape[1] + 3
+    both = [
+        tuple(one * two for one, two in zip(*pair, strict=True))
+        for pair in zip(vars(EDIT).values(), vars(again).values(), strict=True)
+    ]
+    shown = twice.render(camera, torch.zeros(3), Want.EXACT).color.detach()
+    assert decibels(shown, composed(model, camera, LightEdit(*both))) > NEAR["ringlight-mirror"]
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_packed_the_edited_model_still_shows_the_edit(method: str, scene: Scene) -> None:
     model, camera = model_of(method, scene), scene.train[0].camera

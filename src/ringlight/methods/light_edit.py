@@ -143,7 +143,7 @@ def _edited_varying(
     """A mirror whose base colours change with the view: its network sees them as they were.
 
     It saw c + r, a constant colour and what the view adds. Blended are c' and f r now, so it sees (c' + f r) / f, and
-    c - c' / f as three more latents.
+    c - c' / f as three more latents; where an earlier edit left such latents they take it in.
     """
     shader = model.shader
     assert isinstance(shader, ReflectionShader)
@@ -161,17 +161,37 @@ def _edited_varying(
     weight = tensors[first]
     of_base = weight[:, seen : seen + 3]
     scaled = of_base * inverse.to(weight)
-    if bool((lost.abs() > NOTHING).any()):
+    taken = _share_taken(weight[:, seen - 3 : seen], of_base) if shader.settings.latents >= 3 else None
+    if taken is not None:
+        latents = tensors[COLUMNS + LATENTS].clone()
+        latents[:, -3:] += taken * lost
+        tensors[COLUMNS + LATENTS] = latents
+        tensors[first] = torch.cat([weight[:, :seen], scaled, weight[:, seen + 3 :]], 1)
+    elif bool((lost.abs() > NOTHING).any()):
         tensors[COLUMNS + LATENTS] = torch.cat([tensors[COLUMNS + LATENTS], lost], 1)
         tensors[first] = torch.cat([weight[:, :seen], of_base, scaled, weight[:, seen + 3 :]], 1)
-        settings["shader"] = {**_group(settings["shader"]), "latents": shader.settings.latents + 3}
     else:
         tensors[first] = torch.cat([weight[:, :seen], scaled, weight[:, seen + 3 :]], 1)
+    settings["shader"] = {**_group(settings["shader"]), "latents": tensors[COLUMNS + LATENTS].shape[1]}
     return Edited(tensors, settings, clipped)
 
 
 NOTHING = 1e-6
 """Of a colour: rounding."""
+
+ALIKE = 1e-5
+"""Weights of latents that an edit has added are those of base colours but for a factor, up to so much of them."""
+
+
+def _share_taken(of_latents: Float[Tensor, "H 3"], of_base: Float[Tensor, "H 3"]) -> Float[Tensor, "3"] | None:
+    """What a base colour times this factor is to the last three latents; None where no edit has added them."""
+    factors = (of_latents * of_base).sum(0) / of_latents.square().sum(0).clamp_min(SMALLEST_SQUARE)
+    off = (of_base - factors * of_latents).abs().amax()
+    return factors if bool(off <= ALIKE * of_base.abs().amax()) else None
+
+
+SMALLEST_SQUARE = 1e-20
+"""So that weights of zero are divided by something."""
 
 
 def tinted_logits(logits: Float[Tensor, "N 3"], factors: Rgb) -> tuple[Float[Tensor, "N 3"], float]:
