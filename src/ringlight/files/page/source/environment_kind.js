@@ -1,7 +1,7 @@
 // 3dgs-dr: harmonics as base colours, and a distant environment that each pixel reflects.
 import { Colors } from "./colors.js";
 import { cubemapTexture } from "./cubemap.js";
-import { inTexels, numbered, Program } from "./gl.js";
+import { inTexels, numbered, programOf } from "./gl.js";
 import { harmonicsOf } from "./splat_kind.js";
 
 export class EnvironmentKind {
@@ -20,7 +20,7 @@ export class EnvironmentKind {
     };
     const source = harmonicsOf(gl, model),
       means = numbered(gl, "rgba32f", facts.gaussians, inTexels(tensors.get("columns.means").values, 3));
-    const recolor = new Program(gl, [shaders["numbered.glsl"], shaders["harmonics.glsl"]], facts.sizes);
+    const recolor = programOf(gl, shaders, ["numbered.glsl", "harmonics.glsl"], facts.sizes);
     this.colored = new Colors(gl, recolor, facts.gaussians, { ...source, textures: { means, ...source.textures } });
     const picture = [
       "numbered.glsl",
@@ -31,11 +31,7 @@ export class EnvironmentKind {
       "surface.glsl",
       "environment_main.glsl",
     ];
-    this.program = new Program(
-      gl,
-      picture.map((name) => shaders[name]),
-      facts.sizes,
-    );
+    this.program = programOf(gl, shaders, picture, facts.sizes);
   }
 
   // Base colours are whole whatever the fader says: it fades what is reflected.

@@ -160,3 +160,9 @@ export class Program {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 }
+
+// A program of these of the page's `shaders`, one after the other.
+export function programOf(gl, shaders, names, sizes) {
+  const sources = names.map((name) => shaders[name]);
+  return new Program(gl, sources, sizes);
+}

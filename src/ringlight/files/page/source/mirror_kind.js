@@ -1,6 +1,6 @@
 // Mirrors: channels are blended, and each pixel is shaded once by the trained network.
 import { Colors } from "./colors.js";
-import { inTexels, numbered, Program, Texture } from "./gl.js";
+import { inTexels, numbered, programOf, Texture } from "./gl.js";
 import { inFours, layersOf } from "./networks.js";
 import { basisOf, surfacesOf } from "./splat_kind.js";
 
@@ -39,11 +39,7 @@ export class MirrorKind {
     ];
     const sizes = { ...facts.sizes, WEIGHTS: network.length / 4 };
     this.colored = facts.sizes.BASIS ? coloredOf(gl, shaders, { tensors, facts }, surfaces) : null;
-    this.program = new Program(
-      gl,
-      picture.map((name) => shaders[name]),
-      sizes,
-    );
+    this.program = programOf(gl, shaders, picture, sizes);
   }
 
   // Nothing else of a Gaussian depends on the camera but which way its normal looks, and that the lists say. Colours
@@ -77,7 +73,7 @@ function coloredOf(gl, shaders, { tensors, facts }, surfaces) {
     dc: numbered(gl, "rgba32f", rows, constants),
     ...basisOf(gl, tensors, "color.varying.basis"),
   };
-  const recolor = new Program(gl, [shaders["numbered.glsl"], shaders["harmonics.glsl"]], facts.sizes);
+  const recolor = programOf(gl, shaders, ["numbered.glsl", "harmonics.glsl"], facts.sizes);
   return new Colors(gl, recolor, rows, { textures, wholes: { degree: facts.degree } });
 }
 

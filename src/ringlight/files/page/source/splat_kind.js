@@ -1,6 +1,6 @@
 // Models whose Gaussians are coloured each by itself: harmonics, a shared basis of them, the ring.
 import { Colors } from "./colors.js";
-import { inTexels, numbered, Program } from "./gl.js";
+import { inTexels, numbered, programOf } from "./gl.js";
 import { axisTable, viewTable } from "./heads.js";
 import { inFours, layersOf } from "./networks.js";
 
@@ -13,7 +13,7 @@ export class SplatKind {
     this.normals = numbered(gl, "rgba32f", rows, inTexels(model.normals, 3));
     const source = facts.kind === "ring" ? ringOf(gl, model) : harmonicsOf(gl, model);
     const code = facts.kind === "ring" ? "ring.glsl" : "harmonics.glsl";
-    const recolor = new Program(gl, [shaders["numbered.glsl"], shaders[code]], facts.sizes);
+    const recolor = programOf(gl, shaders, ["numbered.glsl", code], facts.sizes);
     this.colored = new Colors(gl, recolor, rows, { ...source, textures: { ...shared, ...source.textures } });
     const picture = [
       "numbered.glsl",
@@ -23,10 +23,7 @@ export class SplatKind {
       "blend.glsl",
       "splat_main.glsl",
     ];
-    this.program = new Program(
-      gl,
-      picture.map((name) => shaders[name]),
-    );
+    this.program = programOf(gl, shaders, picture);
   }
 
   // Bring the colours up to date; with `some` only a part of them, if there are many. True once all are.
