@@ -23,6 +23,7 @@ KERNEL_TESTS = (
     "rasterize/test_fuzz.py",
     "rasterize/test_gradients.py",
     "color/test_harmonics.py",
+    "color/test_glossy_harmonics.py",
     "color/test_shared_basis.py",
     "color/test_ring_kernel.py",
     "color/test_ring_emission.py",

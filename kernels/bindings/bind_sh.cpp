@@ -10,6 +10,7 @@
 #include "raster/camera.hpp"
 #include "simd/dispatch.hpp"
 #include "step/sh.hpp"
+#include "step/sh_opacity.hpp"
 
 namespace ringlight {
 namespace {
@@ -119,6 +120,39 @@ std::size_t rest_adam(const Points& means, const Camera& camera, int degree, con
              {rate, beta1, beta2, epsilon, number});
 }
 
+DirectionalOpacities as_opacities(const Points& means, const Tensor<const float, -1>& logits, const Matrix& rest,
+                                  const Camera& camera, int degree, float least) {
+  Harmonics table = as_table(means, rest.shape(1), camera, degree);
+  require(logits.shape(0) == table.count && rest.shape(0) == table.count,
+          "sh_opacity: all columns must have the same number of rows");
+  require(least > 0, "sh_opacity: the least opacity must be positive");
+  table.rest = rest.data();
+  table.stored = static_cast<int>(rest.shape(1));
+  return {table, logits.data(), least};
+}
+
+void opacity_factors(const Points& means, const Tensor<const float, -1>& logits, const Matrix& rest,
+                     const Camera& camera, int degree, float least, const Tensor<float, -1>& factors) {
+  const DirectionalOpacities table = as_opacities(means, logits, rest, camera, degree, least);
+  require(factors.shape(0) == table.harmonics.count, "sh_opacity_factors: there must be a factor for each row");
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(sh_opacity_factors)(table, factors.data());
+}
+
+void opacity_gradient(const Points& means, const Tensor<const float, -1>& logits, const Matrix& rest,
+                      const Camera& camera, int degree, float least, const Tensor<const float, -1>& by_factors,
+                      const PointsOut& by_means, const Tensor<float, -1>& by_logits, const MatrixOut& by_rest) {
+  const DirectionalOpacities table = as_opacities(means, logits, rest, camera, degree, least);
+  const std::size_t count = table.harmonics.count;
+  require(by_factors.shape(0) == count && by_means.shape(0) == count && by_logits.shape(0) == count &&
+              by_rest.shape(0) == count,
+          "sh_opacity_gradient: all gradients must have one row per Gaussian");
+  require(by_rest.shape(1) == rest.shape(1), "sh_opacity_gradient: by_rest must be like rest");
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(sh_opacity_gradient)
+  (table, by_factors.data(), {by_means.data(), by_logits.data(), by_rest.data()});
+}
+
 }  // namespace
 
 void bind_sh(nb::module_& module) {
@@ -140,6 +174,12 @@ void bind_sh(nb::module_& module) {
   module.def("sh_rest_adam", &rest_adam, "means"_a, "camera"_a, "degree"_a, "by_constant"_a, "rest"_a, "mean"_a,
              "square"_a, "step"_a,
              "adam of rest with the gradient of sh_rest_gradient, in place.");
+  module.def("sh_opacity_factors", &opacity_factors, "means"_a, "logits"_a, "rest"_a, "camera"_a, "degree"_a, "least"_a,
+             "factors"_a,
+             "Fill factors [N]: sigmoid(logits) plus the harmonics rest [N K], clamped to [0, 1], over sigmoid(logits).");
+  module.def("sh_opacity_gradient", &opacity_gradient, "means"_a, "logits"_a, "rest"_a, "camera"_a, "degree"_a,
+             "least"_a, "by_factors"_a, "by_means"_a, "by_logits"_a, "by_rest"_a,
+             "Gradient of sh_opacity_factors: add to by_means and by_logits, fill by_rest.");
 }
 
 }  // namespace ringlight

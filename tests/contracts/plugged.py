@@ -11,6 +11,7 @@ from torch import nn
 
 from plugs.directional_opacity import DirectionalOpacity
 from plugs.environment import Environment, HarmonicsWithNormals
+from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.mirror import Mirror
@@ -60,6 +61,8 @@ COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "mirror, varying": lambda: VaryingMirror(latents=3, basis_size=2, seed=1),
     "reflective harmonics": ReflectiveHarmonics,
     "reflective harmonics of degree 1": lambda: ReflectiveHarmonics(1),
+    "glossy harmonics": GlossyHarmonics,
+    "glossy harmonics, opacities of degree 1": lambda: GlossyHarmonics(2, 1),
     "plug: directional opacity": DirectionalOpacity,
     "plug: harmonics with normals": HarmonicsWithNormals,
 }

@@ -141,3 +141,15 @@ def test_rows_are_drawn_in_proportion_to_their_weights():
     expected = weights / weights.sum() * count
     deviations = (drawn - expected).abs() / expected.sqrt().clamp_min(1)
     assert deviations.max() < 4
+
+
+@pytest.mark.parametrize("copies", [1, 2, 7])
+def test_what_adds_to_the_opacity_is_shared_out_like_it(copies: int):
+    table = table_of(0.4, rows=2)
+    table.appearance["opacity_rest"] = torch.tensor([[0.2, -0.4], [0.0, 0.1]])
+    shared = as_copies(table, torch.tensor([copies, 1]), 0.0, ("opacity_rest",))
+    share = float(shared.opacities[0] / table.opacities[0])
+    assert share == pytest.approx((1 - 0.6 ** (1 / copies)) / 0.4)
+    torch.testing.assert_close(shared.appearance["opacity_rest"][0], share * table.appearance["opacity_rest"][0])
+    assert torch.equal(shared.appearance["opacity_rest"][1], table.appearance["opacity_rest"][1])
+    assert torch.equal(shared.appearance["base"], table.appearance["base"])

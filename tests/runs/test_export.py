@@ -33,6 +33,7 @@ class Dimmed(nn.Module):
 
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
+    opacity_columns: tuple[str, ...] = ()
 
     def new_columns(self, points):
         return {"dim": torch.tensor(FACTORS).repeat(len(points.positions) // len(FACTORS))}

@@ -31,6 +31,8 @@ class ColorModel(Protocol):
     """Every channel that it can emit, by name and width; "rgb" 3 is among them."""
     training_columns: tuple[str, ...]
     """Columns that rendering does not need once the rows that are not ``wanted`` are gone."""
+    opacity_columns: tuple[str, ...]
+    """Columns in units of opacity, which add to the table's: who makes a row fainter makes them fainter alike."""
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """Per-Gaussian parameters to start from, P rows each."""

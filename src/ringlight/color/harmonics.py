@@ -35,6 +35,7 @@ class SphericalHarmonics(nn.Module):
     active_degree: Tensor
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
+    opacity_columns: tuple[str, ...] = ()
 
     def __init__(self, degree: int = MAX_DEGREE):
         super().__init__()

@@ -35,6 +35,7 @@ class Mirror(nn.Module):
     """
 
     training_columns: tuple[str, ...] = ()
+    opacity_columns: tuple[str, ...] = ()
 
     def __init__(self, latents: int, seed: int = 0):
         super().__init__()

@@ -45,6 +45,7 @@ class ReflectiveHarmonics(nn.Module):
 
     emits: Mapping[str, int] = {"rgb": 3, "normal": 3, "reflection": 1}
     training_columns: tuple[str, ...] = ()
+    opacity_columns: tuple[str, ...] = ()
 
     def __init__(self, degree: int = MAX_DEGREE):
         super().__init__()

@@ -63,6 +63,7 @@ class RingLight(nn.Module):
     lit: Tensor
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = (MASK,)
+    opacity_columns: tuple[str, ...] = ()
 
     def __init__(self, settings: RingLightSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()

@@ -64,9 +64,9 @@ class TileShading:
 class Emission:
     """What every Gaussian emits towards one camera: C channels side by side, ``widths`` by name, in order.
 
-    ``opacity_factor`` [N] in [0, 1] multiplies the opacity and is not blended. ``lazy`` is a hint that a rasterizer may
-    ignore: then it takes ``channels``. ``backward(grad_channels, grad_opacity_factor, into)``: positions may get a
-    gradient, which is added to that of the geometry.
+    ``opacity_factor`` [N] multiplies the opacity, to no more than 1, and is not blended. ``lazy`` is a hint that a
+    rasterizer may ignore: then it takes ``channels``. ``backward(grad_channels, grad_opacity_factor, into)``:
+    positions may get a gradient, which is added to that of the geometry.
     """
 
     def __init__(

@@ -86,6 +86,7 @@ PLAN: Plan = (
     ("columns.sh_dc", "fixed12"),
     ("columns.sh_rest", "fixed8"),
     ("columns.reflection_logits", "share8"),
+    ("columns.opacity_rest", "fixed8"),
     ("columns.*", "half"),
     ("shader.texels", "share8"),
     ("color.*", "rows8"),

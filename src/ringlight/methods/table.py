@@ -5,6 +5,7 @@ from typing import Any
 
 from ringlight.errors import RecipeError
 from ringlight.methods import ringlight_ring, three_dgs
+from ringlight.methods.glossy_gaussian import GlossyGaussianRecipe
 from ringlight.methods.light_gaussian import LightGaussianRecipe
 from ringlight.methods.recipe import Recipe, recipe_from_dict
 from ringlight.methods.ringlight import RingLightRecipe
@@ -24,6 +25,7 @@ METHODS: dict[str, Recipe] = {
     "3dgs-paper": three_dgs.PAPER,
     "light-gaussian": LightGaussianRecipe(),
     "3dgs-dr": ThreeDGSDRRecipe(),
+    "glossy-gaussian": GlossyGaussianRecipe(),
 }
 
 CHOOSERS = ("ringlight",)

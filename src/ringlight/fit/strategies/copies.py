@@ -1,6 +1,7 @@
 """Several Gaussians in one place that look like one: opacity and size of the copies (3DGS-MCMC, equation 9)."""
 
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import torch
@@ -16,7 +17,9 @@ LEAST = 1e-6
 """Least opacity, and least share of light that a row lets through: opacities are floats, and beyond it they are one."""
 
 
-def as_copies(table: Gaussians, copies: Int[Tensor, "N"], faintest: float) -> Gaussians:
+def as_copies(
+    table: Gaussians, copies: Int[Tensor, "N"], faintest: float, opacity_columns: Sequence[str] = ()
+) -> Gaussians:
     """The table with each row as one of ``copies`` in its place, which together show what it shows.
 
     Front to back, n copies of opacity p let through what one of opacity o does if (1 - p)^n = 1 - o. They would be
@@ -25,7 +28,8 @@ def as_copies(table: Gaussians, copies: Int[Tensor, "N"], faintest: float) -> Ga
         scale' = scale o / sum over j = 1..n of C(n, j) (-1)^(j - 1) p^j / sqrt(j)
 
     which is the paper's double sum, its inner binomials added up. Opacities below ``faintest`` are raised to it, so
-    that a copy is not taken for dead at once.
+    that a copy is not taken for dead at once. ``opacity_columns``, which add to the opacity towards a camera, get the
+    share p / o: from where the one is not seen its copies are not, and elsewhere they show nearly what it shows.
     """
     counted = copies.clamp(1, MOST_COPIES)
     whole = table.opacity_logits.double().sigmoid().clamp(LEAST, 1 - LEAST)
@@ -36,13 +40,19 @@ def as_copies(table: Gaussians, copies: Int[Tensor, "N"], faintest: float) -> Ga
     shrunk = table.log_scales + (whole / width).log()[:, None].to(table.log_scales)
     logits = each.clamp(min(faintest, 1 - LEAST), 1 - LEAST).logit().to(table.opacity_logits)
     alone = counted == 1
+    share = torch.where(alone, 1.0, each / whole)
+    dimmed = {name: _in_share(table.appearance[name], share) for name in opacity_columns}
     return Gaussians(
         table.means,
         torch.where(alone[:, None], table.log_scales, shrunk),
         table.quats,
         torch.where(alone, table.opacity_logits, logits),
-        table.appearance,
+        table.appearance | dimmed,
     )
+
+
+def _in_share(column: Float[Tensor, "N *width"], share: Float[Tensor, "N"]) -> Float[Tensor, "N *width"]:
+    return column * share.to(column).view(-1, *[1] * (column.dim() - 1))
 
 
 @cache

@@ -83,7 +83,7 @@ class MCMC(Stateless):
         split = (copies > 1).nonzero()[:, 0]
         # Those in place are new rows too: their moments belong to the Gaussian that they were.
         copied = torch.cat([split, sources])
-        added = as_copies(table.rows(copied), copies[copied], self.settings.mcmc.dead)
+        added = as_copies(table.rows(copied), copies[copied], self.settings.mcmc.dead, model.color.opacity_columns)
         left = kept[alive & (copies == 1)]
         rows = torch.cat([left, len(whole) + torch.arange(len(added), device=left.device)])
         optimizer.edit_rows(rows[morton_order(torch.cat([whole.means, added.means])[rows])], added)
