@@ -1,18 +1,25 @@
 """``ringlight study``: a matrix of runs in folders of the usual kind, that goes on where it stopped."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 from command import Command
 from refusal import refused, snapshot
 
-from ringlight.cli import progress
 from ringlight.measure.report import read_report
+from ringlight.runs import side_by_side
 from ringlight.runs.record import RunRecord
 
 WORDS = ("--steps", "3", "--base", "ringlight-ring", "--quiet", "--lpips")
 ONLY = ("--only", "full", "3dgs", "3dgs-equal")
+BOUNDED = ("--only", "full", "3dgs-equal", "--seeds", "1")
 
 
 @pytest.fixture(scope="module")
@@ -69,19 +76,42 @@ def test_studies_in_one_folder_share_the_full_method(study: Path, tiny: Path, ri
 
 
 def test_an_interrupted_study_goes_on_to_the_same_numbers(
-    study: Path, tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+    study: Path, tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:
-    words = ("study", "ablation", tiny, "--out", tmp_path / "out", *WORDS, *ONLY)
-    show_steps = progress.show_steps
-    monkeypatch.setattr(progress, "show_steps", lambda session, options, flags: show_steps(session, options, [True]))
-    stopped = ringlight(*words)
-    assert stopped.code == 130
-    assert "the same command" in stopped.err
-    assert "started" in ringlight(*words, "--dry-run").out
-    monkeypatch.setattr(progress, "show_steps", show_steps)
-    assert ringlight(*words).code == 0
-    for run in study.glob("balls/*/*"):
-        assert read_report(run).psnr == read_report(tmp_path / "out" / run.relative_to(study)).psnr
+    out = tmp_path / "out"
+    words = ("study", "ablation", str(tiny), "--out", str(out), *WORDS, *BOUNDED)
+    command = subprocess.Popen([sys.executable, "-m", "ringlight", *words], stderr=subprocess.PIPE, text=True)
+    first = out / "balls" / "full" / "seed-0" / "checkpoint.safetensors"
+    while not first.exists() and command.poll() is None:
+        time.sleep(0.05)
+    command.send_signal(signal.SIGINT)
+    _, complaints = command.communicate(timeout=60)
+    assert command.returncode == 130
+    assert "the same command" in complaints
+    listed = ringlight(*words, "--dry-run").out.splitlines()
+    assert not all("finished" in line for line in listed[:-1])
+    assert ringlight(*words, "--jobs", 2, "--threads", 1).code == 0
+    for run in sorted(out.glob("balls/*/seed-0")):
+        assert read_report(run).psnr == read_report(study / run.relative_to(out)).psnr
+
+
+def test_a_run_that_fails_stops_those_that_wait_for_it_and_no_other(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(side_by_side, "do_run", failing(side_by_side.do_run, "/full/seed-0"))
+    words = ("study", "ablation", tiny, "--out", tmp_path, *WORDS, *ONLY, "--seeds", "1")
+    done = ringlight(*words)
+    assert done.code == 1
+    assert "missing: balls/full/seed-0: the disk is full" in done.err
+    assert "balls/3dgs-equal/seed-0: it waited for balls/full/seed-0, which failed" in done.err
+    assert [row["variant"] for row in json.loads((tmp_path / "ablation.json").read_text())["rows"]] == ["3dgs"]
+
+
+def failing(do_run: Callable[..., str | None], folder: str) -> Callable[..., str | None]:
+    def done(order: Mapping[str, Any], *others: object) -> str | None:
+        return "the disk is full" if order["run"]["folder"].endswith(folder) else do_run(order, *others)
+
+    return done
 
 
 def test_a_dry_run_makes_nothing(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
@@ -100,6 +130,7 @@ def test_refusals(study: Path, tiny: Path, tmp_path: Path, ringlight: Command) -
     refused(ringlight("study", "ablation", tiny, *out, "--only", "3dgs-equal"), 1, "3dgs-equal", "full")
     refused(ringlight("study", "rank", tiny, *out, "--seeds", "0"), 1, "--seeds")
     refused(ringlight("study", "rank", tiny, *out, "--steps", "-1"), 1, "--steps")
+    refused(ringlight("study", "rank", tiny, *out, "--jobs", "0"), 1, "--jobs")
     refused(ringlight("study", "rank", tiny, tiny, *out), 1, tiny.name)
     assert not any(tmp_path.iterdir())
     before = snapshot(study)

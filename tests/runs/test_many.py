@@ -6,7 +6,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ringlight.runs.many import MOST_LOSSES, Happened, run_many
+from ringlight.errors import RunError
+from ringlight.runs.many import MOST_LOSSES, Happened, Waiting, run_many
 
 
 class Scripted:
@@ -77,3 +78,41 @@ def test_once_it_is_stopped_nothing_begins_and_nothing_counts_as_failed(after: i
     assert set(place.begun) <= {*begun_before, *list("abcdef")[: len(begun_before) + 1]}
     assert set(failed) <= {event.name for event in heard[:after] if event.kind == "ended"}
     assert place.closed
+
+
+@given(
+    waits=st.lists(st.integers(0, 7), min_size=1, max_size=8),
+    fails=st.sets(st.integers(0, 7)),
+    jobs=st.integers(1, 4),
+)
+def test_a_run_begins_after_that_which_it_waits_for_and_not_if_that_failed(
+    waits: list[int], fails: set[int], jobs: int
+) -> None:
+    """Run n waits for run waits[n] of those before it; one that waits for itself, or a later one, waits for none."""
+    place = Scripted(jobs, {str(n): ["fail"] if n in fails else [] for n in range(len(waits))})
+    heard: list[Happened] = []
+
+    def order(name: str, on: str) -> Waiting:
+        def made() -> dict[str, Any]:
+            assert Happened("ended", on) in heard, "the order is made when the other is finished"
+            return {"name": name}
+
+        return Waiting(on, made)
+
+    orders = {str(n): order(str(n), str(on)) if on < n else {"name": str(n)} for n, on in enumerate(waits)}
+    failed = run_many(orders, place, heard.append, lambda: 0)
+    expected: dict[str, bool] = {}
+    for n, on in enumerate(waits):
+        expected[str(n)] = n in fails or (on < n and expected[str(on)])
+    assert {name for name, fell in expected.items() if fell} == set(failed)
+    assert Counter(event.name for event in heard if event.kind == "ended") == Counter(list(orders))
+
+
+def test_an_order_that_cannot_be_made_is_a_reason_and_no_error() -> None:
+    def made() -> dict[str, Any]:
+        raise RunError("the report of a is damaged")
+
+    place = Scripted(1, {"b": [], "c": []})
+    failed = run_many({"b": Waiting("a", made), "c": {"name": "c"}}, place, lambda event: None, lambda: 0)
+    assert failed == {"b": "the report of a is damaged"}
+    assert place.begun == {"c": 1}

@@ -9,12 +9,10 @@ import tyro
 
 from ringlight.cli.arguments import MaybeFolder, Net
 from ringlight.cli.flags import flags_in
-from ringlight.cli.loading import telling_of_scenes
+from ringlight.cli.main import WRONG_INPUT
+from ringlight.cli.many_runs import check_jobs
 from ringlight.cli.parse import parse, refuse
-from ringlight.cli.run_training import RunOptions, train_and_measure
-from ringlight.cli.stages import stages
-from ringlight.cli.threads import check_threads, use_threads
-from ringlight.core.command_line import command
+from ringlight.cli.threads import check_threads
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
@@ -32,8 +30,8 @@ class StudyArguments:
     ablation (tables 2 and 3, with controls), field (other decompositions), rank and feature (appendix E), gamma, beta,
     warmup; and pareto: quality over megabytes and over core seconds, beside harmonics of every degree at five sizes and
     five lengths. Each run gets its own folder OUT/SCENE/VARIANT/seed-N. The same command goes on after an interrupt:
-    finished runs are kept, and so are those that another study made in OUT. Ends with OUT/STUDY.md, .csv, .json and
-    .png.
+    finished runs are kept, and so are those that another study made in OUT; others resume. A run that fails stops no
+    other but those that wait for its size. Ends with OUT/STUDY.md, .csv, .json and .png.
     """
 
     what: Annotated[
@@ -60,18 +58,23 @@ class StudyArguments:
     """Variants to run and show, by name; --dry-run lists them."""
     lpips: tuple[Net, ...] = ("alex",)
     """Networks of LPIPS. 'ringlight fetch-lpips' gets their weights."""
+    jobs: int = 1
+    """Runs side by side on this machine, each a process."""
     threads: int = 0
-    """Threads of the kernels; 0 takes every core."""
+    """Threads of each run; 0 shares the cores out among the jobs, or takes those of a cluster's worker."""
+    scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
+    """Do the runs on the workers of this Dask scheduler (extra [cluster]); OUT and scenes are on a disk that all
+    share."""
     dry_run: bool = False
     """List the runs and which of them are finished. Nothing is run."""
     json: bool = False
     """Print the result as JSON instead of the table."""
     quiet: bool = False
-    """No progress lines."""
+    """No progress; what fails is said all the same."""
 
 
 def main(arguments: list[str]) -> int:
-    """Run what is missing, then show; returns the exit code."""
+    """Run what is missing, then show; returns the exit code, 1 where runs are missing in the end."""
     asked = parse(StudyArguments, "study", arguments)
     if not asked.scenes:
         refuse("study", "no scene is named; give folders of photographs, or toaster or carpaint")
@@ -81,6 +84,7 @@ def main(arguments: list[str]) -> int:
         value = getattr(asked, name)
         if value is not None and value < 1:
             raise RecipeError(f"--{name} is {value}; give at least 1")
+    check_jobs(asked.jobs)
     check_threads(asked.threads)
     from ringlight.methods.studies import base_of, study_named
 
@@ -93,10 +97,12 @@ def main(arguments: list[str]) -> int:
     if asked.dry_run:
         sys.stdout.write(to_json({"runs": _listed(runs)}) if asked.json else _listing(runs))
         return 0
-    use_threads(asked.threads)
-    _run_all(asked, runs)
-    _show(asked, out, variants, runs)
-    return 0
+    failed = _run_all(asked, runs)
+    if any(run.state == "finished" for run in runs):
+        _show(asked, out, variants, runs)
+    for name, reason in failed.items():
+        sys.stderr.write(f"missing: {name}: {reason}\n")
+    return WRONG_INPUT if failed else 0
 
 
 def _chosen(asked: StudyArguments, variants: "tuple[Variant, ...]") -> "tuple[Variant, ...]":
@@ -131,17 +137,14 @@ def _listing(runs: "tuple[StudyRun, ...]") -> str:
     return "\n".join([*lines, f"{counted(len(runs), 'run')} of {spoken}, {missing} to do"]) + "\n"
 
 
-def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> None:
-    """One run after the other."""
-    options = RunOptions(threads=asked.threads, lpips=asked.lpips, quiet=asked.quiet)
-    again = f"{command('study', asked.what, *asked.scenes)} ... (the same command)"
+def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> dict[str, str]:
+    """Do what is missing; returns why runs failed."""
+    from ringlight.cli.many_runs import Doing, do_runs
+
     missing = [run for run in runs if run.state != "finished"]
-    for number, run in enumerate(missing, 1):
-        if not asked.quiet:
-            sys.stderr.write(f"\nrun {number} of {len(missing)}: {run.variant.name}, {run.variant.about}\n")
-        with stages(asked.quiet):
-            session = run.session("auto", telling_of_scenes(asked.quiet))
-        train_and_measure(session, options, again)
+    doing = Doing(asked.jobs, asked.threads, asked.scheduler, asked.quiet)
+    threads = doing.threads_each(len(missing))
+    return do_runs({run.name: run.order(threads, "auto", asked.lpips) for run in missing}, doing)
 
 
 def _show(asked: StudyArguments, out: Path, variants: "tuple[Variant, ...]", runs: "tuple[StudyRun, ...]") -> None:

@@ -1,6 +1,5 @@
 """``ringlight table SCENE... --methods A,B --seeds 0,1``: methods over scenes, side by side or on a cluster."""
 
-import os
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, Net
-from ringlight.cli.main import WRONG_INPUT, Stopped
+from ringlight.cli.main import WRONG_INPUT
+from ringlight.cli.many_runs import check_jobs
 from ringlight.cli.parse import parse, refuse
-from ringlight.cli.signals import kept_signals
 from ringlight.cli.threads import check_threads
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
-    from ringlight.runs.many import Place
     from ringlight.runs.method_runs import Key, Surveyed
 
 
@@ -72,8 +70,7 @@ def main(arguments: list[str]) -> int:
     if not asked.scenes:
         refuse("table", "no scene is named; give folders of photographs, or toaster or carpaint")
     seeds = _seeds(asked.seeds)
-    if asked.jobs < 1:
-        raise RecipeError(f"--jobs is {asked.jobs}; give at least 1")
+    check_jobs(asked.jobs)
     if asked.steps is not None and asked.steps < 1:
         raise RecipeError(f"--steps is {asked.steps}; give at least 1")
     check_threads(asked.threads)
@@ -143,40 +140,15 @@ def _list(asked: TableArguments, runs: "dict[Key, Surveyed]") -> None:
 
 
 def _run(asked: TableArguments, runs: "dict[Key, Surveyed]") -> "dict[Key, str]":
-    """Do what is missing; returns why runs failed. Raises Stopped where a signal ended it, with all saved."""
-    from ringlight.cli.many_progress import showing
-    from ringlight.runs.many import run_many
+    """Do what is missing; returns why runs failed."""
+    from ringlight.cli.many_runs import Doing, do_runs
     from ringlight.runs.method_runs import order_of
 
     missing = {_name(key): key for key, surveyed in runs.items() if surveyed.state in ("to do", "started")}
-    if not missing:
-        return {}
-    place = _place(asked)
-    threads = asked.threads
-    if not threads and asked.scheduler is None:
-        threads = max(1, len(os.sched_getaffinity(0)) // min(asked.jobs, len(missing)))
+    doing = Doing(asked.jobs, asked.threads, asked.scheduler, asked.quiet)
+    threads = doing.threads_each(len(missing))
     orders = {name: order_of(runs[key].run, threads, asked.device, asked.lpips) for name, key in missing.items()}
-    with showing(list(missing), asked.quiet) as hear, kept_signals(_tell_of_stop) as signals:
-        failed = run_many(orders, place, hear, lambda: len(signals))
-    if signals:
-        sys.stderr.write("stopped, nothing is lost; the same command goes on\n")
-        raise Stopped(signals[0])
-    return {missing[name]: reason for name, reason in failed.items()}
-
-
-def _place(asked: TableArguments) -> "Place":
-    if asked.scheduler is None:
-        from ringlight.runs.side_by_side import SideBySide
-
-        return SideBySide(asked.jobs)
-    from ringlight.runs.cluster import Cluster
-
-    return Cluster(asked.scheduler)
-
-
-def _tell_of_stop(number: int, before: list[int]) -> None:
-    if not before:
-        sys.stderr.write("\nall runs finish their step, then save; press Ctrl-C again to stop at once\n")
+    return {missing[name]: reason for name, reason in do_runs(orders, doing).items()}
 
 
 def _show(

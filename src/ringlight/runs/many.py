@@ -1,9 +1,12 @@
-"""Many runs, wherever they are done: as many at a time as there are places, and none that fails stops another."""
+"""Many runs, wherever they are done: as many at a time as there are places. None that fails stops another, but those
+that wait for it."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, runtime_checkable
+
+from ringlight.errors import RinglightError
 
 POLL_SECONDS = 0.25
 """Between two looks at what has happened, and at the keyboard."""
@@ -51,8 +54,21 @@ class Place(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Waiting:
+    """A run that begins once the run ``on`` has ended, if that is one of the same lot: ``order`` makes what it is told
+    then, or raises RinglightError."""
+
+    on: str
+    order: Callable[[], dict[str, Any]]
+
+
+Order = dict[str, Any] | Waiting
+"""What a run is told, plain JSON, as soon as it is known."""
+
+
 def run_many(
-    orders: Mapping[str, dict[str, Any]],
+    orders: Mapping[str, Order],
     place: Place,
     hear: Callable[[Happened], None],
     stopping: Callable[[], int],
@@ -62,7 +78,7 @@ def run_many(
     ``stopping`` counts the signals that came: at the first no run begins and all under way save, at the second they end
     at once. What ends so is no failure and is not in the result.
     """
-    course = _Course(deque(orders), dict.fromkeys(orders, 0))
+    course = _Course(deque(orders), dict.fromkeys(orders, 0), _awaited(orders))
     asked_to_stop = False
     try:
         while course.under_way or (course.waiting and not stopping()):
@@ -71,9 +87,14 @@ def run_many(
                 place.stop()
             if stopping() > 1:
                 break
-            while course.waiting and not stopping() and place.is_free():
-                name = course.next()
-                place.begin(name, orders[name])
+            while not stopping() and place.is_free() and (name := course.next()) is not None:
+                order, reason = _made(orders[name], course)
+                if order is None:
+                    ended = Happened("ended", name, reason)
+                    course.takes(ended, is_stopping=False)
+                    hear(ended)
+                    continue
+                place.begin(name, order)
                 hear(Happened("began", name))
             for event in place.events(POLL_SECONDS):
                 if course.takes(event, is_stopping=stopping() > 0):
@@ -83,19 +104,39 @@ def run_many(
     return course.failed
 
 
+def _awaited(orders: Mapping[str, Order]) -> dict[str, str]:
+    return {name: order.on for name, order in orders.items() if isinstance(order, Waiting) and order.on in orders}
+
+
+def _made(order: Order, course: "_Course") -> tuple[dict[str, Any] | None, str | None]:
+    """What the run is told, or why it cannot be."""
+    if not isinstance(order, Waiting):
+        return order, None
+    if order.on in course.failed:
+        return None, f"it waited for {order.on}, which failed"
+    try:
+        return order.order(), None
+    except RinglightError as error:
+        return None, str(error)
+
+
 @dataclass
 class _Course:
-    """Which runs wait, are under way, and have failed, and how many workers died with each."""
+    """Which runs wait, are under way, and have failed, how many workers died with each, and which waits for which."""
 
     waiting: deque[str]
     losses: dict[str, int]
+    awaited: Mapping[str, str]
     under_way: set[str] = field(default_factory=set)
     failed: dict[str, str] = field(default_factory=dict)
 
-    def next(self) -> str:
-        """The run that begins now."""
-        name = self.waiting.popleft()
-        self.under_way.add(name)
+    def next(self) -> str | None:
+        """The run that begins now: the first that waits for none of the others; None where there is none."""
+        coming = {*self.waiting, *self.under_way}
+        name = next((name for name in self.waiting if self.awaited.get(name) not in coming), None)
+        if name is not None:
+            self.waiting.remove(name)
+            self.under_way.add(name)
         return name
 
     def takes(self, event: Happened, is_stopping: bool) -> bool:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -18,9 +19,9 @@ from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.variant import Variant
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.folder import RunFolder
+from ringlight.runs.many import Order, Waiting
+from ringlight.runs.method_runs import order_of
 from ringlight.runs.planned import PlannedRun, State, scenes_named
-from ringlight.runs.session import Session
-from ringlight.runs.start import Loaded, nobody
 
 
 @dataclass(frozen=True)
@@ -53,15 +54,25 @@ class StudyRun:
         self.planned.refuse_other()
         return self
 
-    def session(self, device: str, loaded: Loaded = nobody) -> Session:
-        """The training, from its start or from where it stopped; ``loaded`` hears of the scene.
+    @property
+    def name(self) -> str:
+        """SCENE/VARIANT/seed-SEED."""
+        return self._named(self.variant.name)
 
-        Raises RunError where it waits for another variant's size and that is not known.
-        """
-        planned = self.planned
-        if not RunFolder(self.folder).recorded:
-            planned = replace(planned, recipe=self._bounded_recipe())
-        return planned.session(device, loaded)
+    def order(self, threads: int, device: str, lpips: Sequence[str]) -> Order:
+        """What does it is told this; where another variant's size bounds it, once that is measured."""
+
+        def bounded() -> dict[str, Any]:
+            planned = self.planned
+            if not RunFolder(self.folder).recorded:
+                planned = replace(planned, recipe=self._bounded_recipe())
+            return order_of(planned, threads, device, lpips)
+
+        other = self.variant.waits_for
+        return bounded() if other is None else Waiting(self._named(other), bounded)
+
+    def _named(self, variant: str) -> str:
+        return f"{self.folder.parents[1].name}/{variant}/{self.folder.name}"
 
     def _bounded_recipe(self) -> Recipe:
         recipe, other = self.variant.recipe, self.variant.waits_for

@@ -1,0 +1,67 @@
+"""What commands of many runs have in common: where these are done, how they are watched, what a signal does."""
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ringlight.cli.main import Stopped
+from ringlight.cli.signals import kept_signals
+from ringlight.errors import RecipeError
+
+if TYPE_CHECKING:
+    from ringlight.runs.many import Order, Place
+
+
+@dataclass(frozen=True)
+class Doing:
+    """How runs are done: ``jobs`` side by side on this machine, or on the workers of the Dask ``scheduler``."""
+
+    jobs: int
+    threads: int
+    scheduler: str | None
+    quiet: bool
+
+    def threads_each(self, runs: int) -> int:
+        """Threads of each of so many: the cores are shared out unless somebody says otherwise; 0 takes a worker's."""
+        if self.threads or self.scheduler is not None or not runs:
+            return self.threads
+        return max(1, len(os.sched_getaffinity(0)) // min(self.jobs, runs))
+
+    def place(self) -> "Place":
+        """Where they are done. Raises RecipeError for a scheduler that does not answer."""
+        if self.scheduler is None:
+            from ringlight.runs.side_by_side import SideBySide
+
+            return SideBySide(self.jobs)
+        from ringlight.runs.cluster import Cluster
+
+        return Cluster(self.scheduler)
+
+
+def check_jobs(jobs: int) -> None:
+    """Raises RecipeError for fewer than one."""
+    if jobs < 1:
+        raise RecipeError(f"--jobs is {jobs}; give at least 1")
+
+
+def do_runs(orders: "Mapping[str, Order]", doing: Doing) -> dict[str, str]:
+    """Do the runs, by name; returns why some failed. Raises Stopped where a signal ended it, with all saved."""
+    from ringlight.cli.many_progress import showing
+    from ringlight.runs.many import run_many
+
+    if not orders:
+        return {}
+    place = doing.place()
+    with showing(list(orders), doing.quiet) as hear, kept_signals(_tell_of_stop) as signals:
+        failed = run_many(orders, place, hear, lambda: len(signals))
+    if signals:
+        sys.stderr.write("stopped, nothing is lost; the same command goes on\n")
+        raise Stopped(signals[0])
+    return failed
+
+
+def _tell_of_stop(number: int, before: list[int]) -> None:
+    if not before:
+        sys.stderr.write("\nall runs finish their step, then save; press Ctrl-C again to stop at once\n")
