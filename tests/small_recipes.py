@@ -10,11 +10,13 @@ TRAINED = tuple(name for name in METHODS if name not in CHOOSERS)
 """What runs and files are of; a chooser settles on one of these."""
 
 SMALL = {
+    "first_side": 12,
+    "last_side": 20,
     "light": {
         "ring": {"rank": 4, "features": 6, "head_hidden": 8, "position_nodes": 16, "view_nodes": 4},
         "render_hidden": 8,
         "modulation_hidden": 8,
-    }
+    },
 }
 
 

@@ -18,6 +18,7 @@ class VoxelGrid(nn.Module):
     """Shows the mean of its colours wherever one looks."""
 
     row_prefixes: tuple[str, ...] = ()
+    resized_prefixes: tuple[str, ...] = ()
     renderer, note = "mean of all voxels", None
     device = torch.device("cpu")
 

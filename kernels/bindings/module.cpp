@@ -20,5 +20,6 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_environment(module);
   ringlight::bind_sh(module);
   ringlight::bind_loss(module);
+  ringlight::bind_volume(module);
   ringlight::bind_step(module);
 }

@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "dense/group_rows.isa.hpp"
 #include "dense/lane_layers.isa.hpp"
 #include "machine/parallel.hpp"
 #include "machine/scratch.isa.hpp"
@@ -70,30 +71,6 @@ struct StackPanels {
     return panels;
   }
 };
-
-// rows[count][width] to lanes[width][GROUP], zero in lanes from `count` on; and back.
-void rows_to_lanes(const float* rows, int count, int width, float* lanes) {
-  for (int first = 0; first < width; first += LANES)
-    for (int half = 0; half < GROUP; half += LANES) {
-      const int left = width - first < LANES ? width - first : LANES;
-      Vec square[LANES];
-      for (int i = 0; i < LANES; i++)
-        square[i] = half + i < count ? load_first(rows + static_cast<std::size_t>(half + i) * width + first, left)
-                                     : Vec(0.f);
-      transpose(square);
-      for (int i = 0; i < left; i++) store(lanes + (first + i) * GROUP + half, square[i]);
-    }
-}
-
-void lanes_to_rows(const float* lanes, int count, int width, float* blocks, float* rows) {
-  to_rows(lanes, width, blocks);
-  for (int first = 0; first < width; first += LANES) {
-    const int left = width - first < LANES ? width - first : LANES;
-    for (int lane = 0; lane < count; lane++)
-      store_first(rows + static_cast<std::size_t>(lane) * width + first,
-                  load(blocks + (first / LANES * GROUP + lane) * LANES), left);
-  }
-}
 
 // What each layer is given, and the last one's result: [width][GROUP]; and room for a layer's input as terms.
 struct Activations {

@@ -84,6 +84,7 @@ class VoxelGrid(nn.Module):
 
     box: Tensor
     row_prefixes: tuple[str, ...] = ()
+    resized_prefixes: tuple[str, ...] = ()
     renderer = "ray marcher"
     note: str | None = None
 

@@ -12,6 +12,7 @@ from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import RingLightRingRecipe
+from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
 
@@ -26,6 +27,7 @@ METHODS: dict[str, Recipe] = {
     "light-gaussian": LightGaussianRecipe(),
     "3dgs-dr": ThreeDGSDRRecipe(),
     "glossy-gaussian": GlossyGaussianRecipe(),
+    "tensorf": TensorfRecipe(),
 }
 
 CHOOSERS = ("ringlight",)

@@ -35,6 +35,10 @@ class Model(Protocol):
     """Names of tensors that begin so have one row for each of what :meth:`counted` counts, and as many rows as there
     are; empty where that number never changes."""
 
+    resized_prefixes: tuple[str, ...]
+    """Names of tensors that begin so change their shape as a whole while training; :meth:`load_tensors` says whether
+    shapes fit each other. Empty where none does."""
+
     @property
     def device(self) -> torch.device:
         """Where it lies."""

@@ -183,6 +183,7 @@ class SplatModel(nn.Module):
         return self.shader.emitted(emission.named(), gaussians.means, camera)
 
     row_prefixes: tuple[str, ...] = (COLUMNS,)
+    resized_prefixes: tuple[str, ...] = ()
 
     @property
     def renderer(self) -> str:

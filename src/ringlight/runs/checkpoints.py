@@ -16,7 +16,9 @@ LARGEST_COUNT = 2**31 - 1
 """Of steps, updates, faults and collapses: any more is a damaged number."""
 
 
-STORED_BY_NAME = ("model.", "optimizer.mean.", "optimizer.square.")
+MODEL, MOMENTS = "model.", ("optimizer.mean.", "optimizer.square.")
+
+STORED_BY_NAME = (MODEL, *MOMENTS)
 """What a state holds of each of the model's tensors."""
 
 
@@ -51,7 +53,10 @@ def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
     has the state that a guard keeps, of another number of rows.
     """
     own = training.state()
-    _refuse_other_shapes(state, own, training.model.row_prefixes)
+    resized = _parts_of(training.model.resized_prefixes)
+    fixed = {name: tensor for name, tensor in own.items() if not name.startswith(resized)}
+    _refuse_other_shapes(state, fixed, training.model.row_prefixes)
+    _refuse_uneven(state, [name for name in own if name not in fixed])
     of_guard = {name.removeprefix(GUARD): t for name, t in state.items() if name.startswith(GUARD)}
     kept = good_state(of_guard)
     if kept:
@@ -61,8 +66,22 @@ def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
         _refuse_other_shapes(kept, of_training, training.model.row_prefixes)
 
 
+def _parts_of(prefixes: tuple[str, ...]) -> tuple[str, ...]:
+    """How names of a state begin whose tensors' names do."""
+    return tuple(part + prefix for prefix in prefixes for part in STORED_BY_NAME)
+
+
+def _refuse_uneven(state: Mapping[str, Tensor], resized: list[str]) -> None:
+    """Raise KeyError or ValueError unless moments have their parameters' shapes. That these fit each other is asked of
+    the model when it takes them."""
+    for name in resized:
+        of_model = next((MODEL + name.removeprefix(part) for part in MOMENTS if name.startswith(part)), name)
+        if state[name].shape != state[of_model].shape:
+            raise ValueError(f"{name} is of shape {list(state[name].shape)}, and its parameter of another")
+
+
 def _refuse_other_shapes(state: Mapping[str, Tensor], own: Mapping[str, Tensor], prefixes: tuple[str, ...]) -> None:
-    of_rows = tuple(part + prefix for prefix in prefixes for part in STORED_BY_NAME)
+    of_rows = _parts_of(prefixes)
     rows = next((state[name].shape[:1] for name in own if name.startswith(of_rows)), ())
     for name, tensor in own.items():
         found = state[name]

@@ -1,0 +1,84 @@
+// Planes times lines at one place: lanes are components.
+#pragma once
+#include "simd/simd.isa.hpp"
+#include "volume/volume.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+
+constexpr int PAIRS = 3;
+constexpr int PAIR_AXES[PAIRS][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};  // a plane's columns, its rows, the line
+
+// The node before a place along an axis, and the share of the way to the next.
+struct Between {
+  int low;
+  float share;
+};
+
+RINGLIGHT_INLINE Between between(float place, int side) {
+  const float clamped = place > 0.f ? (place < 1.f ? place : 1.f) : 0.f;  // a NaN becomes 0
+  const float at = clamped * static_cast<float>(side - 1);
+  const int low = static_cast<int>(at) < side - 2 ? static_cast<int>(at) : side - 2;
+  return {low, at - static_cast<float>(low)};
+}
+
+// Where a place lies in one pair: offsets of the four corners of a plane and both ends of a line, and their shares.
+struct Corners {
+  std::size_t plane[4], line[2];
+  float plane_share[4], line_share[2];
+};
+
+template <class Float>
+RINGLIGHT_INLINE Corners corners_of(const VolumeFactors<Float>& factors, int pair, const float* place) {
+  const int *axes = PAIR_AXES[pair], *sides = factors.sides;
+  const Between a = between(place[axes[0]], sides[axes[0]]), b = between(place[axes[1]], sides[axes[1]]);
+  const Between c = between(place[axes[2]], sides[axes[2]]);
+  const std::size_t width = static_cast<std::size_t>(factors.components);
+  const std::size_t row = width * static_cast<std::size_t>(sides[axes[0]]);
+  const std::size_t first = static_cast<std::size_t>(b.low) * row + static_cast<std::size_t>(a.low) * width;
+  const float left = 1.f - a.share, top = 1.f - b.share;
+  return {{first, first + width, first + row, first + row + width},
+          {static_cast<std::size_t>(c.low) * width, static_cast<std::size_t>(c.low) * width + width},
+          {top * left, top * a.share, b.share * left, b.share * a.share},
+          {1.f - c.share, c.share}};
+}
+
+RINGLIGHT_INLINE Vec on_plane(const float* plane, const Corners& at, int first) {
+  Vec sum = Vec(at.plane_share[0]) * load(plane + at.plane[0] + first);
+  sum = fma(Vec(at.plane_share[1]), load(plane + at.plane[1] + first), sum);
+  sum = fma(Vec(at.plane_share[2]), load(plane + at.plane[2] + first), sum);
+  return fma(Vec(at.plane_share[3]), load(plane + at.plane[3] + first), sum);
+}
+
+RINGLIGHT_INLINE Vec on_line(const float* line, const Corners& at, int first) {
+  const Vec sum = Vec(at.line_share[0]) * load(line + at.line[0] + first);
+  return fma(Vec(at.line_share[1]), load(line + at.line[1] + first), sum);
+}
+
+// Components of sixteen, still side by side, whose lanes add up to the sum of all components.
+static inline Vec summed_components(const VolumeFactors<const float>& factors, const float* place) {
+  Vec sum(0.f);
+  for (int pair = 0; pair < PAIRS; pair++) {
+    const Corners at = corners_of(factors, pair, place);
+    for (int first = 0; first < factors.components; first += LANES)
+      sum = fma(on_plane(factors.planes[pair], at, first), on_line(factors.lines[pair], at, first), sum);
+  }
+  return sum;
+}
+
+// All of them, pair after pair.
+static inline void components_at(const VolumeFactors<const float>& factors, const float* place, float* to) {
+  for (int pair = 0; pair < PAIRS; pair++) {
+    const Corners at = corners_of(factors, pair, place);
+    for (int first = 0; first < factors.components; first += LANES, to += LANES)
+      store(to, on_plane(factors.planes[pair], at, first) * on_line(factors.lines[pair], at, first));
+  }
+}
+
+// What softplus is taken of, at up to sixteen places; the other lanes are 0.
+static inline Vec densities_at(const VolumeFactors<const float>& factors, const float* places, int count) {
+  Vec sums[LANES];
+  for (int i = 0; i < LANES; i++) sums[i] = i < count ? summed_components(factors, places + 3 * i) : Vec(0.f);
+  return lane_sums<LANES>(sums);
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

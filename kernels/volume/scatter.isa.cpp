@@ -1,0 +1,63 @@
+// Gradients of planes and lines. Sixteen components of one pair are a piece, which goes through all samples in order:
+// no two threads write to one number, and sums have one order.
+#include "machine/parallel.hpp"
+#include "volume/factors.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr std::size_t AHEAD = 4;  // samples whose corners are fetched before they are wanted
+
+struct Piece {
+  const float *plane, *line;
+  float *grad_plane, *grad_line;
+  int pair, first;
+};
+
+void fetch(const VolumeFactors<const float>& factors, const Piece& piece, const float* place) {
+  const Corners at = corners_of(factors, piece.pair, place);
+  for (int corner = 0; corner < 4; corner++) {
+    __builtin_prefetch(piece.plane + at.plane[corner] + piece.first);
+    __builtin_prefetch(piece.grad_plane + at.plane[corner] + piece.first, 1);
+  }
+}
+
+void add(float* to, Vec value) { store(to, load(to) + value); }
+
+void add_sample(const VolumeFactors<const float>& factors, const Piece& piece, const float* place, Vec gradient) {
+  const Corners at = corners_of(factors, piece.pair, place);
+  const Vec by_plane = gradient * on_line(piece.line, at, piece.first);
+  const Vec by_line = gradient * on_plane(piece.plane, at, piece.first);
+  for (int corner = 0; corner < 4; corner++)
+    add(piece.grad_plane + at.plane[corner] + piece.first, by_plane * Vec(at.plane_share[corner]));
+  for (int end = 0; end < 2; end++)
+    add(piece.grad_line + at.line[end] + piece.first, by_line * Vec(at.line_share[end]));
+}
+
+}  // namespace
+
+void volume_scatter(const VolumeFactors<const float>& factors, const float* places, const std::int32_t* samples,
+                    std::size_t count, const float* gradient, bool by_component,
+                    const VolumeFactors<float>& gradients) {
+  const std::size_t blocks = static_cast<std::size_t>(factors.components / LANES);
+  const std::size_t width = static_cast<std::size_t>(PAIRS) * factors.components;
+  const VolumeFactors<const float>* const values = &factors;
+  const VolumeFactors<float>* const to = &gradients;
+  parallel_for(PAIRS * blocks, [=](std::size_t number) {
+    const int pair = static_cast<int>(number / blocks), first = static_cast<int>(number % blocks) * LANES;
+    const Piece piece{values->planes[pair], values->lines[pair], to->planes[pair], to->lines[pair], pair, first};
+    const std::size_t column = static_cast<std::size_t>(pair) * values->components + first;
+    for (std::size_t i = 0; i < count; i++) {
+      if (i + AHEAD < count) {
+        const std::size_t next = samples ? static_cast<std::size_t>(samples[i + AHEAD]) : i + AHEAD;
+        if (by_component || gradient[i + AHEAD] != 0.f) fetch(*values, piece, places + 3 * next);
+      }
+      if (!by_component && gradient[i] == 0.f) continue;
+      const std::size_t sample = samples ? static_cast<std::size_t>(samples[i]) : i;
+      const Vec here = by_component ? load(gradient + i * width + column) : Vec(gradient[i]);
+      add_sample(*values, piece, places + 3 * sample, here);
+    }
+  });
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA

@@ -1,0 +1,151 @@
+"""Lots of rays through pixels of all photographs: what models learn from that march along rays.
+
+Photographs stay 8 bit in one table of pixels; a ray is worked out of its pixel's camera when it is drawn.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from ringlight.core.camera import Camera
+from ringlight.core.directions import normalize
+from ringlight.core.randomness import generator
+from ringlight.core.scene import Scene, View
+from ringlight.core.stages import counted
+
+OPAQUE = 255
+"""Alpha of a photograph without a mask."""
+
+LOOKED_AT_ONCE = 1 << 20
+"""Rays that are asked about together where all are: some 30 MB."""
+
+
+@dataclass(frozen=True)
+class Rays:
+    """``origins``, world units, and unit ``directions``; ``jitter`` in [0, 1) is where samples lie in their steps."""
+
+    origins: Float[Tensor, "R 3"]
+    directions: Float[Tensor, "R 3"]
+    jitter: Float[Tensor, "R"]
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+    def to(self, device: torch.device) -> "Rays":
+        """The same on a device."""
+        return Rays(self.origins.to(device), self.directions.to(device), self.jitter.to(device))
+
+    def part(self, begin: int, end: int) -> "Rays":
+        """Those from ``begin`` up to ``end``."""
+        return Rays(self.origins[begin:end], self.directions[begin:end], self.jitter[begin:end])
+
+
+MIDDLE = 0.5
+"""Where samples lie in their steps when a picture is drawn."""
+
+
+def rays_of(camera: Camera) -> Rays:
+    """Through all pixel centres of a camera, row by row."""
+    directions = normalize(camera.ray_directions().reshape(-1, 3))
+    origins = camera.position.expand(len(directions), 3).contiguous()
+    return Rays(origins, directions, torch.full((len(directions),), MIDDLE))
+
+
+@dataclass(frozen=True)
+class RayBatch:
+    """R rays of any photographs; ``colors`` are those of their pixels over ``background``, in [0, 1]."""
+
+    rays: Rays
+    colors: Float[Tensor, "R 3"]
+    background: Float[Tensor, "3"]
+
+    @property
+    def label(self) -> str:
+        """What a message calls it."""
+        return f"a lot of {len(self.rays):,} rays"
+
+
+class RayBatches:
+    """``count`` rays drawn anew at each step, with replacement; a pure function of (seed, step) and of what is kept."""
+
+    def __init__(self, scene: Scene, count: int, seed: int):
+        self.scene, self.count, self.seed = scene, count, seed
+        cameras = [view.camera for view in scene.train]
+        self._ends = torch.tensor([camera.width * camera.height for camera in cameras]).cumsum(0)
+        self._widths = torch.tensor([camera.width for camera in cameras])
+        self._lenses = torch.tensor([[*camera.focal, *camera.center] for camera in cameras])
+        self._rotations = torch.stack([camera.world_to_camera[:3, :3] for camera in cameras])
+        self._positions = torch.stack([camera.position for camera in cameras])
+        self._pixels = torch.cat([_pixels(view) for view in counted("reading photographs", scene.train)])
+        self._kept: Int[Tensor, "K"] | None = None
+
+    @property
+    def all_rays(self) -> int:
+        """Rays through every pixel."""
+        return len(self._pixels)
+
+    @property
+    def kept_rays(self) -> int:
+        """Those that are drawn from."""
+        return self.all_rays if self._kept is None else len(self._kept)
+
+    @property
+    def bytes_kept(self) -> int:
+        """Of pixels, and of the numbers of kept rays."""
+        kept = 0 if self._kept is None else self._kept.numel() * self._kept.element_size()
+        return self._pixels.numel() + kept
+
+    def at(self, step: int) -> RayBatch:
+        """The batch of ``step`` (1 is the first)."""
+        draw = generator(self.seed, step, "rays")
+        index = torch.randint(self.kept_rays, (self.count,), generator=draw)
+        if self._kept is not None:
+            index = self._kept[index].long()
+        jitter = torch.rand(self.count, generator=draw)
+        background = self._background(step)
+        pixels = self._pixels[index].float().div_(OPAQUE)
+        colors = torch.lerp(background.expand(self.count, 3), pixels[:, :3], pixels[:, 3:])
+        return RayBatch(self._rays(index, jitter), colors, background)
+
+    def looked_at(self, meets: Callable[[Rays], Bool[Tensor, "R"]]) -> Bool[Tensor, "P"]:
+        """Of all rays those of which ``meets`` says so; their samples are in the middle of their steps."""
+        return torch.cat([meets(rays) for rays in self._all()])
+
+    def keep(self, chosen: Bool[Tensor, "P"]) -> None:
+        """From now on draw from the ``chosen`` ones of all rays alone."""
+        self._kept = (
+            chosen.nonzero()[:, 0].int() if self.all_rays <= torch.iinfo(torch.int32).max else chosen.nonzero()[:, 0]
+        )
+
+    def _all(self) -> Iterator[Rays]:
+        for begin in range(0, self.all_rays, LOOKED_AT_ONCE):
+            index = torch.arange(begin, min(begin + LOOKED_AT_ONCE, self.all_rays))
+            yield self._rays(index, torch.full((len(index),), MIDDLE))
+
+    def _rays(self, index: Int[Tensor, "R"], jitter: Float[Tensor, "R"]) -> Rays:
+        view = torch.searchsorted(self._ends, index, right=True)
+        first = torch.where(view > 0, self._ends[(view - 1).clamp_min(0)], 0)
+        row = torch.div(index - first, self._widths[view], rounding_mode="floor")
+        column = index - first - row * self._widths[view]
+        lenses = self._lenses[view]
+        pixel = torch.stack([column, row], -1) + 0.5
+        on_plane = (pixel - lenses[:, 2:]) / lenses[:, :2]
+        of_camera = torch.cat([on_plane, torch.ones_like(on_plane[:, :1])], -1)
+        directions = (of_camera[:, None, :] @ self._rotations[view])[:, 0]
+        return Rays(self._positions[view], normalize(directions), jitter)
+
+    def _background(self, step: int) -> Float[Tensor, "3"]:
+        if self.scene.background != "random":
+            return self.scene.background_color
+        return torch.rand(3, generator=generator(self.seed, step, "background"))
+
+
+def _pixels(view: View) -> Tensor:
+    """Red, green, blue and alpha [P 4], 8 bit."""
+    pixels = torch.from_numpy(view.load())
+    if pixels.shape[-1] == 3:
+        pixels = torch.cat([pixels, torch.full_like(pixels[..., :1], OPAQUE)], -1)
+    return pixels.reshape(-1, 4)

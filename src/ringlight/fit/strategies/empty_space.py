@@ -1,0 +1,62 @@
+"""Volumes learn what is empty: at some steps cells are looked at, the box shrinks, rays that meet nothing are left out.
+
+TensoRF (Chen et al. 2022), section 4.3 and its supplement.
+"""
+
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from ringlight.core.rendering import Rendering
+from ringlight.data.rays import RayBatches
+from ringlight.fit.optimizer import Optimizer
+from ringlight.volume.model import VolumeModel
+from ringlight.volume.occupancy import BITS
+
+
+class EmptySpace:
+    """After each of ``steps`` empty cells are found. After the first the grid is cut to the box of the others, and Adam
+    begins anew; after the second only rays that meet one of the others are drawn."""
+
+    most = None
+
+    def __init__(self, batches: RayBatches, steps: tuple[int, ...]):
+        self.batches, self.steps = batches, steps
+        self._kept: Tensor = torch.zeros(0, dtype=torch.uint8)
+
+    def update(self, step: int, model: VolumeModel, optimizer: Optimizer, prediction: Rendering) -> None:
+        """See :class:`ringlight.fit.strategies.contract.Strategy`."""
+        if step not in self.steps:
+            return
+        box = model.find_empty()
+        if step == self.steps[0] and model.shrink(box):
+            optimizer.begin_anew()
+        if step == self.steps[-1] and len(self.steps) > 1:
+            self._filter(model)
+
+    def _filter(self, model: VolumeModel) -> None:
+        chosen = self.batches.looked_at(model.meets_something)
+        if chosen.any():
+            self.batches.keep(chosen)
+            self._kept = _bits(chosen)
+
+    def state(self) -> dict[str, Tensor]:
+        """Bits of the rays that are drawn; none before they are chosen."""
+        return {"kept": self._kept}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        """See :class:`ringlight.fit.strategies.contract.Strategy`."""
+        self._kept = state["kept"].clone()
+        if len(self._kept):
+            self.batches.keep(_chosen(self._kept, self.batches.all_rays))
+
+
+def _bits(chosen: Bool[Tensor, "P"]) -> Tensor:
+    padded = torch.nn.functional.pad(chosen, (0, -len(chosen) % BITS)).view(-1, BITS)
+    return (padded * 2 ** torch.arange(BITS)).sum(-1).to(torch.uint8)
+
+
+def _chosen(bits: Tensor, count: int) -> Bool[Tensor, "P"]:
+    return ((bits[:, None] >> torch.arange(BITS)) & 1).bool().view(-1)[:count]

@@ -1,0 +1,43 @@
+"""The box that a volume covers: what the masks leave, or what the scene's loader found."""
+
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.scene import Scene
+from ringlight.data.hull import COARSE_CELLS, VoxelGrid, depths_inside, masks_of
+from ringlight.data.surface import guessed_masks
+
+MARGIN = 0.03
+"""Of its longest side, added to a box of masks on each side: a coarse hull is off by less than a cell."""
+
+
+class ChosenBox(NamedTuple):
+    """World units, and where it is from, in a few words."""
+
+    box: Float[Tensor, "2 3"]
+    source: str
+
+
+def volume_box(scene: Scene) -> ChosenBox:
+    """The box of the visual hull where photographs have masks or an even background; else the scene's."""
+    masks = masks_of(scene.train)
+    source = "the masks"
+    if not masks:
+        masks, source = guessed_masks(scene), "the even background"
+    if masks:
+        grid = VoxelGrid.over(scene.box, COARSE_CELLS)
+        box = grid.bounds(depths_inside(grid.centers(), masks, grid.pitch) > -grid.pitch)
+        if box is not None:
+            margin = MARGIN * (box[1] - box[0]).max()
+            low, high = (box[0] - margin).maximum(scene.box[0]), (box[1] + margin).minimum(scene.box[1])
+            return ChosenBox(torch.stack([low, high]), source)
+    return ChosenBox(scene.box, "the points" if scene.points.measured else "the cameras")
+
+
+def in_words(chosen: ChosenBox) -> str:
+    """The decision, in a sentence."""
+    low, high = (", ".join(f"{value:.3g}" for value in corner) for corner in chosen.box.tolist())
+    return f"the volume's box is that of {chosen.source}: ({low}) to ({high}); --bounds sets another"

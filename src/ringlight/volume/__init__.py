@@ -1,0 +1,1 @@
+"""Volumes: density and colour of space, shown by marching along rays."""

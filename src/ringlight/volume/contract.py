@@ -1,0 +1,44 @@
+"""The socket: what says density and appearance at points of a box, and changes its resolution while it trains."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+from jaxtyping import Float
+from torch import Tensor
+
+Sides = tuple[int, int, int]
+"""Nodes of a grid along x, y and z; the first and the last lie on the box."""
+
+
+@runtime_checkable
+class VolumeField(Protocol):
+    """An ``nn.Module``. Points are in [0, 1]^3, the box's lowest corner at 0."""
+
+    @property
+    def sides(self) -> Sides:
+        """Its resolution now."""
+        ...
+
+    def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """What softplus makes density of."""
+        ...
+
+    def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
+        """Features that a network makes colour of."""
+        ...
+
+    def outline(self, sides: Sides) -> Mapping[str, Tensor]:
+        """Parameters as they are at another resolution, by name; asked on torch's meta device for their shapes."""
+        ...
+
+    def named_parameters(self) -> Iterator[tuple[str, Any]]:
+        """What is trained, with names."""
+        ...
+
+    def resize(self, sides: Sides) -> None:
+        """Take another resolution, showing the same as well as it can."""
+        ...
+
+    def crop(self, first: Sides, last: Sides) -> None:
+        """Keep the nodes from ``first`` to ``last`` alone, both included; the box is then theirs."""
+        ...

@@ -1,0 +1,58 @@
+"""Density and appearance as factored grids (TensoRF, Chen et al. 2022, sections 3 and 4)."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.fields.networks import fan_in_uniform
+from ringlight.volume.contract import Sides
+from ringlight.volume.factors import Decomposition, Factors
+
+
+class FactoredField(nn.Module):
+    """Density is the sum of its components; appearance is ``basis`` [F C] times its own, without a bias."""
+
+    def __init__(
+        self,
+        kind: Decomposition,
+        sides: Sides,
+        components: tuple[int, int],
+        features: int,
+        generator: torch.Generator,
+    ):
+        super().__init__()
+        self._made = (kind, components, features)
+        self.density_factors = Factors(kind, sides, components[0], generator)
+        self.appearance_factors = Factors(kind, sides, components[1], generator)
+        joined = self.appearance_factors.width
+        self.basis = fan_in_uniform((features, joined), joined, generator)
+
+    @property
+    def sides(self) -> Sides:
+        """Nodes along x, y and z."""
+        return self.density_factors.sides
+
+    def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        total: Tensor = self.density_factors(points).sum(-1)
+        return total
+
+    def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        mixed: Tensor = self.appearance_factors(points) @ self.basis.T
+        return mixed
+
+    def outline(self, sides: Sides) -> dict[str, Tensor]:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        kind, components, features = self._made
+        return dict(FactoredField(kind, sides, components, features, torch.Generator()).named_parameters())
+
+    def resize(self, sides: Sides) -> None:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        self.density_factors.resize(sides)
+        self.appearance_factors.resize(sides)
+
+    def crop(self, first: Sides, last: Sides) -> None:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        self.density_factors.crop(first, last)
+        self.appearance_factors.crop(first, last)

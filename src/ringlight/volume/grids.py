@@ -1,0 +1,25 @@
+"""How many nodes a grid has along each axis of a box, and how that grows."""
+
+import math
+
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.volume.contract import Sides
+
+FEWEST_NODES = 2
+"""Along an axis: one cell."""
+
+
+def sides_of(box: Float[Tensor, "2 3"], voxels: float | int) -> Sides:
+    """Nodes of about ``voxels`` cubes that fill the box."""
+    lengths = (box[1] - box[0]).double()
+    pitch = (lengths.prod().item() / voxels) ** (1 / 3)
+    x, y, z = (max(int(length / pitch), FEWEST_NODES) for length in lengths.tolist())
+    return x, y, z
+
+
+def growing(first: int, last: int, times: int) -> tuple[float, ...]:
+    """Voxels after each of so many upsamplings from ``first`` cubed to ``last`` cubed, evenly in their logarithm."""
+    logs = [3 * math.log(side) for side in (first, last)]
+    return tuple(math.exp(logs[0] + (logs[1] - logs[0]) * (k + 1) / times) for k in range(times))

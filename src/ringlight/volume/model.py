@@ -1,0 +1,296 @@
+"""A volume as a model: a field of density and appearance, a network that makes colour, and what is empty."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import torch
+import torch.nn.functional
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from ringlight.core.by_autograd import ByAutograd
+from ringlight.core.camera import Camera
+from ringlight.core.directions import normalize
+from ringlight.core.gradients import Gradients
+from ringlight.core.raw_bytes import raw_bytes
+from ringlight.core.rendering import Channels, Rendering
+from ringlight.core.want import Want
+from ringlight.data.rays import RayBatch, Rays, rays_of
+from ringlight.errors import RecipeError
+from ringlight.models.contract import Count
+from ringlight.volume import kernels, looked_for
+from ringlight.volume.contract import Sides, VolumeField
+from ringlight.volume.factored import FactoredField
+from ringlight.volume.grids import FEWEST_NODES
+from ringlight.volume.kernels import Marched, density_at, runs_native
+from ringlight.volume.marching import Space, marched, samples_of, weights_of
+from ringlight.volume.occupancy import cells_of, centers, everything, packed, widened
+from ringlight.volume.shading import FeatureShading
+
+SHIFT = -10.0
+"""Added to the field's density before softplus: space begins all but empty (TensoRF)."""
+
+DISTANCE_SCALE, BOX_SIDE = 25.0, 3.0
+"""Density counts per 1/25 of the unit of length in which the first box has a longest side of 3: TensoRF's, with boxes
+of +-1.5 around the subjects of NeRF-Synthetic."""
+
+STEPS_A_VOXEL = 2
+"""Samples on the way through a voxel of average side (TensoRF)."""
+
+EMPTY = 1e-4
+"""Opacity of one step, without the distance scale, below which a cell is empty (TensoRF)."""
+
+CHUNK = 4096
+"""Rays of a picture that are marched at once."""
+
+PLACES_AT_ONCE = 1 << 18
+"""Of which density is asked together."""
+
+BUFFERS = ("alpha", "depth")
+
+SURFACE = 1e-3
+"""Alpha below which a pixel has neither depth nor normal."""
+
+
+class VolumeModel(nn.Module):
+    """``box`` [2 3] is what the field covers; ``occupied`` [X Y Z/8] are bits of cells over ``occupied_box`` that are
+    not known to be empty; ``unit`` is the world's length of one unit of density. ``field`` and ``shading`` are its
+    parts. Nothing is counted by rows: the grid's resolution changes as a whole."""
+
+    box: Tensor
+    occupied_box: Tensor
+    occupied: Tensor
+    unit: Tensor
+    row_prefixes: tuple[str, ...] = ()
+    resized_prefixes: tuple[str, ...] = ("field.density_factors.", "field.appearance_factors.", "occupied")
+    note: str | None = None
+
+    def __init__(self, field: VolumeField, shading: FeatureShading, box: Float[Tensor, "2 3"]):
+        super().__init__()
+        assert isinstance(field, nn.Module)
+        self.field, self.shading = field, shading
+        box = box.float()
+        self.register_buffer("box", box.clone())
+        self.register_buffer("occupied_box", box.clone())
+        self.register_buffer("occupied", everything())
+        self.register_buffer("unit", (box[1] - box[0]).max() / BOX_SIDE)
+
+    @property
+    def device(self) -> torch.device:
+        """Where it lies."""
+        return next(self.parameters()).device
+
+    @property
+    def renderer(self) -> str:
+        """What draws it."""
+        return "cpu ray marcher" if self._is_native else "ray marcher in torch"
+
+    @property
+    def _is_native(self) -> bool:
+        return runs_native(self.field, self.shading)
+
+    def space(self) -> Space:
+        """Where rays are sampled, and how finely: by the average voxel of the grid as it is now."""
+        lengths = (self.box[1] - self.box[0]).tolist()
+        pitches = [length / (side - 1) for length, side in zip(lengths, self.field.sides, strict=True)]
+        step = sum(pitches) / len(pitches) / STEPS_A_VOXEL
+        most = math.ceil(math.hypot(*lengths) / step) + 1
+        optical = DISTANCE_SCALE * step / self.unit.item()
+        return Space(self.box, self.occupied_box, self.occupied, step, most, optical)
+
+    def density(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """Of places in the box's [0, 1]^3, per ``unit`` / DISTANCE_SCALE."""
+        return torch.nn.functional.softplus(self.field.density(places) + SHIFT)
+
+    def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """The same without a graph, by the kernel where it applies."""
+        if isinstance(self.field, FactoredField) and self._is_native:
+            return torch.nn.functional.softplus(density_at(self.field.density_factors, places) + SHIFT)
+        return self.density(places).detach()
+
+    def meets_something(self, rays: Rays) -> Bool[Tensor, "R"]:
+        """Whether rays pass through a cell that is not known to be empty; on the CPU."""
+        look = kernels.meets_something if self._is_native else looked_for.meets_something
+        return look(rays.to(self.device), self.space())
+
+    def color(self, places: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+        """Of places in the box's [0, 1]^3, seen along unit directions; in (0, 1)."""
+        shaded: Tensor = self.shading(self.field.appearance(places), directions)
+        return shaded
+
+    def predict(self, batch: RayBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
+        """See :class:`ringlight.models.contract.Model`."""
+        return self._rendered(batch.rays.to(self.device), batch.background.to(self.box), want)
+
+    def render(
+        self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
+    ) -> Rendering:
+        """See :class:`ringlight.models.contract.Model`; "depth" is along the camera's axis, times alpha."""
+        rays, background = rays_of(camera).to(self.device), background.to(self.box)
+        shape, axis = (camera.height, camera.width, -1), (rays.directions @ camera.forward.to(self.box))[:, None]
+        if want is Want.GRADIENTS:
+            whole = self._rendered(rays, background, want)
+            found = dict(whole.buffers)
+
+            def backward(grad_color: Tensor, grad_buffers: Mapping[str, Tensor]) -> Gradients:
+                flat = {name: gradient.reshape(-1, 1) for name, gradient in grad_buffers.items()}
+                if "depth" in flat:
+                    flat["depth"] = flat["depth"] * axis
+                return whole.backward(grad_color.reshape(-1, 3), flat)
+
+            color = whole.color
+        else:
+            parts = [self._rendered(rays.part(i, i + CHUNK), background, want) for i in range(0, len(rays), CHUNK)]
+            color = torch.cat([part.color for part in parts])
+            found = {name: torch.cat([part.buffers[name] for part in parts]) for name in BUFFERS}
+        found["depth"] = found["depth"] * axis
+        named = {name: values.view(shape) for name, values in found.items()}
+        if want is Want.GRADIENTS:
+            return Rendering(color.view(shape), named["alpha"], named, backward=backward)
+        return Rendering(color.view(shape), named["alpha"], named)
+
+    def layers(self, camera: Camera) -> Channels:
+        """Its colour over black as "base"; "residual" is zero, for no part of it is split off; "normal" is against the
+        gradient of density, in world axes."""
+        shown = self.render(camera, torch.zeros(3))
+        alpha, depth = shown.buffers["alpha"], shown.buffers["depth"]
+        there = alpha > SURFACE
+        rays = rays_of(camera).to(self.device)
+        normals = [self._normals(rays.part(begin, begin + CHUNK)) for begin in range(0, len(rays), CHUNK)]
+        return {
+            "base": shown.color,
+            "residual": torch.zeros_like(shown.color),
+            "alpha": alpha,
+            "depth": torch.where(there, depth / alpha.clamp_min(SURFACE), 0),
+            "normal": torch.where(there, torch.cat(normals).view_as(shown.color), 0),
+        }
+
+    def features(self, camera: Camera, background: Float[Tensor, "3"]) -> None:
+        """None: its network is no light that could collapse."""
+
+    def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
+        """See :class:`ringlight.models.contract.Model`."""
+        for name in buffers:
+            if name not in BUFFERS:
+                raise RecipeError(f"{who} looks at {name!r}, which a volume does not blend; it blends alpha, depth")
+
+    def counted(self) -> Count:
+        """Of the grid that its factors stand for."""
+        return Count(math.prod(self.field.sides), "voxels")
+
+    def bytes_each(self) -> int:
+        """Of parameters, at least one."""
+        total = sum(parameter.numel() * parameter.element_size() for parameter in self.parameters())
+        return max(total // self.counted().number, 1)
+
+    def rendering_tensors(self) -> dict[str, Tensor]:
+        """All of it."""
+        return dict(self.state_dict())
+
+    def rendering_size(self) -> tuple[Count, int]:
+        """See :class:`ringlight.models.contract.Model`."""
+        return self.counted(), sum(raw_bytes(tensor) for tensor in self.state_dict().values())
+
+    @torch.no_grad()
+    def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """Of any resolution. Raises KeyError for a missing or unknown name, ValueError where shapes do not fit."""
+        own = self.state_dict()
+        strange = sorted(own.keys() ^ tensors.keys())
+        if strange:
+            raise KeyError(f"tensor {strange[0]!r} is missing, or unknown")
+        for name, tensor in tensors.items():
+            owner, _, attribute = name.rpartition(".")
+            module = self.get_submodule(owner)
+            if not name.startswith(self.resized_prefixes) and tensor.shape != own[name].shape:
+                raise ValueError(f"tensor {name!r} has shape {list(tensor.shape)}, not {list(own[name].shape)}")
+            if tensor.ndim != own[name].ndim or tensor.dtype != own[name].dtype or not tensor.numel():
+                raise ValueError(f"tensor {name!r} is {tensor.dtype} of shape {list(tensor.shape)}")
+            if attribute in module._buffers:
+                setattr(module, attribute, tensor.to(own[name].device, copy=True))
+            else:
+                setattr(module, attribute, nn.Parameter(tensor.to(own[name].device, copy=True)))
+        self._refuse_uneven()
+
+    def _refuse_uneven(self) -> None:
+        """Raise ValueError unless all factors are of one resolution."""
+        sides = self.field.sides
+        if min(sides) < FEWEST_NODES:
+            raise ValueError(f"a grid of {sides} nodes; there must be at least {FEWEST_NODES} along each axis")
+        with torch.device("meta"):
+            wanted = {name: tuple(t.shape) for name, t in self.field.outline(sides).items()}
+        for name, tensor in self.field.named_parameters():
+            if tuple(tensor.shape) != wanted[name]:
+                raise ValueError(f"tensor 'field.{name}' has shape {list(tensor.shape)}, not {list(wanted[name])}")
+
+    def splats(self) -> None:
+        """None: nothing is splatted."""
+
+    def resize(self, sides: Sides) -> None:
+        """The grid gets this resolution."""
+        self.field.resize(sides)
+
+    @torch.no_grad()
+    def find_empty(self) -> Float[Tensor, "2 3"]:
+        """See which cells of the box are empty now, and skip them from now on. Returns the box of the others, world
+        units; the whole box where all are empty."""
+        cells = cells_of(self.box)
+        step = self.space().step / self.unit.item()
+        places = centers(cells).to(self.box)
+        thickness = [step * self.density_values(part) for part in places.split(PLACES_AT_ONCE)]
+        full = (-torch.expm1(-torch.cat(thickness)) >= EMPTY).view(cells)
+        if not full.any():
+            return self.box.clone()
+        wide = widened(full)
+        self.occupied, self.occupied_box = packed(wide.cpu()).to(self.box.device), self.box.clone()
+        of_cells = torch.tensor(cells).to(self.box)
+        at = wide.nonzero()
+        corners = torch.stack([at.amin(0) / of_cells, (at.amax(0) + 1) / of_cells])
+        return self.box[0] + corners * (self.box[1] - self.box[0])
+
+    @torch.no_grad()
+    def shrink(self, box: Float[Tensor, "2 3"]) -> bool:
+        """Cut the grid to its nodes around this box; returns whether any were cut off."""
+        low, high = self.box
+        sides = self.field.sides
+        last = torch.tensor([side - 1 for side in sides]).to(self.box)
+        inner = (box.to(self.box) - low) / (high - low) * last
+        ends = torch.stack([inner[0].floor(), inner[1].ceil()]).clamp_min(0).minimum(last).long()
+        ends[1] = ends[1].maximum(ends[0] + 1).minimum(last.long())
+        ends[0] = ends[0].minimum(ends[1] - 1)
+        first, final = (tuple(corner) for corner in ends.tolist())
+        if first == (0, 0, 0) and final == tuple(side - 1 for side in sides):
+            return False
+        self.field.crop(first, final)
+        self.box = low + ends / last * (high - low)
+        return True
+
+    def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want) -> Rendering:
+        space = self.space()
+        if isinstance(self.field, FactoredField) and self._is_native:
+            shown = Marched(rays, space, SHIFT, self.field, self.shading, background)
+            return shown.rendering(with_way_back=want is Want.GRADIENTS)
+        recorded = ByAutograd(
+            lambda _: marched(rays, space, self.density, self.color, background), {}, dict(self.named_parameters())
+        )
+        outputs = recorded.outputs
+        buffers = {name: outputs[name] for name in BUFFERS}
+        if want is not Want.GRADIENTS:
+            return Rendering(outputs["color"], outputs["alpha"], buffers)
+
+        def backward(grad_color: Tensor, grad_buffers: Mapping[str, Tensor]) -> Gradients:
+            return Gradients(recorded.backward({"color": grad_color, **grad_buffers}))
+
+        return Rendering(outputs["color"], outputs["alpha"], buffers, backward=backward)
+
+    def _normals(self, rays: Rays) -> Float[Tensor, "R 3"]:
+        """Unit, or zero where there is nothing."""
+        space = self.space()
+        samples = samples_of(rays, space)
+        with torch.enable_grad():
+            places = samples.places.detach().requires_grad_()
+            density = self.density(places)
+            (slopes,) = torch.autograd.grad(density.sum(), places) if len(places) else (places,)
+        weights = weights_of(samples, len(rays), space.optical * density.detach())
+        outward = -normalize(slopes.detach() / (self.box[1] - self.box[0]))
+        total = outward.new_zeros(len(rays), 3).index_add(0, samples.ray, weights[:, None] * outward)
+        return normalize(total)
