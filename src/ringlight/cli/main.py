@@ -73,6 +73,7 @@ VERBS = {
     "report": "one page about runs: table, curves, pictures with a curtain, settings",
     "table": "methods over scenes and seeds, side by side or on a cluster, to one table a measure",
     "study": "repeat the paper's ablations: the whole matrix, its table and curves",
+    "reproduce": "the paper's claims one by one, held against records of ours",
     "info": "what a model file or run folder holds",
     "compress": "write a model in about a third of the bytes, and say what that costs",
     "edit": "write a model in edited light: tinted, with more or less of what depends on the view",

@@ -1,0 +1,144 @@
+"""Our own measurements, from a folder of records: reports of runs, tables of methods, and studies.
+
+Only runs of one kind of record are held against each other: those of a table, or those whose file names begin alike
+(``readme-``, ``train-``), since these have the same settings but for the method.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from ringlight.core.json_numbers import refuse_constant
+from ringlight.errors import RunError
+
+KINDS = ("table", "readme", "train", "study")
+"""What names of records begin with, the more telling first."""
+
+LARGEST_RECORD = 64_000_000
+"""Bytes; a larger file is no record, and is not read."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What was measured: a method, or the variant of a study."""
+
+    study: str | None
+    name: str
+
+
+@dataclass(frozen=True)
+class Record:
+    """Means over ``seeds`` by measure: "psnr" dB, "ssim", "lpips", "megabytes" raw, "fps", "minutes" of CPU time."""
+
+    kind: str
+    file: str
+    scene: str
+    steps: int
+    subject: Subject
+    seeds: tuple[int, ...]
+    values: Mapping[str, float]
+
+
+def records_in(folder: Path) -> tuple[Record, ...]:
+    """All of a folder, the more telling kinds first; what is neither run, table nor study is left out.
+
+    Raises RunError for a folder that is not there, and for a file that is no JSON.
+    """
+    if not folder.is_dir():
+        raise RunError(f"{folder}: there is no such folder of records; name one with --results")
+    found: list[Record] = []
+    for kind in KINDS:
+        for path in sorted(folder.glob(f"{kind}-*.json")):
+            found += _records(kind, path)
+    return tuple(found)
+
+
+def _records(kind: str, path: Path) -> list[Record]:
+    if path.stat().st_size > LARGEST_RECORD:
+        raise RunError(f"{path}: is too large for a record ({path.stat().st_size:,} bytes); move it elsewhere")
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"{path}: is no valid JSON ({error}); copy it again, or move it elsewhere") from None
+    try:
+        if kind == "study":
+            return _of_study(path.name, data)
+        if kind == "table":
+            return _of_table(path.name, data)
+        return _of_run(kind, path.name, data)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        reason = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise RunError(f"{path}: is no record that this version reads ({reason}); measure it again") from None
+
+
+def _of_run(kind: str, file: str, data: Mapping[str, Any]) -> list[Record]:
+    if "psnr" not in data or "preset" not in data:
+        return []
+    seconds = data.get("train_cpu_seconds")
+    values = {
+        "psnr": data["psnr"],
+        "ssim": data["ssim_same"],
+        "lpips": data.get("lpips_vgg") or data.get("lpips_alex"),
+        "megabytes": data["bytes_raw"] / 1e6,
+        "fps": data.get("fps"),
+        "minutes": seconds / 60 if seconds else None,
+    }
+    subject, steps = Subject(None, str(data["preset"])), int(data["iterations"] or 0)
+    return [Record(kind, file, str(data["scene"]), steps, subject, (int(data["seed"] or 0),), _known(values))]
+
+
+def _of_table(file: str, data: Mapping[str, Any]) -> list[Record]:
+    runs: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for run in data["runs"]:
+        runs.setdefault((run["scene"], run["method"]), []).append(run)
+    keys = {"psnr": "psnr", "ssim": "ssim", "lpips": "lpips_vgg", "megabytes": "raw_megabytes", "fps": "fps"}
+
+    def value(key: str, scene: str, method: str) -> float | None:
+        cell = data["measures"].get(key, {}).get("scenes", {}).get(scene, {}).get(method)
+        return None if cell is None else float(cell["mean"])
+
+    found = []
+    for (scene, method), of_pair in runs.items():
+        values = {name: value(key, scene, method) for name, key in keys.items()}
+        values["lpips"] = values["lpips"] or value("lpips_alex", scene, method)
+        seconds = value("core_seconds", scene, method)
+        values["minutes"] = None if seconds is None else seconds / 60
+        seeds = tuple(sorted(int(run["seed"]) for run in of_pair))
+        if values["psnr"] is not None:
+            steps = int(of_pair[0]["steps"])
+            found.append(Record(file, file, scene, steps, Subject(None, method), seeds, _known(values)))
+    return found
+
+
+def _of_study(file: str, data: Mapping[str, Any]) -> list[Record]:
+    found = []
+    for row in data["rows"]:
+        seconds = row.get("core_seconds") or row.get("train_cpu_seconds")
+        values = {
+            "psnr": row["psnr"]["mean"],
+            "ssim": row["ssim"]["mean"],
+            "lpips": None if row.get("lpips_alex") is None else row["lpips_alex"]["mean"],
+            "megabytes": row["raw_megabytes"]["mean"],
+            "minutes": seconds["mean"] / 60 if seconds else None,
+        }
+        subject = Subject(str(data["study"]), str(row["variant"]))
+        seeds = tuple(range(int(row["seeds"])))
+        found.append(Record("study", file, str(row["scene"]), int(data["steps"]), subject, seeds, _known(values)))
+    return found
+
+
+def _known(values: Mapping[str, Any]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items() if value is not None}
+
+
+def joined(records: Sequence[Record]) -> Record:
+    """One of several seeds, of at least one record of the same kind, scene, steps and subject."""
+    first = records[0]
+    names = set.intersection(*(set(record.values) for record in records))
+    values = {name: fmean(record.values[name] for record in records) for name in first.values if name in names}
+    files = ", ".join(dict.fromkeys(record.file for record in records))
+    seeds = tuple(sorted({seed for record in records for seed in record.seeds}))
+    return Record(first.kind, files, first.scene, first.steps, first.subject, seeds, values)
