@@ -45,7 +45,7 @@ def test_the_rate_goes_by_the_runs_length():
     rates = {
         steps: replace(preset, steps=steps).at_length().opacity_rest_rate for steps in (100, 15_000, 30_000, 60_000)
     }
-    assert rates == {100: 2.5e-3, 15_000: 2.5e-4, 30_000: 1.25e-4, 60_000: 1.25e-4}
+    assert rates == {100: 6.25e-4, 15_000: 2.5e-4, 30_000: 1.25e-4, 60_000: 1.25e-4}
     assert replace(preset, opacity_rest_rate=1e-3).at_length().opacity_rest_rate == 1e-3
 
 

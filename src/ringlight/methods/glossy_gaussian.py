@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 PAPER_REST_RATE = 1.25e-4
 """Glossy-Gaussian's learning rate of the opacity's harmonics after the constant one, a twentieth of 2.5e-3."""
 
-MOST_REST = 20
-"""Times this is it at most, however short the run."""
+MOST_REST = 5
+"""Times this is it at most, however short the run. Fifteen times as fast in 2,000 steps shows held-out views of a
+toaster as well, with a quarter more Gaussians and a lower SSIM."""
 
 
 def opacity_rest_rate_at(rate: float | None, steps: int) -> float:
@@ -41,7 +42,7 @@ class GlossyGaussianRecipe(ThreeDGSRecipe):
     """Degree of the opacities' harmonics, 0 to 3; their degree rises when that of the colours does."""
     opacity_rest_rate: float | None = None
     """Learning rate of the opacities' harmonics after the constant one, in units of opacity. By default the paper's
-    1.25e-4 in a run of 30,000 steps or more; a run half as long takes twice of it, and none more than 2.5e-3."""
+    1.25e-4 in a run of 30,000 steps or more; a run half as long takes twice of it, and none more than 6.25e-4."""
     densify: DensifySettings = field(default_factory=DensifySettings)
     """Density control, which goes by the mean opacity over all directions, and resets that. The paper has no resets
     (``reset_every`` of 0)."""
