@@ -4,14 +4,19 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.table import CHOOSERS, METHODS
 
 TRAINED = tuple(name for name in METHODS if name not in CHOOSERS)
 """What runs and files are of; a chooser settles on one of these."""
 
-SMALL = {
-    "first_side": 12,
-    "last_side": 20,
+SPLATS = tuple(name for name in TRAINED if isinstance(METHODS[name], SplatRecipe))
+"""Those of them whose models are tables of Gaussians."""
+
+COARSE = {"first_side": 12, "last_side": 20, "rays": 256, "bounds": (-1.3, -1.3, -0.9, 1.3, 1.3, 0.9)}
+"""Settings of volumes for the tiny scene at a few pixels: its box is not carved from masks anew each time."""
+
+SMALL = COARSE | {
     "light": {
         "ring": {"rank": 4, "features": 6, "head_hidden": 8, "position_nodes": 16, "view_nodes": 4},
         "render_hidden": 8,

@@ -1,7 +1,5 @@
 """What only a GPU can show: training there, and the same model on both devices. Skipped without one."""
 
-import dataclasses
-
 import pytest
 import torch
 
@@ -11,7 +9,7 @@ from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
-from small_recipes import TRAINED
+from small_recipes import COARSE, TRAINED, with_settings
 from tiny_scene import tiny_scene
 
 pytestmark = pytest.mark.cuda
@@ -26,7 +24,7 @@ AS_GOOD = 1.0
 
 
 def built(method: str, scene: Scene, device: str, visible_only: bool = False) -> Training:
-    recipe = dataclasses.replace(METHODS[method], steps=STEPS, visible_only=visible_only)
+    recipe = with_settings(METHODS[method], COARSE | {"steps": STEPS, "visible_only": visible_only})
     return recipe.build(scene, rasterizer_for(device), seed=0)
 
 

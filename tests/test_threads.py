@@ -1,6 +1,5 @@
 """Threads as a whole: the same bits for any number of them, forks, callers side by side, and who else spins."""
 
-import dataclasses
 import hashlib
 import os
 import subprocess
@@ -19,7 +18,7 @@ from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
-from small_recipes import TRAINED
+from small_recipes import COARSE, TRAINED, with_settings
 from tiny_scene import tiny_scene
 
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
@@ -30,7 +29,7 @@ def state_after(
 ) -> dict[str, torch.Tensor]:
     _kernels.set_threads(threads)
     densify = DensifySettings(kind=kind, threshold=1e-5, begin=2, every=4, stop=0.9, max_gaussians=900)
-    recipe = dataclasses.replace(METHODS[method], steps=steps, densify=densify)
+    recipe = with_settings(METHODS[method], COARSE | {"steps": steps, "densify": densify})
     training = recipe.build(tiny_scene(), rasterizer_for("cpu"), seed=1)
     for _ in train(training):
         pass

@@ -10,7 +10,8 @@ import pytest
 from ringlight.cli.main import VERBS, run
 from ringlight.cli.parse import parse
 from ringlight.cli.train import TrainArguments
-from ringlight.methods.table import METHODS
+from ringlight.methods.table import CHOOSERS, METHODS
+from small_recipes import SPLATS
 
 QUESTIONS = [[], ["--help"], ["--version"], *([verb, "--help"] for verb in VERBS)]
 HEAVY = ("torch", "scipy", "PIL")
@@ -70,7 +71,7 @@ def test_paragraphs_do_not_break_where_the_source_does(capsys: pytest.CaptureFix
     assert not [line for line in lines if line.startswith("a side")]
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*CHOOSERS, *SPLATS])
 def test_settings_that_are_on_or_off_have_the_same_flags_in_all_methods(
     method: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,7 +12,7 @@ from ringlight.methods.recipe import Recipe, recipe_to_dict
 from ringlight.methods.store import model_header, scene_facts
 from ringlight.methods.table import METHODS, method_named, method_of, recipe_of_method
 from ringlight.rasterize.choose import rasterizer_for
-from small_recipes import TRAINED, small
+from small_recipes import SPLATS, TRAINED, small
 from tiny_scene import tiny_scene
 
 
@@ -45,7 +45,7 @@ def test_what_is_asked_for_is_not_decided(method: str):
     """Only what was left open is, and once."""
     settled, why = METHODS[method].settled(tiny_scene(), rasterizer_for("auto"), 0)
     assert settled.settled(tiny_scene(), rasterizer_for("auto"), 0) == (settled, None)
-    assert why is None
+    assert (why is None) == (METHODS[method] == settled or method in SPLATS)
     asked, found = stated(METHODS[method]), stated(settled)
     assert {name: found[name] for name in asked} == asked
 
@@ -80,8 +80,9 @@ def test_a_model_takes_the_tensors_of_a_trained_one(method: str):
     scene, rasterize = tiny_scene(views=4, size=16), rasterizer_for("auto")
     recipe = small(method)
     tensors = recipe.build(scene, rasterize, 3).model.rendering_tensors()
-    model = recipe.model(scene.box, rasterize)
-    assert model.counted().number == 0
+    shapes = {name: tuple(tensor.shape) for name, tensor in tensors.items()}
+    model = recipe.as_stored(shapes).model(scene.box, rasterize)
+    assert model.counted().number == 0 or not model.row_prefixes
     model.load_tensors(tensors)
     assert model.rendering_tensors().keys() == tensors.keys()
     assert all(torch.equal(tensor, tensors[name]) for name, tensor in model.state_dict().items())

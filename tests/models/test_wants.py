@@ -11,15 +11,16 @@ from ringlight.bench.workload import Size, workload_camera
 from ringlight.core.gradients import Gradients, dense
 from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
-from ringlight.methods.table import METHODS
+from ringlight.methods.table import CHOOSERS, METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import SPLATS
 
 CAMERA = workload_camera(64, turn_y=0.3)
 WHITE = torch.ones(3)
 
 
-@pytest.fixture(params=[(method, lit) for method in METHODS for lit in (True, False)], ids=str)
+@pytest.fixture(params=[(method, lit) for method in (*CHOOSERS, *SPLATS) for lit in (True, False)], ids=str)
 def model(request: pytest.FixtureRequest) -> SplatModel:
     """Every method on the workload, before and after what it switches on: dense enough that much is hidden."""
     method, lit = request.param

@@ -56,7 +56,7 @@ def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
     resized = _parts_of(training.model.resized_prefixes)
     fixed = {name: tensor for name, tensor in own.items() if not name.startswith(resized)}
     _refuse_other_shapes(state, fixed, training.model.row_prefixes)
-    _refuse_uneven(state, [name for name in own if name not in fixed])
+    _refuse_uneven(state, {name: tensor for name, tensor in own.items() if name not in fixed})
     of_guard = {name.removeprefix(GUARD): t for name, t in state.items() if name.startswith(GUARD)}
     kept = good_state(of_guard)
     if kept:
@@ -71,13 +71,15 @@ def _parts_of(prefixes: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(part + prefix for prefix in prefixes for part in STORED_BY_NAME)
 
 
-def _refuse_uneven(state: Mapping[str, Tensor], resized: list[str]) -> None:
-    """Raise KeyError or ValueError unless moments have their parameters' shapes. That these fit each other is asked of
-    the model when it takes them."""
-    for name in resized:
+def _refuse_uneven(state: Mapping[str, Tensor], resized: Mapping[str, Tensor]) -> None:
+    """Raise KeyError or ValueError unless these are of the old type and moments have their parameters' shapes. That
+    these fit each other is asked of the model when it takes them."""
+    for name, tensor in resized.items():
+        found = state[name]
         of_model = next((MODEL + name.removeprefix(part) for part in MOMENTS if name.startswith(part)), name)
-        if state[name].shape != state[of_model].shape:
-            raise ValueError(f"{name} is of shape {list(state[name].shape)}, and its parameter of another")
+        alike = (found.dtype, found.ndim) == (tensor.dtype, tensor.ndim)
+        if not alike or found.shape != state[of_model].shape:
+            raise ValueError(f"{name} is {found.dtype} of shape {list(found.shape)}")
 
 
 def _refuse_other_shapes(state: Mapping[str, Tensor], own: Mapping[str, Tensor], prefixes: tuple[str, ...]) -> None:

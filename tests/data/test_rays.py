@@ -1,0 +1,55 @@
+"""Lots of rays are rays of the photographs' pixels, and a function of the step and of what is kept alone."""
+
+import dataclasses
+
+import pytest
+import torch
+
+from ringlight.data.rays import RayBatches, rays_of
+from tiny_scene import tiny_scene
+
+SCENE = tiny_scene(views=5, size=12)
+COUNT = 400
+
+
+def test_rays_and_colours_are_those_of_the_photographs_pixels():
+    batch = RayBatches(SCENE, COUNT, 7).at(3)
+    known = {}
+    for view in SCENE.train:
+        colors = view.image(SCENE.background_color).permute(1, 2, 0).reshape(-1, 3)
+        rays = rays_of(view.camera)
+        for direction, origin, color in zip(rays.directions, rays.origins, colors, strict=True):
+            known[tuple((direction + origin).mul(1e4).round().int().tolist())] = (direction, origin, color)
+    for direction, origin, color in zip(batch.rays.directions, batch.rays.origins, batch.colors, strict=True):
+        near = tuple((direction + origin).mul(1e4).round().int().tolist())
+        found = next(k for d in range(-1, 2) for k in [known.get((near[0] + d, near[1], near[2]))] if k is not None)
+        torch.testing.assert_close(direction, found[0], rtol=0, atol=1e-5)
+        torch.testing.assert_close(origin, found[1], rtol=0, atol=1e-5)
+        torch.testing.assert_close(color, found[2], rtol=0, atol=1e-6)
+
+
+def test_a_step_draws_the_same_whatever_was_drawn_before():
+    one, other = RayBatches(SCENE, COUNT, 7), RayBatches(SCENE, COUNT, 7)
+    for step in (1, 2):
+        one.at(step)
+    a, b = one.at(9), other.at(9)
+    assert torch.equal(a.rays.directions, b.rays.directions)
+    assert torch.equal(a.rays.jitter, b.rays.jitter)
+    assert not torch.equal(a.rays.jitter, one.at(10).rays.jitter)
+    assert not torch.equal(a.rays.jitter, RayBatches(SCENE, COUNT, 8).at(9).rays.jitter)
+
+
+def test_only_kept_rays_are_drawn():
+    batches = RayBatches(SCENE, COUNT, 0)
+    upwards = batches.looked_at(lambda rays: rays.directions[:, 2] > 0)
+    assert 0 < upwards.sum() < batches.all_rays
+    batches.keep(upwards)
+    assert batches.kept_rays == int(upwards.sum())
+    assert (batches.at(1).rays.directions[:, 2] > 0).all()
+
+
+@pytest.mark.parametrize("background", ["black", "white", "random"])
+def test_what_is_not_opaque_lies_over_the_background(background: str):
+    batch = RayBatches(dataclasses.replace(SCENE, background=background), COUNT, 0).at(4)
+    most = batch.colors[(batch.colors == batch.background).all(-1)]
+    assert len(most) > COUNT / 4

@@ -1,0 +1,140 @@
+"""tensorf: schedules that scale, a box that is chosen and told, and settings that cannot be."""
+
+import dataclasses
+
+import pytest
+import torch
+
+from ringlight.core.scene import Scene
+from ringlight.core.want import Want
+from ringlight.errors import ModelFileError, RecipeError
+from ringlight.files.model_file import read_model_file, write_model_file
+from ringlight.fit.train import train
+from ringlight.methods import volume_training
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts
+from ringlight.methods.tensorf import TensorfRecipe
+from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
+from tiny_scene import tiny_scene
+
+SCENE = tiny_scene(views=6, size=20)
+
+
+def built(scene: Scene = SCENE, seed: int = 3, **settings):
+    return small("tensorf", **settings).build(scene, rasterizer_for("cpu"), seed)
+
+
+def without_masks() -> Scene:
+    """Photographs without alpha, of a background that is nowhere even."""
+    noise = torch.rand(20, 20, 3, generator=torch.Generator().manual_seed(0)).mul(255).byte().numpy()
+    views = tuple(dataclasses.replace(view, load=lambda: noise, has_alpha=False) for view in SCENE.train)
+    return dataclasses.replace(SCENE, train=views)
+
+
+def test_its_schedules_are_shares_of_the_papers():
+    recipe = TensorfRecipe(steps=3000)
+    assert recipe.at_share((2000, 7000)) == (200, 700)
+    rate = recipe.groups()["*"].rate
+    assert rate.at(0.0) == pytest.approx(1e-3)
+    assert rate.at(200 / 3000) < 1e-3 < 1.05 * rate.at(201 / 3000)
+    assert rate.at(1.0) == pytest.approx(1e-3 * 0.1 ** (23 / 30))
+
+
+def test_its_grid_grows_to_the_side_that_it_says_and_its_box_shrinks():
+    training = built(steps=60)
+    before = training.model.box.clone()
+    for _ in train(training):
+        pass
+    assert 0.6 < training.model.counted().number / 20**3 <= 1
+    inside = (training.model.box[0] >= before[0]) & (training.model.box[1] <= before[1])
+    assert inside.all()
+    assert (training.model.box != before).any()
+    assert training.batches.kept_rays < training.batches.all_rays
+
+
+def test_the_box_is_that_of_the_masks_or_of_the_scene_and_is_told():
+    settled, why = TensorfRecipe().settled(SCENE, rasterizer_for("cpu"), 0)
+    box = torch.tensor(settled.bounds).view(2, 3)
+    assert "the masks" in why
+    assert ((box[0] >= SCENE.box[0] - 1e-6) & (box[1] <= SCENE.box[1] + 1e-6)).all()
+    scene = without_masks()
+    settled, why = TensorfRecipe().settled(scene, rasterizer_for("cpu"), 0)
+    assert torch.equal(torch.tensor(settled.bounds).view(2, 3), scene.box)
+    assert "the points" in why
+    cameras = dataclasses.replace(scene, points=dataclasses.replace(scene.points, measured=False))
+    assert "the cameras" in TensorfRecipe().settled(cameras, rasterizer_for("cpu"), 0)[1]
+
+
+def test_a_box_that_no_ray_meets_is_refused():
+    with pytest.raises(RecipeError, match="no ray of a photograph meets the box 50 50 50 51 51 51; give other"):
+        built(bounds=(50.0, 50.0, 50.0, 51.0, 51.0, 51.0))
+
+
+def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(volume_training, "machine_memory", lambda: 40_000_000)
+    with pytest.raises(
+        RecipeError, match=r"a grid of 300 cubed takes .* MB .* give --last-side (\d+) or less"
+    ) as caught:
+        built(last_side=300)
+    fits = int(str(caught.value).split("--last-side ")[1].split()[0])
+    built(last_side=fits)
+    with pytest.raises(RecipeError):
+        built(last_side=fits + 1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"rays": 0}, "rays is 0; give 1"),
+        ({"density_components": 0}, "density_components is 0; give 1"),
+        ({"features": 10**9}, "features is 1000000000; give 1 to"),
+        ({"first_side": 1}, "first_side is 1; give 2"),
+        ({"last_side": 100}, "last_side is 100, below first_side, 128"),
+        ({"l1": -1.0}, "l1 is -1; give 0"),
+        ({"tv_density": float("nan")}, "tv_density is nan"),
+        ({"decomposition": "cp", "tv_density": 0.1}, "three lines have no planes"),
+        ({"rate": float("inf")}, "rate is inf"),
+        ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),
+        ({"bounds": (0.0, 0.0, float("nan"), 1.0, 1.0, 1.0)}, "bounds are"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused_in_a_sentence(settings: dict, words: str):
+    with pytest.raises(RecipeError) as caught:
+        TensorfRecipe(**settings)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_three_lines_learn_too():
+    training = built(decomposition="cp", steps=60)
+    losses = [progress.loss for progress in train(training)]
+    assert sum(losses[-10:]) < 0.8 * sum(losses[:10])
+    assert dict(training.model.named_parameters()).keys() == dict(training.optimizer.groups).keys()
+
+
+def test_variation_makes_planes_smoother():
+    def roughness(weight: float) -> float:
+        training = built(steps=20, l1=0.0, tv_density=weight)
+        for _ in train(training):
+            pass
+        planes = training.model.field.density_factors.planes
+        return sum((plane.diff(dim=0).abs().mean() + plane.diff(dim=1).abs().mean()).item() for plane in planes)
+
+    assert roughness(10.0) < 0.9 * roughness(0.0)
+
+
+@pytest.mark.parametrize("name", ["field.density_factors.planes.1", "field.appearance_factors.lines.0", "occupied"])
+def test_a_file_whose_grids_do_not_fit_each_other_is_refused(name: str, tmp_path):
+    training = built()
+    path = tmp_path / "model.safetensors"
+    header = model_header("tensorf", small("tensorf"), 0, scene_facts(SCENE))
+    save_model(path, training.model, header, [view.camera for view in SCENE.train])
+    stored = read_model_file(path)
+    whole = load_model(path, rasterizer_for("cpu")).model
+    camera = SCENE.test[0].camera
+    ours = training.model.render(camera, SCENE.background_color, Want.EXACT).color
+    assert torch.equal(whole.render(camera, SCENE.background_color, Want.EXACT).color, ours)
+    spoiled = stored.tensors[name][..., :-1].contiguous()
+    write_model_file(path, stored.tensors | {name: spoiled}, stored.header)
+    with pytest.raises(ModelFileError, match="do not fit"):
+        load_model(path, rasterizer_for("cpu"))

@@ -1,0 +1,76 @@
+"""What is empty is found, and never what is not; a box that shrinks shows the same."""
+
+import torch
+from hypothesis import given
+from hypothesis import strategies as some
+
+from ringlight.core.want import Want
+from ringlight.data.rays import RayBatch
+from ringlight.volume.grids import growing, sides_of
+from ringlight.volume.occupancy import centers, everything, is_occupied, packed, unpacked, widened
+from volume.volumes import BACKGROUND, BOX, rays, volume
+
+
+@given(some.integers(1, 4), some.integers(1, 5), some.integers(1, 3), some.integers(0, 1000))
+def test_bits_say_which_cells_are_occupied(x: int, y: int, z: int, seed: int):
+    cells = (x, y, 8 * z)
+    occupied = torch.rand(cells, generator=torch.Generator().manual_seed(seed)) > 0.5
+    bits = packed(occupied)
+    assert torch.equal(unpacked(bits), occupied)
+    assert torch.equal(is_occupied(bits, centers(cells)).view(cells), occupied)
+
+
+def test_nothing_is_known_to_be_empty_at_first():
+    assert is_occupied(everything(), torch.rand(50, 3) * 3 - 1).all()
+
+
+def test_neighbours_of_occupied_cells_are_kept():
+    occupied = torch.zeros(5, 5, 8, dtype=torch.bool)
+    occupied[2, 2, 3] = True
+    assert widened(occupied).sum() == 27
+
+
+def ball() -> "volume":
+    """Dense around the middle of the box, and empty elsewhere."""
+    model = volume()
+    with torch.no_grad():
+        for plane in model.field.density_factors.planes:
+            b, a = (torch.linspace(-1, 1, side) for side in plane.shape[:2])
+            plane.copy_((4 - 30 * (a[None, :, None] ** 2 + b[:, None, None] ** 2)).clamp_min(-4).expand_as(plane))
+        for line in model.field.density_factors.lines:
+            line.fill_(0.5)
+    model.occupied = everything()
+    return model
+
+
+def test_shrunk_to_what_is_not_empty_it_shows_the_same():
+    model, through = ball(), rays(400)
+    batch = RayBatch(through, torch.zeros(400, 3), BACKGROUND)
+    before = model.predict(batch, Want.EXACT)
+    box = model.find_empty()
+    assert 0 < unpacked(model.occupied).float().mean() < 0.7
+    assert model.shrink(box)
+    assert (model.box[0] > BOX[0]).any()
+    assert ((model.box[0] >= BOX[0]) & (model.box[1] <= BOX[1])).all()
+    after = model.predict(batch, Want.EXACT)
+    assert before.alpha.max() > 0.99
+    # Steps begin elsewhere on each ray, and are of another length.
+    assert (before.color - after.color).abs().mean() < 0.01
+
+
+def test_a_volume_of_which_all_is_empty_keeps_its_box():
+    model = volume()
+    with torch.no_grad():
+        for line in model.field.density_factors.lines:
+            line.zero_()
+    assert torch.equal(model.find_empty(), model.box)
+    assert not model.shrink(model.box)
+
+
+def test_a_grid_has_as_many_voxels_as_asked_for():
+    x, y, z = sides_of(BOX, 100**3)
+    assert 0.9 < x * y * z / 100**3 <= 1
+    steps = growing(128, 300, 5)
+    ratios = [b / a for a, b in zip((128**3, *steps), steps, strict=False)]
+    assert abs(steps[-1] / 300**3 - 1) < 1e-9
+    assert max(ratios) - min(ratios) < 1e-9

@@ -1,0 +1,110 @@
+"""The kernels show and differentiate what the reference does, with the same bits for any number of threads."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.rendering import Rendering
+from ringlight.core.want import Want
+from ringlight.data.rays import RayBatch
+from ringlight.volume import kernels
+from ringlight.volume import model as of_model
+from volume.volumes import BACKGROUND, rays, volume
+
+RAYS = 300
+
+EXACT, HALVED = (6e-5, 1e-4), (5e-3, 0.1)
+"""Of colours, and of gradients as a share of their length: rounding of floats, and of bfloat16."""
+
+
+def predicted(model: of_model.VolumeModel, native: bool, monkeypatch: pytest.MonkeyPatch) -> Rendering:
+    with monkeypatch.context() as patch:
+        if not native:
+            patch.setattr(of_model, "runs_native", lambda *_: False)
+        through = rays(RAYS)
+        batch = RayBatch(through, torch.zeros(RAYS, 3), BACKGROUND)
+        assert ("cpu" in model.renderer) is native
+        return model.predict(batch, Want.GRADIENTS)
+
+
+def gradients(shown: Rendering) -> dict[str, Tensor]:
+    drawn = torch.Generator().manual_seed(7)
+    color, alpha, depth = (torch.randn(RAYS, width, generator=drawn) for width in (3, 1, 1))
+    return dict(shown.backward(color, {"alpha": alpha, "depth": depth}))
+
+
+@pytest.mark.parametrize(("halves", "tolerance"), [(False, EXACT), (True, HALVED)])
+def test_they_equal_the_reference(halves: bool, tolerance: tuple[float, float], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(kernels, "HALVES", halves)
+    model = volume()
+    ours, reference = (predicted(model, native, monkeypatch) for native in (True, False))
+    assert 0.2 < reference.alpha.mean() < 0.8
+    assert reference.alpha.min() == 0
+    assert reference.alpha.max() > 0.999
+    of_colors, of_gradients = tolerance
+    torch.testing.assert_close(ours.color, reference.color, rtol=0, atol=of_colors)
+    for name in ("alpha", "depth"):
+        torch.testing.assert_close(ours.buffers[name], reference.buffers[name], rtol=0, atol=EXACT[0])
+    found, expected = gradients(ours), gradients(reference)
+    assert found.keys() == expected.keys() == dict(model.named_parameters()).keys()
+    for name, gradient in expected.items():
+        assert (found[name] - gradient).norm() < of_gradients * gradient.norm(), name
+
+
+def test_the_density_of_places_is_the_fields():
+    model = volume()
+    places = torch.rand(1003, 3, generator=torch.Generator().manual_seed(3)) * 1.2 - 0.1
+    torch.testing.assert_close(model.density_values(places), model.density(places).detach(), rtol=1e-4, atol=1e-4)
+
+
+def test_a_ray_meets_something_where_the_reference_says_so(monkeypatch: pytest.MonkeyPatch):
+    model, through = volume(), rays(2000)
+    ours = model.meets_something(through)
+    monkeypatch.setattr(of_model, "runs_native", lambda *_: False)
+    assert 0 < ours.sum() < len(through)
+    assert (ours != model.meets_something(through)).float().mean() < 2e-3  # a sample on the border of a cell
+
+
+@pytest.mark.usefixtures("all_cores_afterwards")
+def test_bits_are_the_same_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch):
+    model = volume()
+    states = []
+    for threads in (1, 2, 4):
+        _kernels.set_threads(threads)
+        shown = predicted(model, True, monkeypatch)
+        states.append([shown.color, shown.buffers["depth"], *gradients(shown).values()])
+    for others in states[1:]:
+        assert all(torch.equal(one, other) for one, other in zip(states[0], others, strict=True))
+
+
+def test_rays_that_meet_nothing_show_the_background():
+    model, through = volume(), rays(5)
+    model.occupied = torch.zeros(1, 1, 1, dtype=torch.uint8)
+    batch = RayBatch(through, torch.zeros(5, 3), BACKGROUND)
+    shown = model.predict(batch, Want.GRADIENTS)
+    assert torch.equal(shown.color, BACKGROUND.expand(5, 3))
+    found = shown.backward(torch.ones(5, 3), {})
+    assert not any(gradient.any() for gradient in found.values())
+
+
+@pytest.mark.parametrize(("kind", "components"), [("cp", (96, 288)), ("vm", (8, 48)), ("vm", (16, 20))])
+def test_what_they_do_not_take_is_shown_by_the_reference(kind, components):
+    model = volume(kind, components)
+    assert model.renderer == "ray marcher in torch"
+    batch = RayBatch(rays(20), torch.zeros(20, 3), BACKGROUND)
+    assert model.predict(batch, Want.EXACT).color.isfinite().all()
+
+
+def test_kernels_refuse_what_does_not_fit():
+    model = volume()
+    factors = [*model.field.density_factors.planes, *model.field.density_factors.lines]
+    with pytest.raises(ValueError, match="planes must be"):
+        _kernels.volume_density([factors[1], factors[0], *factors[2:]], torch.zeros(4, 3), torch.zeros(4))
+    with pytest.raises(ValueError, match="a density for each place"):
+        _kernels.volume_density(factors, torch.zeros(4, 3), torch.zeros(5))
+    samples = torch.tensor([0, 9], dtype=torch.int32)
+    with pytest.raises(ValueError, match="out of range"):
+        _kernels.volume_scatter(
+            factors, torch.zeros(4, 3), samples, torch.zeros(2), [f.detach().clone() for f in factors]
+        )
