@@ -22,6 +22,8 @@ from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.regularizers.contract import Regularizer
+from ringlight.fit.regularizers.factor_size import FactorSize
+from ringlight.fit.regularizers.factor_variation import FactorVariation
 from ringlight.fit.regularizers.mean_mask import MeanMask
 from ringlight.fit.regularizers.mean_opacity import MeanOpacity
 from ringlight.fit.regularizers.mean_scale import MeanScale
@@ -89,6 +91,8 @@ REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
     "mean mask": lambda: MeanMask(0.2),
     "mean opacity": lambda: MeanOpacity(0.3),
     "mean scale": lambda: MeanScale(0.7),
+    "factor size": lambda: FactorSize((SCALES,), first=0.2, rest=0.1, until=5),
+    "factor variation": lambda: FactorVariation((SCALES,), weight=0.3, steps=10, end=0.1),
     "by torch, of a column": lambda: TorchRegularizer(lambda of: of[SCALES].exp().mean(), (SCALES,)),
     "by torch, of a buffer": lambda: TorchRegularizer(lambda of: of["alpha"].sin().mean(), buffers=("alpha",)),
     "by torch, of both": lambda: TorchRegularizer(
