@@ -5,7 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ringlight.files.pack_codebook import pack_codebook, unpack_codebook
+from ringlight.files.pack_codebook import pack_codebook, pack_codebook8, unpack_codebook, unpack_codebook8
 from ringlight.files.packed import pack_exactly, unpack_tensors
 
 PLAN = (("columns.sh_rest", "codebook"), ("columns.*", "half"))
@@ -74,3 +74,34 @@ def test_only_what_loses_nothing_is_packed():
         back = unpack_tensors(pack_exactly(tensors, PLAN))
         assert back.keys() == tensors.keys()
         assert all(torch.equal(back[name], tensor) for name, tensor in tensors.items())
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 60), st.integers(1, 9), st.integers(0, 20), st.floats(-8, 4), st.integers(0, 1000))
+def test_bytes_come_back_with_the_same_bits_once_they_are_rounded(
+    count: int, codes: int, alone: int, magnitude: float, seed: int
+):
+    values = rows(count, codes, alone, seed) * 10**magnitude
+    rounded = unpack_codebook8(pack_codebook8(values))
+    assert torch.equal(unpack_codebook8(pack_codebook8(rounded)), rounded)
+    assert torch.equal(rounded.half().float(), rounded)
+    if len(values):
+        largest = values.abs().amax(0)
+        assert ((rounded - values).abs() <= (largest / 127).clamp_min(2.0**-25) * (1 + 1e-6)).all()
+
+
+def test_a_shared_row_of_bytes_takes_two_of_them_and_a_bit():
+    parts = pack_codebook8(rows(4000, 5, 80))
+    sizes = {name: part.numel() * part.element_size() for name, part in parts.items()}
+    assert sizes == {"book": 5 * 24, "codes": 4000 * 2, "shared": 510, "own": 80 * 24, "exponents": 24}
+
+
+@pytest.mark.parametrize("damage", [torch.zeros(7, 3, dtype=torch.uint8), torch.zeros(8, 3)])
+def test_other_exponents_are_refused(damage: torch.Tensor):
+    parts = pack_codebook8(rows(40, 5, 8))
+    parts["exponents"] = damage
+    with pytest.raises(ValueError, match="exponents"):
+        unpack_codebook8(parts)
+    del parts["exponents"]
+    with pytest.raises(KeyError):
+        unpack_codebook8(parts)

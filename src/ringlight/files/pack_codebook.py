@@ -1,4 +1,4 @@
-"""Rows that occur more than once are stored once, as half floats; the others as they are, as half floats too.
+"""Rows that occur more than once are stored once, the others as they are; as half floats, or as bytes.
 
 What vector quantisation leaves behind: rows of a codebook, and rows that were left alone (the "VecTree" of
 LightGaussian, Fan et al. 2023, section 3.4, finds these). The packing asks nobody which rows are which.
@@ -8,17 +8,54 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
-from ringlight.files.pack_numbers import BYTE, Parts, part
+from ringlight.files.pack_numbers import BYTE, LARGEST_CODE, Parts, part
 
 CODE_BYTES = 2
 """Of the number of a codebook's row."""
 
 MOST_CODES = 1 << BYTE * CODE_BYTES
 
+ZERO = 128
+"""Of the signed numbers that a byte holds."""
+
+LEAST_EXPONENT, MOST_EXPONENT = -24, 9
+"""Of steps by which bytes stay half floats, and reach the largest."""
+
 
 def pack_codebook(values: Float[Tensor, "N *column"]) -> Parts:
     """Half floats: relative error up to 2^-11; |values| up to LARGEST_HALF. The codebook is in ascending order."""
-    rows = values.half().flatten(1)
+    return _parts_of(values.half())
+
+
+def unpack_codebook(parts: Parts) -> Float[Tensor, "N *column"]:
+    """Inverse of :func:`pack_codebook`. Raises KeyError or ValueError for parts that it did not write."""
+    return _rows_of(parts, torch.float16).float()
+
+
+def pack_codebook8(values: Float[Tensor, "N *column"]) -> Parts:
+    """Signed bytes, in steps of a power of two for each number of a row: the error is at most half a step, 1/127 of the
+    number's largest value. |values| up to LARGEST_HALF. What comes back is packed with the same bits again, for the
+    largest code is 64 or more, and is a half float."""
+    flat = values.flatten(1)
+    largest = flat.abs().amax(0) if len(flat) else flat.new_zeros(flat.shape[1])
+    exponents = (largest.double() / LARGEST_CODE).log2().ceil().clamp(LEAST_EXPONENT, MOST_EXPONENT).to(torch.int64)
+    codes = (flat.double() / 2.0**exponents).round() + ZERO
+    parts = _parts_of(codes.to(torch.uint8).reshape(values.shape))
+    return parts | {"exponents": (exponents + ZERO).to(torch.uint8).reshape(values.shape[1:])}
+
+
+def unpack_codebook8(parts: Parts) -> Float[Tensor, "N *column"]:
+    """Inverse of :func:`pack_codebook8`. Raises KeyError or ValueError for parts that it did not write."""
+    codes, exponents = _rows_of(parts, torch.uint8), part(parts, "exponents", torch.uint8)
+    if exponents.shape != codes.shape[1:]:
+        raise ValueError("a codebook with another number of exponents than a row has numbers")
+    steps = 2.0 ** (exponents.double() - ZERO).clamp(LEAST_EXPONENT, MOST_EXPONENT)
+    return ((codes.double() - ZERO) * steps).float()
+
+
+def _parts_of(values: Tensor) -> Parts:
+    """Rows [N *column] that occur more than once, and the others."""
+    rows = values.flatten(1)
     book, index, counts = torch.unique(rows, dim=0, return_inverse=True, return_counts=True)
     shared = counts > 1
     shared &= shared.cumsum(0) <= MOST_CODES
@@ -35,9 +72,9 @@ def pack_codebook(values: Float[Tensor, "N *column"]) -> Parts:
     }
 
 
-def unpack_codebook(parts: Parts) -> Float[Tensor, "N *column"]:
-    """Inverse of :func:`pack_codebook`. Raises KeyError or ValueError for parts that it did not write."""
-    book, own = part(parts, "book", torch.float16), part(parts, "own", torch.float16)
+def _rows_of(parts: Parts, kind: torch.dtype) -> Tensor:
+    """Inverse of :func:`_parts_of`."""
+    book, own = part(parts, "book", kind), part(parts, "own", kind)
     codes, bits = part(parts, "codes", torch.uint8, 2), part(parts, "shared", torch.uint8, 1)
     count = len(codes) + len(own)
     if book.shape[1:] != own.shape[1:] or codes.shape[1] != CODE_BYTES or len(bits) != -(-count // BYTE):
@@ -47,8 +84,8 @@ def unpack_codebook(parts: Parts) -> Float[Tensor, "N *column"]:
     numbers = torch.stack(places).sum(0)
     if int(is_shared.sum()) != len(codes) or (len(codes) and int(numbers.max()) >= len(book)):
         raise ValueError("codes of rows that the codebook has not")
-    values = torch.empty(count, *own.shape[1:])
-    values[is_shared], values[~is_shared] = book[numbers].float(), own.float()
+    values = torch.empty(count, *own.shape[1:], dtype=kind)
+    values[is_shared], values[~is_shared] = book[numbers], own
     return values
 
 

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ringlight.core.stages import counted
 from ringlight.errors import ModelFileError
-from ringlight.files.pack_codebook import pack_codebook, unpack_codebook
+from ringlight.files.pack_codebook import pack_codebook, pack_codebook8, unpack_codebook, unpack_codebook8
 from ringlight.files.pack_directions import (
     pack_directions,
     pack_quaternions,
@@ -66,10 +66,13 @@ PACKINGS = {
     "quaternions32": Packing(pack_quaternions, unpack_quaternions),
     "turns24": Packing(pack_turns, unpack_turns),
     "codebook": Packing(pack_codebook, unpack_codebook),
+    "codebook8": Packing(pack_codebook8, unpack_codebook8),
 }
 """By the names that model files use; a name never changes its meaning."""
 
-HALVES = ("half", "codebook")
+CODEBOOKS = ("codebook", "codebook8")
+
+HALVES = ("half", *CODEBOOKS)
 """Packings of half floats, which are infinite beyond LARGEST_HALF."""
 
 Plan = tuple[tuple[str, str], ...]
@@ -207,7 +210,7 @@ def _chosen(name: str, tensor: Tensor, log_scales: Tensor | None, patterns: Plan
     plan = next((packing for pattern, packing in patterns if fnmatchcase(name, pattern)), None)
     if plan == "rows8" and tensor.numel() < FEWEST_ROWS8:
         plan = "half" if tensor.numel() >= FEWEST_PACKED else None
-    if plan == "codebook" and not tensor.numel():
+    if plan in CODEBOOKS and not tensor.numel():
         return None
     if plan in HALVES and tensor.numel() and tensor.abs().amax() > LARGEST_HALF:
         return None

@@ -54,7 +54,7 @@ def _lightening(
     cameras, power = [view.camera for view in scene.train], recipe.volume_power
     return (
         DropInsignificant(recipe.prune_steps(), recipe.dropped, cameras, power),
-        DistillHarmonics(teacher, recipe.recovered, recipe.steps, recipe.distilled_degree),
+        DistillHarmonics(teacher, recipe.recovered, recipe.steps, recipe.distilled_degree, cameras),
         QuantizeColors(
             recipe.steps, recipe.codebook_share, recipe.codebook_size, cameras, power,
             partial(as_files_hold, plan=recipe.packings), seed,

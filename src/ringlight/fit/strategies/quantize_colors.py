@@ -21,7 +21,7 @@ from ringlight.models.splats import SplatModel
 
 REST = "sh_rest"
 
-ROWS_PER_CODE = 8
+ROWS_PER_CODE = 6
 """At least: a codebook of nearly as many codes as rows saves nothing, and takes its own bytes."""
 
 ROUNDS = 20
