@@ -41,6 +41,21 @@ def test_long_runs_grow_less_and_drop_less(steps: int, threshold: float, share: 
     assert (decided.threshold, decided.drop_share) == (threshold, pytest.approx(share))
 
 
+@pytest.mark.parametrize(
+    ("steps", "weights", "shared"), [(300, 5e-3, 1e-2), (7_000, 5e-3, 1e-2), (30_000, 3e-4, 6e-4), (90_000, 3e-4, 6e-4)]
+)
+def test_long_runs_learn_what_changes_with_the_view_slowly(steps: int, weights: float, shared: float):
+    decided = RingLightBasisRecipe(steps=steps).at_length()
+    assert (decided.weights_rate, decided.basis_rate) == (weights, shared)
+    between = RingLightBasisRecipe(steps=15_000).at_length()
+    assert 3e-4 < (between.weights_rate or 0) < 5e-3
+    said = RingLightBasisRecipe(steps=steps, weights_rate=0.0).at_length()
+    assert (said.weights_rate, said.basis_rate) == (0.0, shared)
+    groups = said.build(tiny_scene(), rasterizer_for("auto"), 0).optimizer.groups
+    assert groups["columns.basis_weights"].rate.at(0.0) == 0.0
+    assert groups["color.basis"].rate.at(0.0) == shared
+
+
 def test_growth_in_between_lies_in_between_and_what_the_user_says_holds():
     decided = RingLightBasisRecipe(steps=15_000).at_length().densify
     assert 1e-4 < (decided.threshold or 0) < 2e-4

@@ -112,6 +112,21 @@ SHORT_HOLD, HELD_END = 0.75, 0.1
 high rates settles. Worth 0.1 dB after 3,000 steps (docs/experiments/baseline.md)."""
 
 
+SHORT_STEPS = 7_000
+"""What differs between short and long runs, was found at up to so many steps and at 3DGS's 30,000."""
+
+
+def how_long(steps: int) -> float:
+    """0 for runs of up to SHORT_STEPS, 1 from PAPER_STEPS on, and in between even in the logarithm of ``steps``."""
+    share = math.log(max(steps, 1) / SHORT_STEPS) / math.log(PAPER_STEPS / SHORT_STEPS)
+    return min(max(share, 0.0), 1.0)
+
+
+def between(short: float, long: float, share: float) -> float:
+    """``short`` at 0, ``long`` at 1, even in the logarithm; exactly these at the ends."""
+    return short ** (1 - share) * long**share
+
+
 def shorter_by(steps: int) -> float:
     """How many times as long as this run one of 3DGS is; at least one."""
     return max(PAPER_STEPS / max(steps, 1), 1.0)

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
-from ringlight.fit.rates import PAPER_STEPS
+from ringlight.fit.rates import PAPER_STEPS, between, how_long
 from ringlight.fit.strategies.mcmc_settings import USUAL_MCMC, MCMCSettings
 
 DROP_ROUNDS = 5
@@ -40,8 +40,8 @@ class Growth(NamedTuple):
     drop_share: float
 
 
-SHORT_STEPS, SHORT_GROWTH = 7_000, Growth(threshold=1e-4, drop_share=0.7)
-"""In runs of so many steps, and in shorter ones, most Gaussians are dropped again. Models take about a third of the
+SHORT_GROWTH = Growth(threshold=1e-4, drop_share=0.7)
+"""In runs of SHORT_STEPS, and in shorter ones, most Gaussians are dropped again. Models take about a third of the
 bytes of 3dgs; a larger share would gain as much again in bytes, at a tenth more time
 (docs/experiments/growing-and-dropping.md)."""
 
@@ -52,9 +52,8 @@ Gaussians a pixel before the first is dropped, for a step four times as long (do
 
 def growth_at(steps: int) -> Growth:
     """What suits a run of so many ``steps``: from short to long ones, even in their logarithm."""
-    long = math.log(max(steps, 1) / SHORT_STEPS) / math.log(PAPER_STEPS / SHORT_STEPS)
-    share = min(max(long, 0.0), 1.0)
-    threshold = SHORT_GROWTH.threshold ** (1 - share) * LONG_GROWTH.threshold**share
+    share = how_long(steps)
+    threshold = between(SHORT_GROWTH.threshold, LONG_GROWTH.threshold, share)
     return Growth(threshold, (1 - share) * SHORT_GROWTH.drop_share + share * LONG_GROWTH.drop_share)
 
 
