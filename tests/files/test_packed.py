@@ -12,6 +12,7 @@ from ringlight.core.directions import normalize
 from ringlight.core.gaussians import Gaussians
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
+from ringlight.files.pack_numbers import pack_in_steps, unpack_fixed
 from ringlight.files.packed import (
     COARSE_COEFFICIENT_STEP,
     COARSE_STEP,
@@ -128,6 +129,20 @@ def test_weights_that_are_too_many_steps_from_zero_are_packed_over_their_range()
     weights, basis = 1e6 * noise(9, 2, seed=1), noise(2, 15, 3, seed=2)
     packed = pack_tensors({"columns.basis_weights": weights, "color.varying.basis": basis})
     torch.testing.assert_close(unpack_tensors(packed)["columns.basis_weights"], weights, rtol=0, atol=100.0)
+
+
+@pytest.mark.parametrize("furthest", [127, -127, 128, 32_639, -32_639])
+def test_steps_up_to_the_furthest_that_two_bytes_hold_come_back(furthest: int) -> None:
+    values = torch.tensor([[float(furthest)], [0.0], [1.0]])
+    parts = pack_in_steps(values, torch.ones(1, dtype=torch.float64))
+    assert parts["codes"].shape[-1] == (1 if abs(furthest) < 128 else 2)
+    assert torch.equal(unpack_fixed(parts), values)
+
+
+@pytest.mark.parametrize("furthest", [32_640, -32_640, 32_767, 1e9])
+def test_steps_beyond_two_bytes_are_refused_and_wrap_nowhere(furthest: float) -> None:
+    with pytest.raises(ValueError, match="too many steps"):
+        pack_in_steps(torch.tensor([[furthest], [0.0]]), torch.ones(1, dtype=torch.float64))
 
 
 def test_a_column_that_is_constant_is_kept() -> None:

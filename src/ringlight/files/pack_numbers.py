@@ -97,9 +97,9 @@ def pack_in_steps(values: Float[Tensor, "N K"], step: Float[Tensor, "K"]) -> Par
     middle = 1 << BYTE - 1
     furthest = float(codes.abs().amax()) if codes.numel() else 0.0
     width = 1 if furthest < middle else 2
-    if furthest >= 1 << BYTE * width - 1:
-        raise ValueError("a value is too many steps from zero")
     middle += (width - 1) * (1 << BYTE * width - 1)
+    if not furthest < (1 << BYTE * width) - middle:
+        raise ValueError("a value is too many steps from zero")
     whole = codes.long() + middle
     places = [(whole >> BYTE * place) & 0xFF for place in range(width)]
     return {"codes": torch.stack(places, -1).to(torch.uint8), "low": -middle * step, "step": step}
