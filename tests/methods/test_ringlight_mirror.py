@@ -101,6 +101,13 @@ def test_settings_out_of_range_are_named(setting: str, value: float):
         dataclasses.replace(RECIPE, **{setting: value})
 
 
+def test_settings_of_the_basis_have_no_effect_where_there_is_none():
+    idle = {"sh_every", "weights_rate", "basis_rate"}
+    assert not idle & set(RECIPE.without_effect())
+    constant = dataclasses.replace(RECIPE, basis_size=0).without_effect()
+    assert {name: constant.get(name) for name in idle} == dict.fromkeys(idle, "--basis-size is 0")
+
+
 def test_large_photographs_get_fewer_gaussians_than_pixels():
     assert [most_gaussians(pixels, 50) for pixels in (500, 40_000, 140_000)] == [500, 10_000, 20_000]
     assert [most_gaussians(40_000, views) for views in (1, 70, 100, 1000)] == [10_000, 14_000, 20_000, 20_000]

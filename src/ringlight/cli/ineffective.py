@@ -58,10 +58,10 @@ def _of_other_settings(recipe: Recipe, preset: Recipe) -> list[str]:
 
 def _flag(setting: str, value: object) -> str:
     """As it was given: "--densify.threshold 0.001", "--densify.no-pixel-bound"."""
-    group, _, name = setting.replace("_", "-").rpartition(".")
+    group, dot, name = setting.replace("_", "-").rpartition(".")
     if isinstance(value, bool):
-        return f"--{group}.{name}" if value else f"--{group}.no-{name}"
-    return f"--{group}.{name} {value:g}" if isinstance(value, float) else f"--{group}.{name} {value}"
+        return f"--{group}{dot}{name}" if value else f"--{group}{dot}no-{name}"
+    return f"--{group}{dot}{name} {value:g}" if isinstance(value, float) else f"--{group}{dot}{name} {value}"
 
 
 def _begins_elsewhere(session: "Session") -> bool:

@@ -44,6 +44,10 @@ ALWAYS_ENOUGH, MANY, FOR_EACH_VIEW = 10_000, 20_000, 200
 photographs show finer shapes than one: with 100 views of 200 x 200 pixels 20,000 are worth 0.3 to 0.4 dB."""
 
 
+OF_VARYING = ("sh_every", "weights_rate", "basis_rate")
+"""Settings that decide nothing where base colours are constant."""
+
+
 def most_gaussians(pixels: int, views: int) -> int:
     """Bound on the number of Gaussians for so many photographs, of that many pixels each."""
     at_least = min(max(FOR_EACH_VIEW * views, ALWAYS_ENOUGH), MANY)
@@ -131,6 +135,11 @@ class RingLightMirrorRecipe(SplatRecipe):
         latents, size = self.shader.latents, self.basis_size
         color = VaryingMirror(latents, size, seed) if size else Mirror(latents, seed)
         return color, ReflectionShader(self.shader, box, seed)
+
+    def without_effect(self) -> dict[str, str]:
+        """See :meth:`SplatRecipe.without_effect`."""
+        idle = () if self.basis_size else OF_VARYING
+        return super().without_effect() | dict.fromkeys(idle, "--basis-size is 0")
 
     def densify_on_hull(self, scene: "Scene") -> DensifySettings:
         """Density control of a subject that a hull cuts out."""
