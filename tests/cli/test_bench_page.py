@@ -9,6 +9,7 @@ from command import Command
 from refusal import refused
 
 from ringlight.bench import browser as browsers
+from ringlight.bench.page import NOTE_FIRST, SCRIPTS
 from ringlight.errors import BackendError
 
 PAGE = ("bench", "page", "--rounds", "2", "--threads", "1")
@@ -51,6 +52,28 @@ def test_a_run_and_its_page_are_measured_at_each_size(
         assert row["bytes_picture"] == row["entries"] * 56 + row["seen"] * 32 + row["side"] ** 2 * 4
     assert rows[0]["entries"] < rows[1]["entries"]
     assert rows[0]["entries"] == rows[2]["entries"], "a page is measured alike, however it came"
+
+
+@pytest.mark.parametrize(("method", "texels"), [("ringlight-basis", 1), ("ringlight-mirror", 4)])
+def test_colours_are_made_anew_once_and_their_texels_counted(
+    program: str, method: str, texels: int, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    source, page = tmp_path / "run", tmp_path / "page.html"
+    assert ringlight("train", tiny, method, "--steps", "8", "--out", source, "--quiet").code == 0
+    assert ringlight("share", source, page, "--quiet").code == 0
+    scripts = SCRIPTS.read_text("utf-8")
+    count = """(async () => {
+      const { recolor } = ringlight.viewer.picture.kind.colored, draw = recolor.draw;
+      await picture(1);
+      let times = 0;
+      recolor.draw = (...given) => (times++, draw.apply(recolor, given));
+      await picture(0);
+      return times;
+    })()"""
+    with browsers.opened_browser(program) as browser:
+        browser.open(f"{page.resolve().as_uri()}#bare", 40, 40, NOTE_FIRST)
+        assert browser.value(f"{scripts}first()")["texels"] == texels
+        assert browser.value(f"{scripts}{count}") == 1
 
 
 def test_without_a_browser_it_is_one_sentence(

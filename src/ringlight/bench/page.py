@@ -24,9 +24,6 @@ SCRIPTS = Path(__file__).with_name("page_times.js")
 ELLIPSE_BYTES, ENTRY_BYTES, PIXEL_BYTES, TEXEL_BYTES = 32, 4, 4, 16
 """Of a Gaussian on the screen, an entry of a tile's list, a pixel on the screen, a texel of channels."""
 
-TEXELS = {"mirror": 3, "harmonics": 1, "basis": 1, "ring": 1}
-"""Texels of channels that a Gaussian has, by the kind of light."""
-
 NOTE_FIRST = """
 addEventListener("DOMContentLoaded", () => {
   window.ringlight?.ready?.then(({ viewer }) => {
@@ -128,7 +125,7 @@ def _row_of(
     # JSON does not tell 3 from 3.0.
     middle = {key: float(median(picture[key] for picture in pictures)) for key in pictures[0]}
     entries, seen, pixels = (round(number) for number in (middle["entries"], middle["seen"], side * side))
-    read = entries * (ENTRY_BYTES + ELLIPSE_BYTES + TEXEL_BYTES * TEXELS[found["kind"]])
+    read = entries * (ENTRY_BYTES + ELLIPSE_BYTES + TEXEL_BYTES * found["texels"])
     written = seen * ELLIPSE_BYTES + entries * ENTRY_BYTES + pixels * PIXEL_BYTES
     return PageRow(
         name=name,

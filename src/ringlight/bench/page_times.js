@@ -4,7 +4,14 @@
 async function first() {
   const found = await window.ringlight?.ready;
   if (!found) return null;
-  return { still: found.still ?? null, kind: found.facts?.kind ?? null, milliseconds: window.firstPicture };
+  const { facts } = found;
+  const told = { kind: facts?.kind ?? null, texels: facts ? texelsOf(facts) : null };
+  return { ...told, still: found.still ?? null, milliseconds: window.firstPicture };
+}
+
+// Of channels that a Gaussian has: its colour, or a mirror's base colour, normal, latents by four, and colour as seen.
+function texelsOf({ kind, sizes }) {
+  return kind === "mirror" ? 2 + Math.ceil(sizes.LATENTS / 4) + (sizes.BASIS > 0) : 1;
 }
 
 // From another side each time; then the picture, its own time until a pixel of it can be read, and again with all
