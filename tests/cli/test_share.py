@@ -72,6 +72,19 @@ def test_a_run_without_report_and_a_packed_model_are_shared(
     assert facts_of(tmp_path / "unmeasured.html")["caption"]["psnr"] == "PSNR not measured"
 
 
+def test_a_page_that_fits_with_coarse_numbers_alone_is_written(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "page.html"
+    monkeypatch.setattr(sized_page, "GOOD_ENOUGH", 0.0)
+    assert ringlight("share", trained["3dgs"], out, "--quiet").code == 0
+    coarse = out.stat().st_size
+    monkeypatch.setattr(sized_page, "GOOD_ENOUGH", 1e3)
+    monkeypatch.setattr(sized_page, "LARGEST_PAGE", coarse)
+    done = ringlight("share", trained["3dgs"], out, "--overwrite", "--quiet")
+    assert (done.code, out.stat().st_size) == (0, coarse), done.err
+
+
 def test_a_budget_is_kept_by_leaving_out_what_shows_least(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:

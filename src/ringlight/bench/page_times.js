@@ -9,8 +9,10 @@ async function first() {
   return { ...told, still: found.still ?? null, milliseconds: window.firstPicture };
 }
 
-// Of channels that a Gaussian has: its colour, or a mirror's base colour, normal, latents by four, and colour as seen.
+// Of channels that a Gaussian has: its colour; with an environment, normal and strength in another; or a mirror's base
+// colour, normal, latents by four, and colour as seen.
 function texelsOf({ kind, sizes }) {
+  if (kind === "environment") return 2;
   return kind === "mirror" ? 2 + Math.ceil(sizes.LATENTS / 4) + (sizes.BASIS > 0) : 1;
 }
 

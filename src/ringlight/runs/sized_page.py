@@ -77,7 +77,7 @@ def page_for(opened: Opened, model: SplatModel, budget: float | None, packs: Seq
     if fmean(compared.decibels) >= GOOD_ENOUGH:
         return compared
     finer = pages.of(tensors, coarse=False)
-    if budget is not None and len(finer.document) > budget:
+    if len(finer.document) > (LARGEST_PAGE if budget is None else budget):
         return compared
     return _nearer(compared, pages.compared(finer))
 
