@@ -39,6 +39,15 @@ def test_a_step_draws_the_same_whatever_was_drawn_before():
     assert not torch.equal(a.rays.jitter, RayBatches(SCENE, COUNT, 8).at(9).rays.jitter)
 
 
+def test_backgrounds_may_vary_at_first():
+    scene = dataclasses.replace(SCENE, background="black")
+    batches = RayBatches(scene, COUNT, 0, varied=3)
+    assert batches.at(3).background.any()
+    assert not batches.at(4).background.any()
+    opaque = tuple(dataclasses.replace(view, has_alpha=False) for view in scene.train)
+    assert not RayBatches(dataclasses.replace(scene, train=opaque), COUNT, 0, varied=3).at(3).background.any()
+
+
 def test_only_kept_rays_are_drawn():
     batches = RayBatches(SCENE, COUNT, 0)
     upwards = batches.looked_at(lambda rays: rays.directions[:, 2] > 0)

@@ -111,6 +111,21 @@ def test_three_lines_learn_too():
     assert dict(training.model.named_parameters()).keys() == dict(training.optimizer.groups).keys()
 
 
+def test_over_black_it_begins_to_learn_too():
+    """What is all but empty is black until its colour is asked for, so that nothing would be missed over black."""
+    training = built(dataclasses.replace(SCENE, background="black"), steps=200)
+
+    def teaches(step: int) -> bool:
+        batch = training.batches.at(step)
+        shown = training.model.predict(batch, Want.GRADIENTS)
+        compared = training.loss.compare(shown, batch, training.model)
+        gradients = shown.backward(compared.grad_color, {})
+        return bool(gradients["field.density_factors.planes.0"].any())
+
+    assert teaches(13)
+    assert not teaches(14)
+
+
 def test_variation_makes_planes_smoother():
     def roughness(weight: float) -> float:
         training = built(steps=20, l1=0.0, tv_density=weight)

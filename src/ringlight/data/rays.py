@@ -69,10 +69,15 @@ class RayBatch:
 
 
 class RayBatches:
-    """``count`` rays drawn anew at each step, with replacement; a pure function of (seed, step) and of what is kept."""
+    """``count`` rays drawn anew at each step, with replacement; a pure function of (seed, step) and of what is kept.
 
-    def __init__(self, scene: Scene, count: int, seed: int):
+    Up to step ``varied`` photographs with masks lie over a background that is drawn, as with a random one: over black,
+    what is black itself, as all but empty space is, would never be missed.
+    """
+
+    def __init__(self, scene: Scene, count: int, seed: int, varied: int = 0):
         self.scene, self.count, self.seed = scene, count, seed
+        self.varied = varied if all(view.has_alpha for view in scene.train) else 0
         cameras = [view.camera for view in scene.train]
         self._ends = torch.tensor([camera.width * camera.height for camera in cameras]).cumsum(0)
         self._widths = torch.tensor([camera.width for camera in cameras])
@@ -138,7 +143,7 @@ class RayBatches:
         return Rays(self._positions[view], normalize(directions), jitter)
 
     def _background(self, step: int) -> Float[Tensor, "3"]:
-        if self.scene.background != "random":
+        if self.scene.background != "random" and step > self.varied:
             return self.scene.background_color
         return torch.rand(3, generator=generator(self.seed, step, "background"))
 

@@ -43,14 +43,14 @@ def volume_training(recipe: "TensorfRecipe", scene: Scene, rasterize: Rasterizer
     refuse_too_large(recipe, box)
     model = recipe.model_of(sides_of(box, recipe.first_side**3), box, seed)
     model.to(rasterize.device)
-    batches = RayBatches(scene, recipe.rays, seed)
+    emptied = tuple(dict.fromkeys(recipe.at_share(EMPTIED)))
+    batches = RayBatches(scene, recipe.rays, seed, emptied[0] if scene.background == "black" else 0)
     met = batches.looked_at(lambda rays: meets_box(rays, box))
     if not met.any():
         corners = " ".join(f"{value:.3g}" for value in recipe.bounds)
         raise RecipeError(f"no ray of a photograph meets the box {corners}; give other --bounds, or none")
     if not met.all():
         batches.keep(met)
-    emptied = tuple(dict.fromkeys(recipe.at_share(EMPTIED)))
     voxels = dict(
         zip(recipe.at_share(REFINED), growing(recipe.first_side, recipe.final_side, len(REFINED)), strict=True)
     )

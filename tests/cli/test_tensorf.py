@@ -1,0 +1,54 @@
+"""A volume goes through the commands: trained, stopped and resumed, measured, drawn, compared, and refused by name."""
+
+import json
+from pathlib import Path
+
+from command import Command
+
+from ringlight.data.options import SceneOptions
+from ringlight.methods.table import METHODS
+from ringlight.runs.start import start_run
+from small_recipes import COARSE, with_settings
+
+STEPS = 60
+SIZES = ("--first-side", "12", "--last-side", "20", "--rays", "256")
+
+
+def test_a_volume_goes_through_the_commands(ringlight: Command, tiny: Path, tmp_path: Path):
+    run = tmp_path / "run"
+    outcome = ringlight("train", tiny, "tensorf", "--out", run, "--steps", STEPS, *SIZES, "--lpips", "--json")
+    assert outcome.code == 0, outcome.err
+    report = json.loads(outcome.out)
+    assert report["noun"] == "voxels"
+    assert "the volume's box is that of" in outcome.err
+
+    measured = ringlight("eval", run, "--json", "--lpips")
+    assert json.loads(measured.out)["psnr"] == report["psnr"]
+
+    layers = ("color", "depth", "alpha", "normal")
+    drawn = ringlight("render", run, "--out", tmp_path / "pictures", "--layers", *layers)
+    assert drawn.code == 0, drawn.err
+    assert all(list((tmp_path / "pictures" / layer).glob("*.png")) for layer in layers)
+
+    told = ringlight("info", run)
+    assert f"{report['counted']:,} voxels" in told.out
+
+    for words in (("export", run, tmp_path / "a.ply"), ("share", run, tmp_path / "a.html")):
+        refused = ringlight(*words)
+        assert refused.code == 1
+        assert "Traceback" not in refused.err
+        assert not words[-1].exists()
+
+    # Stopped after its grid was refined and its rays were chosen, it goes on with the same bits.
+    settings = {**COARSE, "steps": STEPS, "bounds": None}
+    half = start_run(
+        tmp_path / "half", tiny, "tensorf", with_settings(METHODS["tensorf"], settings), SceneOptions(), 0, "auto"
+    )
+    steps = half.steps()
+    for _ in range(31):
+        next(steps)
+    half.save()
+    half.lock.release()
+    outcome = ringlight("train", "--resume", tmp_path / "half", "--quiet", "--lpips")
+    assert outcome.code == 0, outcome.err
+    assert json.loads((tmp_path / "half" / "report.json").read_text())["psnr"] == report["psnr"]
