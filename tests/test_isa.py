@@ -36,6 +36,7 @@ KERNEL_TESTS = (
     "models/test_wants.py",
     "fields/test_perceptron_kernel.py",
     "volume/test_kernels.py",
+    "fields/test_plane_products.py",
     "color/test_mirror_channels.py",
     "shade/test_reflection_kernel.py",
     "fit/test_losses.py",

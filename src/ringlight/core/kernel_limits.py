@@ -42,3 +42,7 @@ MIRROR_MAX_LATENTS = 9
 
 ENVIRONMENT_MAX_SIDE = 1024
 """Texels on a side of a cubemap's face: a texel's number must be exact as a float."""
+
+PLANES_MAX_SIDE = 4096
+"""Nodes on an axis of a plane or line."""
+PLANES_MAX_CHANNELS = 1024

@@ -23,7 +23,7 @@ def octahedral_nodes(side: int) -> Float[Tensor, "K 3"]:
     return directions_from_octahedral(torch.stack([first, second], -1).flatten(0, 1))
 
 
-def _cells(coordinates: Float[Tensor, "N"], count: int) -> tuple[Int[Tensor, "N"], Float[Tensor, "N 1"]]:
+def node_cells(coordinates: Float[Tensor, "N"], count: int) -> tuple[Int[Tensor, "N"], Float[Tensor, "N 1"]]:
     """The node at or below each coordinate, and how far to the next one, in [0, 1]. NaN is -1, as in the kernels."""
     position = (coordinates.nan_to_num(nan=-1.0).clamp(-1, 1) + 1) * (0.5 * (count - 1))
     cell = position.detach().long().clamp(max=count - 2)
@@ -32,15 +32,15 @@ def _cells(coordinates: Float[Tensor, "N"], count: int) -> tuple[Int[Tensor, "N"
 
 def between_nodes(table: Float[Tensor, "K D"], coordinates: Float[Tensor, "N"]) -> Float[Tensor, "N D"]:
     """Linear interpolation at coordinates in [-1, 1]; outside, the end rows."""
-    cell, fraction = _cells(coordinates, len(table))
+    cell, fraction = node_cells(coordinates, len(table))
     return torch.lerp(table[cell], table[cell + 1], fraction)
 
 
 def between_map_nodes(table: Float[Tensor, "K D"], uv: Float[Tensor, "N 2"]) -> Float[Tensor, "N D"]:
     """Bilinear interpolation on a square map with K = side^2 rows, at (u, v) in [-1, 1]^2."""
     side = round(len(table) ** 0.5)
-    column, across = _cells(uv[:, 0], side)
-    row, down = _cells(uv[:, 1], side)
+    column, across = node_cells(uv[:, 0], side)
+    row, down = node_cells(uv[:, 1], side)
     corner = row * side + column
     upper = torch.lerp(table[corner], table[corner + 1], across)
     lower = torch.lerp(table[corner + side], table[corner + side + 1], across)

@@ -14,11 +14,9 @@ from ringlight.core.directions import octahedral_from_directions
 from ringlight.core.want import Want
 from ringlight.fields.networks import fan_in_uniform
 from ringlight.fields.octahedral import sewn
+from ringlight.fields.plane_products import PAIRS, plane_products_reference
 from ringlight.fields.ring_settings import VectorMatrixSettings
-from ringlight.fields.tables import between_map_nodes, between_nodes
-
-PAIRS = (((0, 1), 2), ((0, 2), 1), ((1, 2), 0))
-"""Axes of each plane, and of the line that goes with it."""
+from ringlight.fields.tables import between_map_nodes
 
 FIRST_DEVIATION = 0.1
 """Standard deviation of planes, lines and directions at the start (TensoRF)."""
@@ -46,12 +44,9 @@ class VectorMatrix(nn.Module):
         self.basis = fan_in_uniform((features, joined), joined, generator)
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        products = [
-            between_map_nodes(plane.flatten(0, 1), points[:, pair]) * between_nodes(line, points[:, along])
-            for plane, line, (pair, along) in zip(self.planes, self.lines, PAIRS, strict=True)
-        ]
+        products = plane_products_reference(points, self.planes.unbind(), self.lines.unbind())
         view = between_map_nodes(sewn(self.view).flatten(0, 1), octahedral_from_directions(directions))
-        return (torch.cat(products, -1) * view) @ self.basis.T
+        return (products * view) @ self.basis.T
 
     def tables(self, want: Want) -> None:
         """None: planes are no ring's, and :meth:`exact` reads tables already."""

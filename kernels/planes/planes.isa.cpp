@@ -1,0 +1,121 @@
+#include "planes/planes.hpp"
+
+#include "machine/parallel.hpp"
+#include "planes/cells.isa.hpp"
+
+namespace ringlight::RINGLIGHT_ISA {
+namespace {
+
+constexpr std::size_t POINTS_PER_PIECE = 512;
+
+// The coordinates of sixteen points, or of the `count` that are left.
+int take_points(const float* points, std::size_t first, std::size_t end, Vec coordinates[LANES]) {
+  const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
+  take_columns(points + 3 * first, 3, count, coordinates);
+  return count;
+}
+
+// Calls body(point, pair, corners) for every point of every piece, pair after pair for sixteen points at a time.
+template <class F>
+void for_each_point(const PlaneShape& shape, std::size_t count, const float* points, F&& body) {
+  parallel_ranges(count, POINTS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t first = begin; first < end; first += LANES) {
+      Vec coordinates[LANES];
+      const int some = take_points(points, first, end, coordinates);
+      for (int pair = 0; pair < PLANE_PAIRS; pair++) {
+        Cells cells;
+        find_cells(shape.pairs[pair], pair, coordinates, cells);
+        for (int lane = 0; lane < some; lane++)
+          body(first + lane, pair, corners(shape.pairs[pair], shape.channels, cells, lane));
+      }
+    }
+  });
+}
+
+void clear_block(float* grid, std::size_t nodes, int channels, int width) {
+  for (std::size_t node = 0; node < nodes; node++) store_block(grid + node * channels, Vec(0.f), width);
+}
+
+RINGLIGHT_INLINE bool is_zero(Vec values) {
+  return bits(both(ge(values, Vec(0.f)), ge(Vec(0.f), values))) == 0xffff;
+}
+
+RINGLIGHT_INLINE void add_block(float* to, Vec weight, Vec values, int width) {
+  store_block(to, fma(weight, values, load_block(to, width)), width);
+}
+
+// One pair's gradient in the channels of one block, all points in their order. The grids begin at the block's channel.
+struct Block {
+  int pair, width;
+  const float *plane, *line;
+  float *of_plane, *of_line;
+};
+
+void add_point(const Block& block, const Corners& at, Vec upstream) {
+  const Vec of_plane = upstream * line_value(at, block.line, block.width);
+  const Vec of_line = upstream * plane_value(at, block.plane, block.width);
+  for (int k = 0; k < 4; k++) add_block(block.of_plane + at.plane[k], at.of_plane[k], of_plane, block.width);
+  for (int k = 0; k < 2; k++) add_block(block.of_line + at.line[k], at.of_line[k], of_line, block.width);
+}
+
+}  // namespace
+
+void plane_products(const PlaneShape& shape, const PlaneGrids<const float>& grids, std::size_t count,
+                    const float* points, float* products) {
+  const int channels = shape.channels;
+  for_each_point(shape, count, points, [&](std::size_t point, int pair, const Corners& at) {
+    float* to = products + (point * PLANE_PAIRS + pair) * channels;
+    for (int channel = 0; channel < channels; channel += LANES) {
+      const int width = block_width(channels, channel);
+      const Vec plane = plane_value(at, grids.planes[pair] + channel, width);
+      store_block(to + channel, plane * line_value(at, grids.lines[pair] + channel, width), width);
+    }
+  });
+}
+
+void plane_sums(const PlaneShape& shape, const PlaneGrids<const float>& grids, std::size_t count, const float* points,
+                float* sums) {
+  const int channels = shape.channels;
+  for_each_point(shape, count, points, [&](std::size_t point, int pair, const Corners& at) {
+    Vec total(0.f);
+    for (int channel = 0; channel < channels; channel += LANES) {
+      const int width = block_width(channels, channel);
+      const Vec plane = plane_value(at, grids.planes[pair] + channel, width);
+      total = fma(plane, line_value(at, grids.lines[pair] + channel, width), total);
+    }
+    sums[point] = (pair == 0 ? 0.f : sums[point]) + sum(total);
+  });
+}
+
+// Each piece owns a pair and a block of channels: nobody else writes there, and points come in their order.
+void plane_gradient(const PlaneShape& shape, const PlaneGrids<const float>& grids, std::size_t count,
+                    const float* points, const float* upstream, bool summed, const PlaneGrids<float>& gradients) {
+  const int channels = shape.channels, blocks = (channels + LANES - 1) / LANES;
+  parallel_for(static_cast<std::size_t>(PLANE_PAIRS) * blocks, [&](std::size_t piece) {
+    const int pair = static_cast<int>(piece) / blocks, channel = static_cast<int>(piece) % blocks * LANES;
+    const PairSize& size = shape.pairs[pair];
+    const Block block{pair,
+                      block_width(channels, channel),
+                      grids.planes[pair] + channel,
+                      grids.lines[pair] + channel,
+                      gradients.planes[pair] + channel,
+                      gradients.lines[pair] + channel};
+    clear_block(block.of_plane, static_cast<std::size_t>(size.across) * size.down, channels, block.width);
+    clear_block(block.of_line, size.along, channels, block.width);
+    for (std::size_t first = 0; first < count; first += LANES) {
+      Vec coordinates[LANES];
+      const int some = take_points(points, first, count, coordinates);
+      Cells cells;
+      find_cells(size, pair, coordinates, cells);
+      for (int lane = 0; lane < some; lane++) {
+        const std::size_t point = first + lane;
+        const Vec of_point = summed ? Vec(upstream[point])
+                                    : load_block(upstream + (point * PLANE_PAIRS + pair) * channels + channel,
+                                                 block.width);
+        if (!is_zero(of_point)) add_point(block, corners(size, channels, cells, lane), of_point);
+      }
+    }
+  });
+}
+
+}  // namespace ringlight::RINGLIGHT_ISA
