@@ -21,6 +21,10 @@ SMALL = COARSE | {
         "ring": {"rank": 4, "features": 6, "head_hidden": 8, "position_nodes": 16, "view_nodes": 4},
         "render_hidden": 8,
         "modulation_hidden": 8,
+        "side": 8,
+        "components": 4,
+        "features": 6,
+        "hidden": 8,
     },
 }
 

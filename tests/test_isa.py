@@ -37,6 +37,8 @@ KERNEL_TESTS = (
     "fields/test_perceptron_kernel.py",
     "volume/test_kernels.py",
     "fields/test_plane_products.py",
+    "fields/test_directional_encoding.py",
+    "color/test_illuminated.py",
     "color/test_mirror_channels.py",
     "shade/test_reflection_kernel.py",
     "fit/test_losses.py",

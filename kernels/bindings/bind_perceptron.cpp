@@ -1,5 +1,7 @@
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
+#include <optional>
 #include <vector>
 
 #include "bindings/arrays.hpp"
@@ -50,12 +52,15 @@ void forward(const std::vector<Input>& parameters, Stack rows, Array results) {
   RINGLIGHT_CHOSEN_WITH_BF16(perceptron_forward)(shape, layers, rows.data(), results.data());
 }
 
-void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, const std::vector<Array>& gradients) {
+void backward(const std::vector<Input>& parameters, Stack rows, Input upstream, const std::vector<Array>& gradients,
+              const std::optional<Array>& of_rows) {
   const PerceptronShape shape = shape_from(rows, parameters, upstream.size());
   const auto layers = layers_from<const float>(shape, parameters);
   const auto sums = layers_from<float>(shape, gradients);
+  require(!of_rows || of_rows->size() == rows.size(), "perceptron: the gradient of rows must be [H K inputs]");
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN_WITH_BF16(perceptron_backward)(shape, layers, rows.data(), upstream.data(), sums);
+  RINGLIGHT_CHOSEN_WITH_BF16(perceptron_backward)
+  (shape, layers, rows.data(), upstream.data(), sums, of_rows ? of_rows->data() : nullptr);
 }
 
 }  // namespace
@@ -64,7 +69,7 @@ void bind_perceptron(nb::module_& module) {
   module.def("perceptron_forward", &forward, "parameters"_a, "rows"_a, "results"_a,
              "H perceptrons of three layers, each at its own rows [H K inputs].");
   module.def("perceptron_backward", &backward, "parameters"_a, "rows"_a, "upstream"_a, "gradients"_a,
-             "Gradients of all weights and biases.");
+             "of_rows"_a = nb::none(), "Gradients of all weights and biases, and of the rows if they are wanted.");
 }
 
 }  // namespace ringlight

@@ -17,13 +17,13 @@ struct PerceptronLayers {
   Float *weight[3], *bias[3];
 };
 
-// rows [heads nodes inputs] to results [heads nodes outputs].
+// rows [heads nodes inputs] to results [heads nodes outputs]. The rows' gradient goes to `of_rows` unless that is null.
 #define RINGLIGHT_PERCEPTRON(isa) \
   namespace isa { \
   void perceptron_forward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows, \
                           float* results); \
   void perceptron_backward(const PerceptronShape&, const PerceptronLayers<const float>&, const float* rows, \
-                           const float* upstream, const PerceptronLayers<float>& gradients); \
+                           const float* upstream, const PerceptronLayers<float>& gradients, float* of_rows); \
   }
 RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_PERCEPTRON)
 #undef RINGLIGHT_PERCEPTRON

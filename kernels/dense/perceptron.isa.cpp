@@ -104,10 +104,11 @@ std::size_t sums_size(const Widths& widths) {
   return size;
 }
 
-// Adds one group's gradients; on entry gradient.of[LAYERS] is dL/dresult. Weights are stored [inputs outputs], so the
+// Adds one group's gradients; on entry gradient.of[LAYERS] is dL/dresult, and on return gradient.of[0] that of the rows,
+// if it is wanted. Weights are stored [inputs outputs], so the
 // roles of add_layer_gradient are swapped: the layer's input is broadcast, the gradient is turned into rows.
 void add_gradients(const Widths& widths, const HeadPanels& transposed, const Activations& at,
-                   const Activations& gradient, float* blocks, float* sums) {
+                   const Activations& gradient, bool with_rows, float* blocks, float* sums) {
   float* ends = sums + sums_size(widths);
   for (int layer = LAYERS - 1; layer >= 0; layer--) {
     const int inputs = widths.of[layer], outputs = widths.of[layer + 1];
@@ -119,10 +120,10 @@ void add_gradients(const Widths& widths, const HeadPanels& transposed, const Act
       const float* of_output = gradient.of[layer + 1] + o * GROUP;
       store(bias + o * LANES, load(bias + o * LANES) + load(of_output) + load(of_output + LANES));
     }
-    if (layer == 0) return;
+    if (layer == 0 && !with_rows) return;
     const float* terms = feature_terms<LayerTerms>(gradient.of[layer + 1], outputs, at.terms);
     dense<LayerTerms>(transposed.layers[layer], terms, gradient.of[layer]);
-    rectify_gradient(gradient.of[layer], at.of[layer], inputs);
+    if (layer > 0) rectify_gradient(gradient.of[layer], at.of[layer], inputs);
   }
 }
 
@@ -176,7 +177,7 @@ void perceptron_forward(const PerceptronShape& shape, const PerceptronLayers<con
 }
 
 void perceptron_backward(const PerceptronShape& shape, const PerceptronLayers<const float>& layers, const float* rows,
-                         const float* upstream, const PerceptronLayers<float>& gradients) {
+                         const float* upstream, const PerceptronLayers<float>& gradients, float* of_rows) {
   const StackPanels packed(shape, layers, true);
   const Widths& widths = packed.widths;
   const int shards = (shape.nodes + SHARD - 1) / SHARD;
@@ -197,7 +198,10 @@ void perceptron_backward(const PerceptronShape& shape, const PerceptronLayers<co
       rows_to_lanes(rows + row * shape.inputs, count, shape.inputs, at.of[0]);
       rows_to_lanes(upstream + row * shape.outputs, count, shape.outputs, gradient.of[LAYERS]);
       evaluate_hidden(panels, at);
-      add_gradients(widths, transposed, at, gradient, memory.floats() + 2 * half, own);
+      float* blocks = memory.floats() + 2 * half;
+      add_gradients(widths, transposed, at, gradient, of_rows != nullptr, blocks, own);
+      if (of_rows != nullptr)
+        lanes_to_rows(gradient.of[0], count, shape.inputs, blocks, of_rows + row * shape.inputs);
     }
   });
   parallel_for(shape.heads, [&](std::size_t head) {

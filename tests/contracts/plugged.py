@@ -13,6 +13,8 @@ from plugs.directional_opacity import DirectionalOpacity
 from plugs.environment import Environment, HarmonicsWithNormals
 from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SphericalHarmonics
+from ringlight.color.illuminated import Illuminated
+from ringlight.color.illumination_settings import IlluminationSettings
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.mirror import Mirror
 from ringlight.color.reflective_harmonics import ReflectiveHarmonics
@@ -51,6 +53,8 @@ LIGHT = RingLightSettings(
 )
 """All of its gradients are computed: a share of them is right in expectation only."""
 
+ILLUMINATION = IlluminationSettings(side=6, components=3, features=5, hidden=8)
+
 COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "harmonics": SphericalHarmonics,
     "harmonics of degree 1": lambda: SphericalHarmonics(1),
@@ -58,6 +62,7 @@ COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "light, exact heads": lambda: RingLight(replace(LIGHT, evaluation="exact"), BOX, 1),
     "light, bare": lambda: RingLight(replace(LIGHT, mask=False, latents=0, light_modulation=False), BOX, 1),
     "light, no base colour": lambda: RingLight(replace(LIGHT, base_color=False), BOX, 1),
+    "illuminated": lambda: Illuminated(ILLUMINATION, BOX, 1),
     "mirror": lambda: Mirror(latents=3, seed=1),
     "mirror, many latents": lambda: Mirror(latents=12, seed=1),
     "mirror, varying": lambda: VaryingMirror(latents=3, basis_size=2, seed=1),

@@ -31,6 +31,7 @@ def test_presets_of_one_paper_share_their_method():
         "3dgs-dr": "3dgs-dr",
         "glossy-gaussian": "glossy-gaussian",
         "tensorf": "tensorf",
+        "3igs": "3igs",
     }
     assert method_of(dataclasses.replace(METHODS["ringlight-paper"], steps=5)) == "ringlight-ring"
     assert model_header("ringlight-paper", METHODS["ringlight-paper"], 0, facts).method == "ringlight-ring"

@@ -26,15 +26,23 @@ def stack_at(stack: PerceptronStack, rows: Float[Tensor, "H K inputs"]) -> Float
 
 
 def stack_gradients(
-    stack: PerceptronStack, rows: Float[Tensor, "H K inputs"], grad_results: Float[Tensor, "H K outputs"]
+    stack: PerceptronStack,
+    rows: Float[Tensor, "H K inputs"],
+    grad_results: Float[Tensor, "H K outputs"],
+    of_rows: Float[Tensor, "H K inputs"] | None = None,
 ) -> dict[str, Tensor]:
-    """The way back of :func:`stack_at`: gradients by the stack's parameter names; none for ``rows``."""
+    """The way back of :func:`stack_at`: gradients by the stack's parameter names; that of ``rows`` is written to
+    ``of_rows`` where it is given."""
     if not _runs_native(stack, rows):
-        recorded = ByAutograd(lambda _: {"results": stack(rows)}, {}, dict(stack.named_parameters()))
-        return recorded.backward({"results": grad_results})
+        recorded = ByAutograd(lambda at: {"results": stack(at["rows"])}, {"rows": rows}, dict(stack.named_parameters()))
+        found = recorded.backward({"results": grad_results})
+        grad_rows = found.pop("rows")
+        if of_rows is not None:
+            of_rows.copy_(grad_rows)
+        return found
     parameters = _parameters(stack)
     gradients = [torch.empty_like(parameter, requires_grad=False) for parameter in parameters]
-    _kernels.perceptron_backward(parameters, rows.contiguous(), grad_results.contiguous(), gradients)
+    _kernels.perceptron_backward(parameters, rows.contiguous(), grad_results.contiguous(), gradients, of_rows)
     names = [f"{kind}.{layer}" for layer in range(LAYERS) for kind in ("weights", "biases")]
     return dict(zip(names, gradients, strict=True))
 

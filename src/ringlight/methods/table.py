@@ -15,6 +15,7 @@ from ringlight.methods.ringlight_ring import RingLightRingRecipe
 from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
+from ringlight.methods.three_igs import ThreeIGSRecipe
 
 METHODS: dict[str, Recipe] = {
     "ringlight": RingLightRecipe(),
@@ -28,6 +29,7 @@ METHODS: dict[str, Recipe] = {
     "3dgs-dr": ThreeDGSDRRecipe(),
     "glossy-gaussian": GlossyGaussianRecipe(),
     "tensorf": TensorfRecipe(),
+    "3igs": ThreeIGSRecipe(),
 }
 
 CHOOSERS = ("ringlight",)

@@ -1,0 +1,51 @@
+"""The illumination field of 3iGS (Tang and Cham 2024, section 3.2): planes times lines, mixed by a matrix."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.fields.networks import fan_in_uniform
+from ringlight.fields.plane_products import PAIRS, plane_gradients, plane_products, plane_products_reference
+
+FIRST_DEVIATION = 0.01
+"""Standard deviation of planes and lines at the start, as in 3iGS."""
+
+
+class Illumination(nn.Module):
+    """Features [N C] of points in [-1, 1]^3.
+
+    ``planes`` [3 S S M] and ``lines`` [3 S M] hold M components a pair; ``mix`` [C 3M] and ``offset`` [C] mix them.
+    """
+
+    def __init__(self, side: int, components: int, features: int, generator: torch.Generator):
+        super().__init__()
+        joined = len(PAIRS) * components
+
+        def noise(*shape: int) -> nn.Parameter:
+            return nn.Parameter(torch.empty(shape).normal_(0, FIRST_DEVIATION, generator=generator))
+
+        self.planes, self.lines = noise(len(PAIRS), side, side, components), noise(len(PAIRS), side, components)
+        self.mix = fan_in_uniform((features, joined), joined, generator)
+        self.offset = fan_in_uniform((features,), joined, generator)
+
+    def products(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N J"]:
+        """Before they are mixed, without a graph."""
+        return plane_products(points, self.planes.unbind(), self.lines.unbind())
+
+    def mixed(self, products: Float[Tensor, "N J"]) -> Float[Tensor, "N C"]:
+        """The features."""
+        return torch.addmm(self.offset, products, self.mix.T)
+
+    def gradients(
+        self, points: Float[Tensor, "N 3"], products: Float[Tensor, "N J"], grad_features: Float[Tensor, "N C"]
+    ) -> dict[str, Tensor]:
+        """The way back of both, by parameter name; none for the points."""
+        into = torch.empty_like(self.planes), torch.empty_like(self.lines)
+        grids = self.planes.unbind(), self.lines.unbind()
+        plane_gradients(points, *grids, grad_features @ self.mix, (into[0].unbind(), into[1].unbind()))
+        of_mix, of_offset = grad_features.T @ products, grad_features.sum(0)
+        return {"planes": into[0], "lines": into[1], "mix": of_mix, "offset": of_offset}
+
+    def reference(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
+        """The features within torch's graph, in any precision."""
+        return self.mixed(plane_products_reference(points, self.planes.unbind(), self.lines.unbind()))
