@@ -176,7 +176,7 @@ void bind_sh(nb::module_& module) {
              "adam of rest with the gradient of sh_rest_gradient, in place.");
   module.def("sh_opacity_factors", &opacity_factors, "means"_a, "logits"_a, "rest"_a, "camera"_a, "degree"_a, "least"_a,
              "factors"_a,
-             "Fill factors [N]: sigmoid(logits) plus the harmonics rest [N K], clamped to [0, 1], over sigmoid(logits).");
+             "Fill factors [N]: sigmoid(logits) plus harmonics rest [N K], clamped to [0, 1], over sigmoid(logits).");
   module.def("sh_opacity_gradient", &opacity_gradient, "means"_a, "logits"_a, "rest"_a, "camera"_a, "degree"_a,
              "least"_a, "by_factors"_a, "by_means"_a, "by_logits"_a, "by_rest"_a,
              "Gradient of sh_opacity_factors: add to by_means and by_logits, fill by_rest.");
