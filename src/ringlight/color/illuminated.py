@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
+from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
 from ringlight.color.drawable import drawable_rows
 from ringlight.color.harmonics import runs_native
@@ -155,13 +156,17 @@ class Illuminated(nn.Module):
         into.add_all({f"{COLOR}field.{name}": gradient for name, gradient in of_field.items()})
 
     def _lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
-        rows, count = drawable_rows(gaussians, camera).long(), self.settings.features
+        numbers, count = drawable_rows(gaussians, camera), self.settings.features
+        rows = numbers.long()
         means, appearance = gaussians.means.detach()[rows], gaussians.appearance
         points, directions = self.unit_points(means), view_directions(means, camera.position.to(means))
         products = self.field.products(points)
         inputs = means.new_empty(len(rows), 2 * count + 3 + CODE_WIDTH)
-        torch.tanh(appearance[FEATURES][rows], out=inputs[:, :count])
-        torch.tanh(self.field.mixed(products), out=inputs[:, count : 2 * count])
+        if runs_native(means, appearance[FEATURES], products):
+            _kernels.tanh_rows(appearance[FEATURES], numbers, inputs, 0)
+            _kernels.tanh_rows(self.field.mixed(products), None, inputs, count)
+        else:
+            inputs[:, : 2 * count] = torch.cat([appearance[FEATURES][rows], self.field.mixed(products)], -1).tanh()
         inputs[:, 2 * count : 2 * count + 3] = directions
         write_directional_encoding(directions, _roughness(appearance[ROUGHNESS][rows]), inputs, 2 * count + 3)
         return LitRows(rows, points, products, inputs)
