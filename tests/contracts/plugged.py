@@ -5,6 +5,7 @@ Small sizes: contracts are about what must hold, not about how well it looks.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import torch
 from torch import nn
@@ -20,15 +21,20 @@ from ringlight.color.mirror import Mirror
 from ringlight.color.reflective_harmonics import ReflectiveHarmonics
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
+from ringlight.color.shaded_gaussians import ShadedGaussians
+from ringlight.color.split_sum import SplitSumLight
 from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.regularizers.contract import Regularizer
+from ringlight.fit.regularizers.depth_normals import DepthNormals
 from ringlight.fit.regularizers.factor_size import FactorSize
 from ringlight.fit.regularizers.factor_variation import FactorVariation
 from ringlight.fit.regularizers.mean_mask import MeanMask
 from ringlight.fit.regularizers.mean_opacity import MeanOpacity
 from ringlight.fit.regularizers.mean_scale import MeanScale
+from ringlight.fit.regularizers.small_columns import SmallColumn
+from ringlight.fit.regularizers.zero_one import ZeroOne
 from ringlight.shade.environment import EnvironmentShader
 from ringlight.shade.passthrough import PassThrough
 from ringlight.shade.reflection import ReflectionShader
@@ -55,6 +61,15 @@ LIGHT = RingLightSettings(
 
 ILLUMINATION = IlluminationSettings(side=6, components=3, features=5, hidden=8)
 
+
+def shaded_gaussians(**settings: Any) -> ShadedGaussians:
+    """Under an environment of two mips, of any light."""
+    light = SplitSumLight(8, coarsest=4)
+    with torch.no_grad():
+        light.texels.copy_(torch.randn(light.texels.shape, generator=torch.Generator().manual_seed(1)))
+    return ShadedGaussians(light, **settings)
+
+
 COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "harmonics": SphericalHarmonics,
     "harmonics of degree 1": lambda: SphericalHarmonics(1),
@@ -70,6 +85,8 @@ COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "reflective harmonics of degree 1": lambda: ReflectiveHarmonics(1),
     "glossy harmonics": GlossyHarmonics,
     "glossy harmonics, opacities of degree 1": lambda: GlossyHarmonics(2, 1),
+    "shaded": lambda: shaded_gaussians(),
+    "shaded, ambient": lambda: shaded_gaussians(degree=1, ambient=True),
     "plug: directional opacity": DirectionalOpacity,
     "plug: harmonics with normals": HarmonicsWithNormals,
 }
@@ -98,6 +115,10 @@ REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
     "mean scale": lambda: MeanScale(0.7),
     "factor size": lambda: FactorSize((SCALES,), first=0.2, rest=0.1, until=5),
     "factor variation": lambda: FactorVariation((SCALES,), weight=0.3, steps=10, end=0.1),
+    "depth normals": lambda: DepthNormals(0.2),
+    "depth normals, every other pixel": lambda: DepthNormals(0.2, 2),
+    "zero-one": lambda: ZeroOne(0.4),
+    "small column": lambda: SmallColumn(SCALES, 0.5),
     "by torch, of a column": lambda: TorchRegularizer(lambda of: of[SCALES].exp().mean(), (SCALES,)),
     "by torch, of a buffer": lambda: TorchRegularizer(lambda of: of["alpha"].sin().mean(), buffers=("alpha",)),
     "by torch, of both": lambda: TorchRegularizer(

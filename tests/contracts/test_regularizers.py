@@ -12,6 +12,7 @@ from torch import Tensor
 from contracts.differences import TOLERANCE, slopes_differ
 from contracts.methods import small
 from contracts.plugged import REGULARIZERS
+from ringlight.core.camera import Camera
 from ringlight.core.rendering import Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit import regularizers
@@ -25,8 +26,8 @@ ROWS = 12
 """Gaussians: the slope of a mean over hundreds would drown in the rounding of its value."""
 
 
-def training_of() -> Training:
-    return small("ringlight-ring", 8).build(tiny_scene(views=2, size=16), rasterizer_for("auto"), 3)
+def training_of(method: str = "ringlight-ring") -> Training:
+    return small(method, 8).build(tiny_scene(views=2, size=16), rasterizer_for("auto"), 3)
 
 
 def model_and_prediction(regularizer: Regularizer) -> tuple[Model, Rendering]:
@@ -36,9 +37,17 @@ def model_and_prediction(regularizer: Regularizer) -> tuple[Model, Rendering]:
     rows = {n: t[:ROWS] if n.startswith(model.row_prefixes) else t for n, t in model.state_dict().items()}
     model.load_tensors(rows)
     model.double()
-    buffers = {name: torch.rand(7, 9, 1, generator=drawn, dtype=torch.float64) for name in regularizer.buffers}
+    widths = {"normal": 3}
+    buffers = {
+        name: torch.rand(7, 9, widths.get(name, 1), generator=drawn, dtype=torch.float64)
+        for name in regularizer.buffers
+    }
+    if "normal" in buffers:  # a surface, of which depths make normals: covered, a rough plane
+        buffers["alpha"] = 0.92 + 0.07 * buffers["alpha"]
+        buffers["depth"] = 2 + 0.1 * buffers["depth"]
     color = torch.rand(7, 9, 3, generator=drawn, dtype=torch.float64)
-    return model, Rendering(color, torch.ones_like(color[..., :1]), buffers)
+    camera = Camera(torch.eye(4), (10.0, 11.0), (4.5, 3.5), 9, 7)
+    return model, Rendering(color, torch.ones_like(color[..., :1]), buffers, camera=camera)
 
 
 def term_of(regularizer: Regularizer, model: Model, prediction: Rendering) -> Term:

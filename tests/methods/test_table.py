@@ -29,6 +29,7 @@ def test_presets_of_one_paper_share_their_method():
         "3dgs-paper": "3dgs",
         "light-gaussian": "light-gaussian",
         "3dgs-dr": "3dgs-dr",
+        "gaussian-shader": "gaussian-shader",
         "glossy-gaussian": "glossy-gaussian",
         "tensorf": "tensorf",
         "3igs": "3igs",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 from jaxtyping import Bool, Float, Int32
 from torch import Tensor
 
+from ringlight.core.camera import Camera
 from ringlight.core.computed_once import computed_once
 from ringlight.core.gradients import Gradients
 
@@ -149,7 +150,7 @@ class Rendering:
     A photograph or a crop is [H W 3], a lot of rays [R 3]. ``buffers`` are what was blended, by name, and "alpha";
     empty where a picture was shaded while it was blended, and where a training step asks for none. ``footprint`` says
     where Gaussians fell, of models that have any. ``backward(grad_color, grad_buffers)`` gives the gradients of all
-    parameters that had a part.
+    parameters that had a part. ``camera`` is that of a photograph or a crop that was splatted; rays have none.
     """
 
     color: Float[Tensor, "*pixels 3"]
@@ -157,3 +158,4 @@ class Rendering:
     buffers: Channels = field(default_factory=dict)
     footprint: Footprint | None = None
     backward: Callable[[Tensor, Mapping[str, Tensor]], Gradients] = no_way_back
+    camera: Camera | None = None

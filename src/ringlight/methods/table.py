@@ -5,6 +5,7 @@ from typing import Any
 
 from ringlight.errors import RecipeError
 from ringlight.methods import ringlight_ring, three_dgs
+from ringlight.methods.gaussian_shader import GaussianShaderRecipe
 from ringlight.methods.glossy_gaussian import GlossyGaussianRecipe
 from ringlight.methods.light_gaussian import LightGaussianRecipe
 from ringlight.methods.recipe import Recipe, recipe_from_dict
@@ -27,6 +28,7 @@ METHODS: dict[str, Recipe] = {
     "3dgs-paper": three_dgs.PAPER,
     "light-gaussian": LightGaussianRecipe(),
     "3dgs-dr": ThreeDGSDRRecipe(),
+    "gaussian-shader": GaussianShaderRecipe(),
     "glossy-gaussian": GlossyGaussianRecipe(),
     "tensorf": TensorfRecipe(),
     "3igs": ThreeIGSRecipe(),

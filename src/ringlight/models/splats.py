@@ -129,10 +129,10 @@ class SplatModel(nn.Module):
             shaded = shaded_in_tiles(raster, tiles)
         blended = {} if raster.image.shape[-1] == 0 else named_parts(raster, names, widths)
         if want is not Want.GRADIENTS:
-            return Rendering(shaded.color, raster.alpha, blended, raster.footprint)
+            return Rendering(shaded.color, raster.alpha, blended, raster.footprint, camera=camera)
         drawn = [*gaussians.columns().values(), *self._shared]
         back = WayBack(emission, raster, shaded, dict(zip(names, widths, strict=True)), drawn)
-        return Rendering(shaded.color, raster.alpha, blended, raster.footprint, back)
+        return Rendering(shaded.color, raster.alpha, blended, raster.footprint, back, camera)
 
     def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
         """Raise RecipeError where ``who`` looks at a buffer that this model does not blend."""

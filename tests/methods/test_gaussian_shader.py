@@ -1,0 +1,75 @@
+"""gaussian-shader: Gaussians that are shaded one by one."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from contracts.methods import small
+from ringlight.errors import RecipeError
+from ringlight.files.page.shown import shown_of
+from ringlight.fit.train import Training, train
+from ringlight.methods.gaussian_shader import GaussianShaderRecipe
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
+
+STEPS = 12
+SCENE = tiny_scene(views=4, size=24)
+
+
+def trained(**settings: object) -> tuple[Training, SplatModel]:
+    recipe = replace(small("gaussian-shader", STEPS), environment_side=16, **settings)  # type: ignore[arg-type]
+    training: Training = recipe.build(SCENE, rasterizer_for("auto"), 3)
+    for progress in train(training):
+        assert progress.fault is None
+    splats = training.model.splats()
+    assert splats is not None
+    return training, splats
+
+
+def test_materials_normals_and_environment_are_learned():
+    training, model = trained()
+    assert set(training.regularizers) == {"consistency", "zero-one", "residuals"}
+    texels = model.get_parameter("color.light.texels")
+    assert texels.std() > 0
+    for column in ("tint_logits", "roughness_logits", "normal_residuals"):
+        assert model.columns[column].std() > 0, column
+    layers = model.layers(SCENE.train[0].camera)
+    assert {"base", "residual", "normal", "tint", "roughness"} <= layers.keys()
+    assert all(layer.isfinite().all() for layer in layers.values())
+
+
+def test_a_weight_of_zero_leaves_a_term_out():
+    training, _ = trained(consistency=0.0, zero_one=0.0)
+    assert set(training.regularizers) == {"residuals"}
+    assert training.buffers == ()
+
+
+def test_a_page_says_that_it_cannot_show_it():
+    with pytest.raises(RecipeError, match="ShadedGaussians"):
+        shown_of(trained()[1])
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("first_tint", 1.0),
+        ("consistency", -1.0),
+        ("consistency_stride", 0),
+        ("coarse_steps", -1),
+        ("material_rate", -1.0),
+    ],
+)
+def test_settings_out_of_range_are_refused(setting: str, value: float):
+    with pytest.raises(RecipeError, match=setting):
+        GaussianShaderRecipe(**{setting: value})  # type: ignore[arg-type]
+
+
+def test_first_surfaces_have_the_points_colours():
+    recipe = GaussianShaderRecipe(environment_side=16, first_tint=0.05)
+    color, _ = recipe.parts(SCENE.box)
+    points = replace(SCENE.points, colors=torch.full_like(SCENE.points.colors, 0.9))
+    columns = color.new_columns(points)
+    assert columns["tint_logits"].sigmoid().mean().item() == pytest.approx(0.05)
+    assert columns["sh_dc"].isfinite().all()
