@@ -65,6 +65,7 @@ class Illuminated(nn.Module):
     lit: Tensor
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
+    opacity_columns: tuple[str, ...] = ()
 
     def __init__(
         self, settings: IlluminationSettings, box: Float[Tensor, "2 3"], seed: int = 0, gradient_share: float = 1.0
