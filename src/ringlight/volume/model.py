@@ -233,7 +233,7 @@ class VolumeModel(nn.Module):
     def find_empty(self) -> Float[Tensor, "2 3"]:
         """See which cells of the box are empty now, and skip them from now on. Returns the box of the others, world
         units; the whole box where all are empty."""
-        cells = cells_of(self.box)
+        cells = cells_of(self.box, max(self.field.sides))
         step = self.space().step / self.unit.item()
         places = centers(cells).to(self.box)
         thickness = [step * self.density_values(part) for part in places.split(PLACES_AT_ONCE)]

@@ -13,10 +13,10 @@ MOST_CELLS = 160
 BITS = 8
 
 
-def cells_of(box: Float[Tensor, "2 3"]) -> Sides:
-    """Cells along each axis, those along z a multiple of eight."""
+def cells_of(box: Float[Tensor, "2 3"], nodes: int) -> Sides:
+    """Cells along each axis, those along z a multiple of eight; no more than a grid has ``nodes`` along the longest."""
     lengths = (box[1] - box[0]).double()
-    x, y, z = (max(round(MOST_CELLS * share), 1) for share in (lengths / lengths.max()).tolist())
+    x, y, z = (max(round(min(MOST_CELLS, nodes) * share), 1) for share in (lengths / lengths.max()).tolist())
     return x, y, -(-z // BITS) * BITS
 
 
