@@ -108,3 +108,12 @@ def test_other_depths_and_types_go_through_torch():
         by_graph = torch.autograd.grad(expected, list(other.parameters()), upstream.to(at))
         for (name, _), gradient in zip(other.named_parameters(), by_graph, strict=True):
             assert torch.equal(found[name], gradient), name
+
+
+def test_rows_get_their_gradient_where_it_is_wanted():
+    stack, rows = stack_and_rows(2, (21, 24, 24, 3), 70, 0)
+    upstream, of_rows = torch.randn(2, 70, 3, generator=torch.Generator().manual_seed(1)), torch.empty_like(rows)
+    stack_gradients(stack, rows, upstream, of_rows)
+    at = rows.double().requires_grad_()
+    (expected,) = torch.autograd.grad(stack.double()(at), at, upstream.double())
+    assert (of_rows - expected).abs().max() <= TOLERANCE * expected.abs().max() + SMALLEST
