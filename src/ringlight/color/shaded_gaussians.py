@@ -135,8 +135,20 @@ def surface_normals(
     gaussians: Gaussians, residuals: Float[Tensor, "N 6"], position: Float[Tensor, "3"]
 ) -> Float[Tensor, "N 3"]:
     """Unit, towards the camera at ``position`` but for their residual."""
-    shortest = gaussians.log_scales.argmin(-1)
-    axes = gaussians.rotations.gather(2, shortest[:, None, None].expand(-1, 3, 1))[..., 0]
+    axes = stored_axes(gaussians)
     outward = ((position - gaussians.means).detach() * axes.detach()).sum(-1, keepdim=True) >= 0
     sides = residuals.split(3, -1)
     return normalize(torch.where(outward, axes + sides[0], sides[1] - axes))
+
+
+def stored_axes(gaussians: Gaussians) -> Float[Tensor, "N 3"]:
+    """The shortest axes, unit, as they are stored: one column of each rotation matrix, without the other two.
+
+    Of a unit quaternion (w, u) it is (w^2 - u.u) e + 2 (u.e) u + 2 w u x e, e being the axis before it is turned.
+    """
+    quats = torch.nn.functional.normalize(gaussians.quats, dim=-1)
+    w, u = quats[:, :1], quats[:, 1:]
+    shortest = gaussians.log_scales.argmin(-1, keepdim=True)
+    along = torch.zeros_like(u).scatter_(1, shortest, 1.0)
+    turned = 2 * (u.gather(1, shortest) * u + w * torch.linalg.cross(u, along))
+    return turned + (2 * w * w - 1) * along

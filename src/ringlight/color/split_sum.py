@@ -40,23 +40,28 @@ class _Filtered(torch.autograd.Function):
 
 
 class _Tapped(torch.autograd.Function):
-    """Weighted sums of a table's rows; the way back adds up row by row, in the order of the sums."""
+    """Sums over the first axis of a table's ``rows`` times ``weights``; the way back adds up in the order of the terms.
+
+    Column by column: torch adds up over a last axis of three tens of times slower than over many numbers at once.
+    """
 
     @staticmethod
     def forward(ctx, table: Tensor, rows: Tensor, weights: Tensor) -> Tensor:  # type: ignore[no-untyped-def]
-        ctx.save_for_backward(table, rows, weights)
-        return torch.nn.functional.embedding_bag(rows, table, mode="sum", per_sample_weights=weights)
+        taken = [column.index_select(0, rows.flatten()).view(rows.shape) for column in table.T.contiguous()]
+        ctx.save_for_backward(rows, weights, *taken)
+        ctx.height = len(table)
+        return torch.stack([(values * weights).sum(0) for values in taken], -1)
 
     @staticmethod
     def backward(ctx, gradient: Tensor) -> tuple[Tensor, None, Tensor]:  # type: ignore[no-untyped-def]
-        table, rows, weights = ctx.saved_tensors
+        rows, weights, *taken = ctx.saved_tensors
+        columns = [column.contiguous() for column in gradient.unbind(-1)]
+        of_weights = torch.zeros_like(weights)
+        for values, column in zip(taken, columns, strict=True):
+            of_weights.addcmul_(values, column)
         flat = rows.flatten()
-        of_weights = (table[flat].view(*rows.shape, table.shape[1]) * gradient[:, None]).sum(-1)
-        shares = (
-            torch.bincount(flat, (weights * column[:, None]).flatten(), minlength=len(table))
-            for column in gradient.unbind(-1)
-        )
-        return torch.stack(list(shares), -1).to(table), None, of_weights
+        shares = [torch.bincount(flat, (weights * column).flatten(), minlength=ctx.height) for column in columns]
+        return torch.stack(shares, -1).to(weights), None, of_weights
 
 
 class SplitSumLight(nn.Module):
@@ -106,12 +111,12 @@ class SplitSumLight(nn.Module):
         steps = torch.tensor(self.roughness, dtype=roughness.dtype, device=roughness.device)
         upper = torch.bucketize(roughness.detach(), steps).clamp(1, len(steps) - 1)
         lower = upper - 1
-        share = ((roughness - steps[lower]) / (steps[upper] - steps[lower])).clamp(0, 1)[:, None]
+        share = ((roughness - steps[lower]) / (steps[upper] - steps[lower])).clamp(0, 1)
         place = cubemap_places(directions, 1)
         finer, of_finer = self._taps(place, lower)
         coarser, of_coarser = self._taps(place, upper)
-        weights = torch.cat([of_finer * (1 - share), of_coarser * share], -1)
-        seen: Tensor = _Tapped.apply(maps, torch.cat([finer, coarser], -1), weights)
+        weights = torch.cat([of_finer * (1 - share), of_coarser * share])
+        seen: Tensor = _Tapped.apply(maps, torch.cat([finer, coarser]), weights)
         return seen
 
     def diffuse(self, maps: Float[Tensor, "R 3"], normals: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
@@ -120,7 +125,7 @@ class SplitSumLight(nn.Module):
         seen: Tensor = _Tapped.apply(maps, *self._taps(cubemap_places(normals, 1), last))
         return seen
 
-    def _taps(self, place: Place, levels: Int[Tensor, "N"]) -> tuple[Int[Tensor, "N 4"], Float[Tensor, "N 4"]]:
+    def _taps(self, place: Place, levels: Int[Tensor, "N"]) -> tuple[Int[Tensor, "4 N"], Float[Tensor, "4 N"]]:
         """Rows of :meth:`maps` around each place, on a cubemap of one texel a face, on its level, and their shares."""
         face, across, down = place
         every = torch.tensor([level.side for level in self._levels], device=face.device)
@@ -132,6 +137,6 @@ class SplitSumLight(nn.Module):
         column, row = (torch.minimum(along.detach().floor().clamp_min(0), last) for along in (across, down))
         right, below = across - column, down - row
         first = first + (face * wide + row.long()) * wide + column.long()
-        rows = torch.stack([first, first + 1, first + wide, first + wide + 1], -1)
+        rows = torch.stack([first, first + 1, first + wide, first + wide + 1])
         left, above = 1 - right, 1 - below
-        return rows, torch.stack([left * above, right * above, left * below, right * below], -1)
+        return rows, torch.stack([left * above, right * above, left * below, right * below])
