@@ -157,6 +157,23 @@ def test_wrong_targets_and_models_are_refused_and_nothing_is_written(
     assert not (tmp_path / "page.html").exists()
 
 
+@pytest.mark.parametrize("method", ["glossy-gaussian", "3igs", "gaussian-shader", "tensorf"])
+def test_a_method_that_pages_do_not_know_is_refused_by_its_name(
+    method: str, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    source = tmp_path / "run"
+    assert (
+        ringlight("train", tiny, method, "--steps", "2", "--out", source, "--quiet", *OF_VOLUMES.get(method, ())).code
+        == 0
+    )
+    wanted = "made of something else" if method in OF_VOLUMES else method
+    refused(ringlight("share", source, tmp_path / "page.html", "--quiet"), 1, wanted, "ringlight render")
+    assert not (tmp_path / "page.html").exists()
+
+
+OF_VOLUMES = {"tensorf": ("--first-side", "12", "--last-side", "16", "--rays", "64")}
+
+
 def test_a_model_without_cameras_has_nowhere_to_look_from(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:

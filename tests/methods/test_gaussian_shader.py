@@ -47,7 +47,7 @@ def test_a_weight_of_zero_leaves_a_term_out():
 
 
 def test_a_page_says_that_it_cannot_show_it():
-    with pytest.raises(RecipeError, match="ShadedGaussians"):
+    with pytest.raises(RecipeError, match="a model of this kind"):
         shown_of(trained()[1])
 
 

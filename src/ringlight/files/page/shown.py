@@ -45,8 +45,9 @@ class Shown:
     settings: dict[str, Any] = field(default_factory=dict)
 
 
-def shown_of(model: object) -> Shown:
-    """How the page shows ``model``. Raises RecipeError for a kind or shape of model that it cannot show."""
+def shown_of(model: object, method: str = "a model of this kind") -> Shown:
+    """How the page shows ``model``, of this ``method``. Raises RecipeError for a kind or shape of model that it cannot
+    show."""
     if not isinstance(model, SplatModel):
         raise RecipeError("a page shows Gaussians, and this model is made of something else; use 'ringlight render'")
     color, shader = model.color, model.shader
@@ -62,7 +63,7 @@ def shown_of(model: object) -> Shown:
         return _ring(color)
     if isinstance(shader, ReflectionShader) and type(color) in (Mirror, VaryingMirror):
         return _mirror(color, shader)
-    raise _refused(f"a {type(color).__name__} with a {type(shader).__name__}")
+    raise _refused(method)
 
 
 def _ring(color: RingLight) -> Shown:
