@@ -131,6 +131,7 @@ def test_without_its_residual_a_model_shows_its_base_colours(method: str, scene:
     shown = after.render(camera, torch.zeros(3)).color
     assert decibels(shown, model.layers(camera)["base"]) > 100
     assert float(after.layers(camera)["residual"].abs().max()) < 1e-6
+    assert all(column.shape == model.columns[name].shape for name, column in after.columns.items())
 
 
 @pytest.mark.parametrize("method", METHODS)

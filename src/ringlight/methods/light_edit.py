@@ -167,7 +167,7 @@ def _edited_varying(
         latents[:, -3:] += taken * lost
         tensors[COLUMNS + LATENTS] = latents
         tensors[first] = torch.cat([weight[:, :seen], scaled, weight[:, seen + 3 :]], 1)
-    elif bool((lost.abs() > NOTHING).any()):
+    elif any(edit.residual) and bool((lost.abs() > NOTHING).any()):
         tensors[COLUMNS + LATENTS] = torch.cat([tensors[COLUMNS + LATENTS], lost], 1)
         tensors[first] = torch.cat([weight[:, :seen], of_base, scaled, weight[:, seen + 3 :]], 1)
     else:
