@@ -33,7 +33,7 @@ def shares_over_light(cosine: float, roughness: float, count: int = 800) -> tupl
 @pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
 def test_the_table_agrees_with_a_sum_over_the_light(cosine: float, roughness: float):
     f0, f1 = reflected_shares(torch.tensor([cosine]).double(), torch.tensor([roughness]).double())[:, 0].tolist()
-    assert (f0, f1) == pytest.approx(shares_over_light(cosine, roughness), abs=4e-3)
+    assert (f0, f1) == pytest.approx(shares_over_light(cosine, roughness), abs=8e-3)
 
 
 def test_a_perfect_mirror_reflects_by_fresnel_alone():

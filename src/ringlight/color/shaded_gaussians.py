@@ -55,11 +55,9 @@ class ShadedGaussians(nn.Module):
         """Rough surfaces that have the points' colours under the first environment, as far as that is not too bright
         for them."""
         count, tints = len(points.colors), torch.full_like(points.colors, self.tint)
-        f0, f1 = specular_table.looked_up(torch.ones(1), torch.full((1,), self._roughness(FIRST_ROUGHNESS_LOGIT)))
+        f0, f1 = self._first_shares()
         reflected = FIRST_LIGHT * (self.tint * f0 + f1 + self.ambient * (1 - self.tint))
-        diffuse = PointCloud(
-            points.positions, (points.colors - reflected.to(points.colors)).clamp_min(0), points.normals
-        )
+        diffuse = PointCloud(points.positions, (points.colors - reflected).clamp_min(0), points.normals)
         return self.harmonic.new_columns(diffuse) | {
             TINTS: tints.logit(),
             ROUGHNESS: torch.full((count,), FIRST_ROUGHNESS_LOGIT).to(points.colors),
@@ -67,8 +65,11 @@ class ShadedGaussians(nn.Module):
         }
 
     @staticmethod
-    def _roughness(logit: float) -> float:
-        return SMOOTHEST + (1 - SMOOTHEST) * float(torch.tensor(logit).sigmoid())
+    def _first_shares() -> tuple[float, float]:
+        """F0 and F1 of the first surfaces, seen from straight above."""
+        roughness = SMOOTHEST + (1 - SMOOTHEST) * torch.tensor([FIRST_ROUGHNESS_LOGIT]).sigmoid()
+        f0, f1 = specular_table.reflected_shares(torch.ones(1), roughness)[:, 0].tolist()
+        return f0, f1
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
         """The channels ``names`` in the order of ``emits``."""

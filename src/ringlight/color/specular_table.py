@@ -19,9 +19,9 @@ from torch import Tensor
 TABLE_NODES = 64
 """Cosines and roughnesses, evenly spaced from 0 to 1 with both ends: linear between them."""
 
-POLAR, AZIMUTHAL = 256, 64
+POLAR, AZIMUTHAL = 128, 32
 """Half vectors that a sum is over: midpoints of the area that microfacets show, and of half a turn, the other half of
-which is alike."""
+which is alike. Four times as many change the table by 4e-4 on the mean, and by 0.01 at grazing angles."""
 
 LEAST_COSINE, LEAST_ROUGHNESS = 1e-3, 1e-3
 """Grazing views and perfect mirrors are limits."""
