@@ -45,7 +45,7 @@ void bind_encoding(nb::module_& module) {
   module.def("directional_encoding", &encode, "directions"_a, "roughness"_a, "polynomials"_a, "rows"_a, "first"_a,
              "Integrated directional encoding of unit directions [N 3] to columns first .. first + 37 of rows [N W].");
   module.def("tanh_rows", &tanh_of_rows, "values"_a, "numbers"_a.none(), "rows"_a, "first"_a,
-             "Hyperbolic tangents of the numbered rows of values [M C], or all, to columns from first on of rows [N W].");
+             "Hyperbolic tangents of numbered rows of values [M C], or all, to columns from first on of rows [N W].");
 }
 
 }  // namespace ringlight

@@ -18,7 +18,8 @@ using Lines = std::vector<Tensor<Float, -1, -1>>;
 
 template <class Float>
 PlaneShape shape_of(const Planes<Float>& planes, const Lines<Float>& lines) {
-  require(planes.size() == PLANE_PAIRS && lines.size() == PLANE_PAIRS, "planes: there are three planes and three lines");
+  require(planes.size() == PLANE_PAIRS && lines.size() == PLANE_PAIRS,
+          "planes: there are three planes and three lines");
   const std::size_t channels = planes[0].shape(2);
   require(channels >= 1 && channels <= convention::PLANES_MAX_CHANNELS, "planes: give 1 to 1024 channels");
   const auto nodes = [](std::size_t count) {
@@ -62,15 +63,6 @@ void products(Points points, const Planes<const float>& planes, const Lines<cons
   RINGLIGHT_CHOSEN(plane_products)(shape, grids, count, points.data(), result.data());
 }
 
-void sums(Points points, const Planes<const float>& planes, const Lines<const float>& lines, Array result) {
-  const PlaneShape shape = shape_of(planes, lines);
-  const auto grids = grids_of(planes, lines);
-  const std::size_t count = points.shape(0);
-  require(result.size() == count, "planes: sums must be [N]");
-  const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(plane_sums)(shape, grids, count, points.data(), result.data());
-}
-
 void gradient(Points points, const Planes<const float>& planes, const Lines<const float>& lines, Input upstream,
               const Planes<float>& of_planes, const Lines<float>& of_lines) {
   const PlaneShape shape = shape_of(planes, lines);
@@ -78,11 +70,9 @@ void gradient(Points points, const Planes<const float>& planes, const Lines<cons
   const auto grids = grids_of(planes, lines);
   const auto gradients = grids_of(of_planes, of_lines);
   const std::size_t count = points.shape(0);
-  const bool summed = upstream.ndim() == 1;
-  require(upstream.size() == (summed ? count : count * PLANE_PAIRS * shape.channels),
-          "planes: the gradient of products must be [N 3C], of sums [N]");
+  require(upstream.size() == count * PLANE_PAIRS * shape.channels, "planes: the gradient of products must be [N 3C]");
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(plane_gradient)(shape, grids, count, points.data(), upstream.data(), summed, gradients);
+  RINGLIGHT_CHOSEN(plane_gradient)(shape, grids, count, points.data(), upstream.data(), gradients);
 }
 
 }  // namespace
@@ -90,10 +80,8 @@ void gradient(Points points, const Planes<const float>& planes, const Lines<cons
 void bind_planes(nb::module_& module) {
   module.def("plane_products", &products, "points"_a, "planes"_a, "lines"_a, "products"_a,
              "Products [N 3C] of planes [down across C] and lines [along C] at points [N 3] in [-1, 1]^3.");
-  module.def("plane_sums", &sums, "points"_a, "planes"_a, "lines"_a, "sums"_a,
-             "The sum [N] of each point's products.");
   module.def("plane_gradient", &gradient, "points"_a, "planes"_a, "lines"_a, "upstream"_a, "of_planes"_a,
-             "of_lines"_a, "Gradients of planes and lines from that of products [N 3C] or sums [N].");
+             "of_lines"_a, "Gradients of planes and lines from that of products [N 3C].");
 }
 
 }  // namespace ringlight

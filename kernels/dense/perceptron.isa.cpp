@@ -104,7 +104,7 @@ std::size_t sums_size(const Widths& widths) {
   return size;
 }
 
-// Adds one group's gradients; on entry gradient.of[LAYERS] is dL/dresult, and on return gradient.of[0] that of the rows,
+// Adds one group's gradients; on entry gradient.of[LAYERS] is dL/dresult, on return gradient.of[0] that of the rows,
 // if it is wanted. Weights are stored [inputs outputs], so the
 // roles of add_layer_gradient are swapped: the layer's input is broadcast, the gradient is turned into rows.
 void add_gradients(const Widths& widths, const HeadPanels& transposed, const Activations& at,

@@ -11,7 +11,7 @@ constexpr int CODE_LEVELS = 4, HIGHEST_LEVEL = 8;  // level l has l + 1 harmonic
 constexpr int CODE_PAIRS = 19;                     // of real and imaginary parts
 constexpr int CODE_WIDTH = 2 * CODE_PAIRS;
 
-// directions [N 3], of unit length; roughness [N]; polynomials [CODE_PAIRS HIGHEST_LEVEL + 1], coefficients of powers of
+// directions [N 3], unit length; roughness [N]; polynomials [CODE_PAIRS HIGHEST_LEVEL + 1], coefficients of powers of
 // z, the constant first. Rows are `stride` floats apart; real parts first.
 #define RINGLIGHT_ENCODING(isa) \
   namespace isa { \

@@ -26,16 +26,13 @@ struct PlaneGrids {
   Float *planes[PLANE_PAIRS], *lines[PLANE_PAIRS];
 };
 
-// points [N 3] within [-1, 1], others are taken to the nearest; products [N 3 channels] and sums [N].
-// The gradient's upstream is [N 3 channels], or where `summed` [N].
+// points [N 3] within [-1, 1], others are taken to the nearest; products and the gradient's upstream [N 3 channels].
 #define RINGLIGHT_PLANES(isa) \
   namespace isa { \
   void plane_products(const PlaneShape&, const PlaneGrids<const float>&, std::size_t count, const float* points, \
                       float* products); \
-  void plane_sums(const PlaneShape&, const PlaneGrids<const float>&, std::size_t count, const float* points, \
-                  float* sums); \
   void plane_gradient(const PlaneShape&, const PlaneGrids<const float>&, std::size_t count, const float* points, \
-                      const float* upstream, bool summed, const PlaneGrids<float>& gradients); \
+                      const float* upstream, const PlaneGrids<float>& gradients); \
   }
 RINGLIGHT_EVERY_ISA(RINGLIGHT_PLANES)
 #undef RINGLIGHT_PLANES

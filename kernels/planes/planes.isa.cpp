@@ -73,23 +73,9 @@ void plane_products(const PlaneShape& shape, const PlaneGrids<const float>& grid
   });
 }
 
-void plane_sums(const PlaneShape& shape, const PlaneGrids<const float>& grids, std::size_t count, const float* points,
-                float* sums) {
-  const int channels = shape.channels;
-  for_each_point(shape, count, points, [&](std::size_t point, int pair, const Corners& at) {
-    Vec total(0.f);
-    for (int channel = 0; channel < channels; channel += LANES) {
-      const int width = block_width(channels, channel);
-      const Vec plane = plane_value(at, grids.planes[pair] + channel, width);
-      total = fma(plane, line_value(at, grids.lines[pair] + channel, width), total);
-    }
-    sums[point] = (pair == 0 ? 0.f : sums[point]) + sum(total);
-  });
-}
-
 // Each piece owns a pair and a block of channels: nobody else writes there, and points come in their order.
 void plane_gradient(const PlaneShape& shape, const PlaneGrids<const float>& grids, std::size_t count,
-                    const float* points, const float* upstream, bool summed, const PlaneGrids<float>& gradients) {
+                    const float* points, const float* upstream, const PlaneGrids<float>& gradients) {
   const int channels = shape.channels, blocks = (channels + LANES - 1) / LANES;
   parallel_for(static_cast<std::size_t>(PLANE_PAIRS) * blocks, [&](std::size_t piece) {
     const int pair = static_cast<int>(piece) / blocks, channel = static_cast<int>(piece) % blocks * LANES;
@@ -109,9 +95,8 @@ void plane_gradient(const PlaneShape& shape, const PlaneGrids<const float>& grid
       find_cells(size, pair, coordinates, cells);
       for (int lane = 0; lane < some; lane++) {
         const std::size_t point = first + lane;
-        const Vec of_point = summed ? Vec(upstream[point])
-                                    : load_block(upstream + (point * PLANE_PAIRS + pair) * channels + channel,
-                                                 block.width);
+        const Vec of_point =
+            load_block(upstream + (point * PLANE_PAIRS + pair) * channels + channel, block.width);
         if (!is_zero(of_point)) add_point(block, corners(size, channels, cells, lane), of_point);
       }
     }

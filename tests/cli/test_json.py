@@ -12,6 +12,8 @@ from ringlight.cli.main import VERBS
 
 SHORT = flags(steps=3, initial_points=100)
 
+RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
+
 LINES = {
     "train": ("train", "{scene}", "3dgs", *SHORT, "--lpips", "--out", "{new}"),
     "train --resume": ("train", "--resume", "{run}"),
@@ -25,6 +27,7 @@ LINES = {
     "study --dry-run": ("study", "rank", "{scene}", "--dry-run", "--out", "{new}"),
     "table": ("table", "{scene}", "--methods", "3dgs", *flags(steps=2), "--lpips", "--out", "{new}"),
     "table --dry-run": ("table", "{scene}", "--methods", "3dgs", "--dry-run", "--out", "{new}"),
+    "reproduce": ("reproduce", "--results", str(RESULTS)),
     "info": ("info", "{run}"),
     "compress": ("compress", "{run}", "{new}.safetensors"),
     "edit": ("edit", "{run}", "{new}.safetensors", "--residual", "0.5"),

@@ -30,7 +30,7 @@ from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.rasterize.reference import ReferenceRasterizer
 from ringlight.shade.passthrough import PassThrough
-from small_recipes import TRAINED
+from small_recipes import SPLATS
 from tiny_scene import tiny_scene
 
 STILL = MCMCSettings(noise=0.0, stop=1.0, dead=0.005, first_share=1.0)
@@ -202,7 +202,7 @@ def test_noise_goes_with_the_rate_of_the_centres_and_differs_from_step_to_step()
     assert abs(correlation) < 0.1
 
 
-@pytest.mark.parametrize("method", [method for method in TRAINED if method != "light-gaussian"])
+@pytest.mark.parametrize("method", [method for method in SPLATS if method != "light-gaussian"])
 def test_every_method_ends_with_its_budget_and_nothing_that_is_not_finite(method: str):
     """Those that drop too: they grow more until then."""
     recipe = small(method, 40)

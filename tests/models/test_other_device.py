@@ -79,6 +79,7 @@ def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
         "densify": DensifySettings(threshold=1e-5, begin=4, every=5, stop=1.0, reset_every=7),
         "light": {"ring": {"position_nodes": 32, "view_nodes": 8}} | whole,
         "shader": whole,
+        **whole,
     }
     return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)
 

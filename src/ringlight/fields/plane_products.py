@@ -39,23 +39,14 @@ def plane_products(
     return products
 
 
-def plane_sums(points: Float[Tensor, "N 3"], planes: Sequence[Plane], lines: Sequence[Line]) -> Float[Tensor, "N"]:
-    """The sum of each point's products, as densities want it; without a graph."""
-    if not _runs_native(points, planes, lines):
-        return plane_products_reference(points, planes, lines).sum(-1).detach()
-    sums = points.new_empty(len(points))
-    _kernels.plane_sums(*_contiguous(points, planes, lines), sums)
-    return sums
-
-
 def plane_gradients(
     points: Float[Tensor, "N 3"],
     planes: Sequence[Plane],
     lines: Sequence[Line],
-    upstream: Float[Tensor, "N *channels"],
+    upstream: Float[Tensor, "N channels"],
     into: tuple[Sequence[Plane], Sequence[Line]] | None = None,
 ) -> tuple[Sequence[Plane], Sequence[Line]]:
-    """The way back of :func:`plane_products` by ``upstream`` [N 3C], or of :func:`plane_sums` by [N]; none for points.
+    """The way back of :func:`plane_products` by ``upstream`` [N 3C]; none for points.
 
     ``into`` are tensors like the grids that the gradients are written to, such as parts of one; new ones by default.
     """
@@ -69,8 +60,7 @@ def plane_gradients(
     grids = [grid.detach().requires_grad_() for grid in (*planes, *lines)]
     with torch.enable_grad():
         products = plane_products_reference(points.detach(), grids[: len(PAIRS)], grids[len(PAIRS) :])
-        results = products.sum(-1) if upstream.ndim == 1 else products
-    found = torch.autograd.grad(results, grids, upstream)
+    found = torch.autograd.grad(products, grids, upstream)
     for place, gradient in zip((*of_planes, *of_lines), found, strict=True):
         place.copy_(gradient)
     return into
@@ -80,15 +70,7 @@ def differentiable_plane_products(
     points: Float[Tensor, "N 3"], planes: Sequence[Plane], lines: Sequence[Line]
 ) -> Float[Tensor, "N channels"]:
     """:func:`plane_products` within torch's graph, with gradients of planes and lines alone."""
-    found: Tensor = _Products.apply(points, False, *planes, *lines)
-    return found
-
-
-def differentiable_plane_sums(
-    points: Float[Tensor, "N 3"], planes: Sequence[Plane], lines: Sequence[Line]
-) -> Float[Tensor, "N"]:
-    """:func:`plane_sums` within torch's graph, with gradients of planes and lines alone."""
-    found: Tensor = _Products.apply(points, True, *planes, *lines)
+    found: Tensor = _Products.apply(points, *planes, *lines)
     return found
 
 
@@ -97,15 +79,15 @@ def plane_products_reference(
 ) -> Float[Tensor, "N channels"]:
     """What the kernel computes, in torch, in any precision, and differentiable in the points too."""
     products = [
-        _between_plane_nodes(plane, points[:, pair]) * between_nodes(line, points[:, along])
-        for plane, line, (pair, along) in zip(planes, lines, PAIRS, strict=True)
+        _between_plane_nodes(plane, points[:, first], points[:, second]) * between_nodes(line, points[:, along])
+        for plane, line, ((first, second), along) in zip(planes, lines, PAIRS, strict=True)
     ]
     return torch.cat(products, -1)
 
 
-def _between_plane_nodes(plane: Plane, at: Float[Tensor, "N 2"]) -> Float[Tensor, "N C"]:
+def _between_plane_nodes(plane: Plane, across: Float[Tensor, "N"], down: Float[Tensor, "N"]) -> Float[Tensor, "N C"]:
     height, width = plane.shape[:2]
-    (column, right), (row, below) = node_cells(at[:, 0], width), node_cells(at[:, 1], height)
+    (column, right), (row, below) = node_cells(across, width), node_cells(down, height)
     nodes, first = plane.flatten(0, 1), row * width + column
     above = torch.lerp(nodes[first], nodes[first + 1], right)
     return torch.lerp(above, torch.lerp(nodes[first + width], nodes[first + width + 1], right), below)
@@ -113,17 +95,16 @@ def _between_plane_nodes(plane: Plane, at: Float[Tensor, "N 2"]) -> Float[Tensor
 
 class _Products(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, points: Tensor, summed: bool, *grids: Tensor) -> Tensor:
+    def forward(ctx: Any, points: Tensor, *grids: Tensor) -> Tensor:
         ctx.save_for_backward(points, *grids)
-        made = plane_sums if summed else plane_products
-        return made(points, grids[: len(PAIRS)], grids[len(PAIRS) :])
+        return plane_products(points, grids[: len(PAIRS)], grids[len(PAIRS) :])
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
         points, *grids = ctx.saved_tensors
         planes, lines = plane_gradients(points, grids[: len(PAIRS)], grids[len(PAIRS) :], upstream)
-        return (None, None, *planes, *lines)
+        return (None, *planes, *lines)
 
 
 def _runs_native(points: Tensor, planes: Sequence[Tensor], lines: Sequence[Tensor]) -> bool:

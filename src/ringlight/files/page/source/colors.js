@@ -1,5 +1,5 @@
-// Colours of the Gaussians that can be seen from where the camera is, in a texture: each made again only when the camera's
-// position or the fader has changed since.
+// Colours of the Gaussians that can be seen from where the camera is, in a texture: each made again only when the
+// camera's position or the fader has changed since.
 import { Texture, texelRows } from "./gl.js";
 
 const AT_ONCE = 8 * 2048; // Gaussians that a moving camera recolours in one picture

@@ -1,4 +1,4 @@
-// Six faces, each with the texels around it, below each other in a texture; the twin of bordered() in fields/cubemap.py.
+// Six faces, each with the texels around it, below each other in a texture; twin of bordered() in fields/cubemap.py.
 import { Texture } from "./gl.js";
 
 const FACES = 6,
@@ -25,7 +25,7 @@ export function cubemapTexture(gl, colors, side) {
   return new Texture(gl, "rgba32f", wide, FACES * wide, values);
 }
 
-// The texel at a place of a face; beyond an edge that of the face which meets there, beyond a corner those of all three.
+// The texel at a place of a face; beyond an edge that of the face which meets there, beyond a corner of all three.
 function texelsAt(face, row, column, side) {
   const axis = face >> 1,
     last = side - 1,

@@ -1,4 +1,5 @@
-// Colours of 3dgs, 3dgs-dr and ringlight-basis from where the camera is; the twin of core/sh_basis.py and color/shared_basis.py.
+// Colours of 3dgs, 3dgs-dr and ringlight-basis from where the camera is; the twin of core/sh_basis.py and of
+// color/shared_basis.py.
 // The base colour is what the constant coefficient shows, the rest counts `residual` times.
 uniform sampler2D means, dc;
 uniform vec3 position;
