@@ -7,6 +7,7 @@ import torch
 
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
+from ringlight.data.rays import rays_of
 from ringlight.errors import ModelFileError, RecipeError
 from ringlight.files.model_file import read_model_file, write_model_file
 from ringlight.fit.train import train
@@ -14,6 +15,7 @@ from ringlight.methods import volume_training
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.volume.occupancy import unpacked
 from small_recipes import small
 from tiny_scene import tiny_scene
 
@@ -104,6 +106,19 @@ def test_settings_that_cannot_be_are_refused_in_a_sentence(settings: dict, words
     assert "\n" not in str(caught.value)
 
 
+def test_it_begins_with_what_the_masks_leave_of_its_box():
+    begun, whole = built(), built(carve=False)
+    assert torch.equal(begun.model.box, whole.model.box)
+    assert 0 < unpacked(begun.model.occupied).float().mean() < 0.9
+    assert unpacked(whole.model.occupied).all()
+    assert begun.batches.kept_rays < whole.batches.kept_rays
+    for view in SCENE.train:
+        rays = rays_of(view.camera)
+        shows = torch.from_numpy(view.load())[..., 3].flatten() > 127
+        assert begun.model.meets_something(rays)[shows].all()
+    assert unpacked(built(without_masks()).model.occupied).all()
+
+
 def test_three_lines_learn_too():
     training = built(decomposition="cp", steps=60, rays=64)
     losses = [progress.loss for progress in train(training)]
@@ -148,7 +163,7 @@ def test_a_file_whose_grids_do_not_fit_each_other_is_refused(name: str, tmp_path
     camera = SCENE.test[0].camera
     ours = training.model.render(camera, SCENE.background_color, Want.EXACT).color
     assert torch.equal(whole.render(camera, SCENE.background_color, Want.EXACT).color, ours)
-    spoiled = stored.tensors[name][..., :-1].contiguous()
+    spoiled = stored.tensors[name][..., : 0 if name == "occupied" else -1].contiguous()
     write_model_file(path, stored.tensors | {name: spoiled}, stored.header)
     with pytest.raises(ModelFileError, match="do not fit"):
         load_model(path, rasterizer_for("cpu"))

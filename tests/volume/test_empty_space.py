@@ -58,6 +58,18 @@ def test_shrunk_to_what_is_not_empty_it_shows_the_same():
     assert (before.color - after.color).abs().mean() < 0.01
 
 
+def test_what_was_empty_stays_empty():
+    model = ball()
+    left = torch.zeros(10, 10, 16, dtype=torch.bool)
+    left[:5] = True
+    model.skip_all_but(left)
+    low, high = model.box.clone()
+    box = model.find_empty()
+    middle, one_cell = (low + high)[0] / 2, (high - low)[0] / model.occupied.shape[0]
+    assert low[0] < box[0, 0] < middle
+    assert box[1, 0] <= middle + 1.01 * one_cell
+
+
 def test_a_volume_of_which_all_is_empty_keeps_its_box():
     model = volume()
     with torch.no_grad():

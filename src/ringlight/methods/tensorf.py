@@ -66,6 +66,8 @@ class TensorfRecipe:
     bounds: tuple[float, float, float, float, float, float] | None = None
     """Lowest and highest corner of the box that the volume covers, world units: x y z x y z. By default that of the
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
+    carve: bool = True
+    """Begin with what masks, or an even background, leave of the box; without, as in the paper, with all of it."""
     rate: float = 0.02
     """Learning rate of planes and lines; it falls to a tenth over a run, and is set back when the grid is refined."""
     network_rate: float = 1e-3

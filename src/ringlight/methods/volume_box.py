@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.scene import Scene
-from ringlight.data.hull import COARSE_CELLS, VoxelGrid, depths_inside, masks_of
+from ringlight.data.hull import COARSE_CELLS, Mask, VoxelGrid, depths_inside, masks_of
 from ringlight.data.surface import guessed_masks
 
 MARGIN = 0.03
@@ -21,12 +21,15 @@ class ChosenBox(NamedTuple):
     source: str
 
 
+def subject_masks(scene: Scene) -> tuple[list[Mask], str]:
+    """Masks of the photographs, or of their even background, and which of these; none where they have neither."""
+    masks = masks_of(scene.train)
+    return (masks, "the masks") if masks else (guessed_masks(scene), "the even background")
+
+
 def volume_box(scene: Scene) -> ChosenBox:
     """The box of the visual hull where photographs have masks or an even background; else the scene's."""
-    masks = masks_of(scene.train)
-    source = "the masks"
-    if not masks:
-        masks, source = guessed_masks(scene), "the even background"
+    masks, source = subject_masks(scene)
     if masks:
         grid = VoxelGrid.over(scene.box, COARSE_CELLS)
         box = grid.bounds(depths_inside(grid.centers(), masks, grid.pitch) > -grid.pitch)

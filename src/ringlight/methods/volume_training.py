@@ -17,6 +17,8 @@ from ringlight.fit.regularizers.factor_variation import FactorVariation
 from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training
+from ringlight.methods.volume_box import subject_masks
+from ringlight.methods.volume_carving import carved
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.volume.grids import growing, sides_of
 from ringlight.volume.marching import meets_box
@@ -42,10 +44,13 @@ def volume_training(recipe: "TensorfRecipe", scene: Scene, rasterize: Rasterizer
     box = torch.tensor(recipe.bounds).view(2, 3)
     refuse_too_large(recipe, box)
     model = recipe.model_of(sides_of(box, recipe.first_side**3), box, seed)
+    carving = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
+    if carving is not None:
+        model.skip_all_but(carving)
     model.to(rasterize.device)
     emptied = tuple(dict.fromkeys(recipe.at_share(EMPTIED)))
     batches = RayBatches(scene, recipe.rays, seed, emptied[0] if scene.background == "black" else 0)
-    met = batches.looked_at(lambda rays: meets_box(rays, box))
+    met = batches.looked_at(model.meets_something if carving is not None else lambda rays: meets_box(rays, box))
     if not met.any():
         corners = " ".join(f"{value:.3g}" for value in recipe.bounds)
         raise RecipeError(f"no ray of a photograph meets the box {corners}; give other --bounds, or none")

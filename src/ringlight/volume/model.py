@@ -24,7 +24,7 @@ from ringlight.volume.factored import FactoredField
 from ringlight.volume.grids import FEWEST_NODES
 from ringlight.volume.kernels import Marched, density_at, runs_native
 from ringlight.volume.marching import Space, marched, samples_of, weights_of
-from ringlight.volume.occupancy import cells_of, centers, everything, packed, widened
+from ringlight.volume.occupancy import cells_of, centers, everything, is_occupied, packed, widened
 from ringlight.volume.shading import FeatureShading
 
 SHIFT = -10.0
@@ -229,19 +229,25 @@ class VolumeModel(nn.Module):
         """The grid gets this resolution."""
         self.field.resize(sides)
 
+    def skip_all_but(self, occupied: Bool[Tensor, "X Y Z"]) -> None:
+        """From now on rays skip the other cells of the box. Z is a multiple of eight."""
+        self.occupied, self.occupied_box = packed(occupied.cpu()).to(self.box.device), self.box.clone()
+
     @torch.no_grad()
     def find_empty(self) -> Float[Tensor, "2 3"]:
-        """See which cells of the box are empty now, and skip them from now on. Returns the box of the others, world
-        units; the whole box where all are empty."""
+        """See which cells of the box are empty now, and skip them from now on, with those that were. Returns the box of
+        the others, world units; the whole box where all are empty."""
         cells = cells_of(self.box, max(self.field.sides))
         step = self.space().step / self.unit.item()
         places = centers(cells).to(self.box)
         thickness = [step * self.density_values(part) for part in places.split(PLACES_AT_ONCE)]
-        full = (-torch.expm1(-torch.cat(thickness)) >= EMPTY).view(cells)
+        full = -torch.expm1(-torch.cat(thickness)) >= EMPTY
+        low, high = self.occupied_box
+        full &= is_occupied(self.occupied, (self.box[0] - low + places * (self.box[1] - self.box[0])) / (high - low))
         if not full.any():
             return self.box.clone()
-        wide = widened(full)
-        self.occupied, self.occupied_box = packed(wide.cpu()).to(self.box.device), self.box.clone()
+        wide = widened(full.view(cells))
+        self.skip_all_but(wide)
         of_cells = torch.tensor(cells).to(self.box)
         at = wide.nonzero()
         corners = torch.stack([at.amin(0) / of_cells, (at.amax(0) + 1) / of_cells])
