@@ -12,8 +12,12 @@ from ringlight.errors import RecipeError
 from ringlight.fit.train import train
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
 
 TINY = Size(400, 32)
+
+OF_RAYS = {"prediction forward", "prediction backward"}
+OF_SPLATS = set(STAGES) - OF_RAYS
 
 
 def subject(method):
@@ -23,7 +27,7 @@ def subject(method):
 @pytest.mark.parametrize("method", ["3dgs", "ringlight-ring", "ringlight-mirror"])
 def test_who_is_watched_does_what_it_does_alone(method):
     alone, watched = subject(method), subject(method)
-    watch = Stopwatch(watched.training, watched.model)
+    watch = Stopwatch(watched.training)
     for each in (alone, watched):
         next(train(each.training))
     watch.end_round()
@@ -36,12 +40,12 @@ def test_every_watch_sees_its_own_training_alone():
     """Trainings that take turns share a rasterizer."""
     rasterize = rasterizer_for("cpu")
     one, other = (subject_of_workload("3dgs", METHODS["3dgs"], TINY, rasterize) for _ in range(2))
-    busy, idle = Stopwatch(one.training, one.model), Stopwatch(other.training, other.model)
+    busy, idle = Stopwatch(one.training), Stopwatch(other.training)
     for _ in range(WARMUP_ROUNDS + 1):
         next(train(one.training))
         busy.end_round()
         idle.end_round()
-    assert set(busy.timings()) == set(STAGES)
+    assert set(busy.timings()) == OF_SPLATS
     assert idle.timings() == {}
 
 
@@ -62,8 +66,8 @@ def test_methods_are_timed_on_one_scene_in_the_same_stages(circumstances):
     result = bench_step([subject("3dgs"), subject("ringlight-mirror")], Budget(rounds=1, seconds=60.0), circumstances)
     plain, deferred = result.rows
     assert (plain.method, deferred.method) == ("3dgs", "ringlight-mirror")
-    assert result.image == "32x32"
-    assert set(plain.stages) == set(deferred.stages) == set(STAGES)
+    assert result.image == "32x32 pixels"
+    assert set(plain.stages) == set(deferred.stages) == OF_SPLATS
 
 
 def test_another_rasterizer_has_the_same_stages(circumstances):
@@ -98,5 +102,23 @@ def test_more_gaussians_than_the_bound_are_refused():
 def test_photographs_of_different_sizes_are_refused(circumstances):
     coarse = subject_of_photographs("3dgs", after=1, steps=2000)
     whole = subject_of_photographs("ringlight-mirror", after=1, steps=2000)
-    with pytest.raises(RecipeError, match=r"different sizes at that step \(3dgs .*, ringlight-mirror 200x200\)"):
+    with pytest.raises(RecipeError, match=r"different sizes at that step \(3dgs .*, ringlight-mirror 200x200 pixels\)"):
         bench_step([coarse, whole], Budget(rounds=1, seconds=60.0), circumstances)
+
+
+def test_volumes_are_timed_on_photographs_beside_gaussians(circumstances):
+    rasterize = rasterizer_for("cpu")
+    recipe = small("tensorf", rays=64)
+    volume = subject_of_scene("tensorf", recipe, bundled_scene("toaster"), rasterize, 0)
+    result = bench_step([volume, subject_of_photographs()], Budget(rounds=1, seconds=60.0), circumstances)
+    of_rays, of_splats = result.rows
+    assert set(of_rays.stages) >= OF_RAYS | {"adam"}
+    assert not OF_RAYS & set(of_splats.stages)
+    assert (of_rays.noun, of_splats.noun) == ("voxels", "Gaussians")
+    assert of_rays.gaussians == volume.training.model.counted().number
+    assert result.image.startswith("a lot of 64 rays, ")
+
+
+def test_a_volume_has_no_place_in_the_workload():
+    with pytest.raises(RecipeError, match=r"tensorf has no Gaussians, .* time its step on a --scene"):
+        subject_of_workload("tensorf", small("tensorf"), TINY, rasterizer_for("cpu"))

@@ -112,5 +112,5 @@ def test_compress_says_in_a_sentence_that_nothing_can_be_packed(ringlight: Comma
 def test_bench_says_in_a_sentence_that_there_are_no_gaussians(ringlight: Command):
     outcome = ringlight("bench", "step", "voxels", "--size", "100@32")
     assert outcome.code == 1
-    assert "voxels has no Gaussians, and this benchmark times their parts; name another method" in outcome.err
+    assert "voxels has no Gaussians, of which the standard workload is; time its step on a --scene" in outcome.err
     assert "Traceback" not in outcome.err

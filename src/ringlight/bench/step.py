@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import cast
 
 from ringlight.bench.record import Circumstances
 from ringlight.bench.stopwatch import Stopwatch
@@ -25,14 +24,14 @@ from ringlight.rasterize.contract import Rasterizer
 SCHEDULED_STEP = 7_501
 """The workload's step: densification sums gradients, as in half of a run, but edits no rows at this one."""
 
-WHOLE = "whole"
+WHOLE, PIXELS = "whole", "pixels"
 
 
 @dataclass(frozen=True)
 class StepRow:
     """One method's step.
 
-    ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs. What they leave of it is
+    ``gaussians``, or what else the model is made of as ``noun`` says, is how many it has. ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs. What they leave of it is
     the loop's own.
     """
 
@@ -40,6 +39,7 @@ class StepRow:
     gaussians: int
     whole: Timing
     stages: dict[str, Timing]
+    noun: str = "Gaussians"
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class StepBench:
 
     circumstances: Circumstances
     scene: str
-    rasterizer: str
+    renderer: str
     image: str
     rows: tuple[StepRow, ...]
 
@@ -62,16 +62,19 @@ class Subject:
     training: Training
 
     @property
-    def model(self) -> SplatModel:
-        """What is trained."""
-        return splats_of(self.training, self.method)
+    def looks_at(self) -> str:
+        """What its next step sees of the photographs: "400x400 pixels" of one, or "a lot of 4,096 rays"."""
+        batch = self.training.batches.at(self.training.step + 1)
+        if isinstance(batch, ImageBatch):
+            return f"{batch.camera.width}x{batch.camera.height} {PIXELS}"
+        return batch.label
 
 
 def splats_of(training: Training, method: str) -> SplatModel:
-    """The model that is trained. Raises RecipeError where it is no table of Gaussians, whose parts could be timed."""
+    """The model that is trained. Raises RecipeError where it is no table of Gaussians."""
     model = training.model.splats()
     if model is None:
-        raise RecipeError(f"{method} has no Gaussians, and this benchmark times their parts; name another method")
+        raise RecipeError(f"{method} has no Gaussians, of which the standard workload is; time its step on a --scene")
     return model
 
 
@@ -122,8 +125,8 @@ def subject_of_scene(
     training = settled.build(scene, rasterize, seed)
     for _ in islice(train(training), after):
         pass
-    count = len(splats_of(training, method))
-    if gaussians and count > gaussians:
+    count, noun = training.model.counted()
+    if gaussians and noun == "Gaussians" and count > gaussians:
         raise RecipeError(
             f"{method} has {counted(count, 'Gaussian')} after {counted(after, 'step')}, more than --gaussians "
             f"{gaussians}; give a later --after, or more"
@@ -135,26 +138,28 @@ def bench_step(subjects: Sequence[Subject], budget: Budget, now: Circumstances) 
     """Repeat one step of each, whole and cut into stages, all in turns; everything is put back before each round, off
     the clock. ``budget`` is each method's. Raises RecipeError where methods are given photographs of different sizes,
     as at the beginning of a run of 3dgs."""
-    trainings = [subject.training for subject in subjects]
-    cameras = [cast(ImageBatch, each.batches.at(each.step + 1)).camera for each in trainings]
-    images = [f"{camera.width}x{camera.height}" for camera in cameras]
-    if len(set(images)) > 1:
-        sizes = ", ".join(f"{subject.method} {image}" for subject, image in zip(subjects, images, strict=True))
+    seen = {subject.method: subject.looks_at for subject in subjects}
+    if len({looks_at for looks_at in seen.values() if looks_at.endswith(PIXELS)}) > 1:
+        sizes = ", ".join(f"{method} {looks_at}" for method, looks_at in seen.items())
         raise RecipeError(f"photographs are of different sizes at that step ({sizes}); give a later --after")
-    watches = [Stopwatch(subject.training, subject.model) for subject in subjects]
+    watches = [Stopwatch(subject.training) for subject in subjects]
     contestants = {s.method: _contestant(s, watch) for s, watch in zip(subjects, watches, strict=True)}
     timings = interleaved(contestants, Budget(budget.rounds, budget.seconds * len(subjects)))
-    first = subjects[0]
     return StepBench(
         circumstances=now,
-        scene=first.scene,
-        rasterizer=first.model.rasterize.name,
-        image=images[0],
+        scene=subjects[0].scene,
+        renderer=", ".join(dict.fromkeys(subject.training.model.renderer for subject in subjects)),
+        image=", ".join(dict.fromkeys(seen.values())),
         rows=tuple(
-            StepRow(subject.method, len(subject.model), timings[subject.method][WHOLE], watch.timings())
+            _row(subject, timings[subject.method][WHOLE], watch)
             for subject, watch in zip(subjects, watches, strict=True)
         ),
     )
+
+
+def _row(subject: Subject, whole: Timing, watch: Stopwatch) -> StepRow:
+    count, noun = subject.training.model.counted()
+    return StepRow(subject.method, count, whole, watch.timings(), noun)
 
 
 def _contestant(subject: Subject, watch: Stopwatch) -> Contestant:

@@ -15,19 +15,22 @@ STAGES = (
     "colour forward",
     "raster forward",
     "shade forward",
+    "prediction forward",
+    "prediction backward",
     "shade backward",
     "raster backward",
     "colour backward",
     "adam",
     "strategies",
 )
-"""In the order of a step. Lazy colours, and tiles that are shaded as they are blended, are part of "raster forward"."""
+"""In the order of a step. Lazy colours, and tiles that are shaded as they are blended, are part of "raster forward".
+What a model without Gaussians predicts is one stage."""
 
 
 class Stopwatch:
     """Watches one training from its making on. The parts run as ever; only the clock is read around them."""
 
-    def __init__(self, training: Training, model: SplatModel):
+    def __init__(self, training: Training):
         self._seconds: dict[str, tuple[float, float]] = {}
         self._rounds: list[dict[str, tuple[float, float]]] = []
         self._watch(training.batches, "at", "photograph and loss")
@@ -35,6 +38,13 @@ class Stopwatch:
         self._watch(training.optimizer, "step", "adam")
         for strategy in training.strategies:
             self._watch(strategy, "update", "strategies")
+        splats = training.model.splats()
+        if splats is None:
+            self._watch(training.model, "predict", "prediction forward", "prediction backward")
+        else:
+            self._watch_splats(splats)
+
+    def _watch_splats(self, model: SplatModel) -> None:
         self._watch(model.color, "emit", "colour forward", "colour backward")
         model.rasterize = copy.copy(model.rasterize)  # which other trainings may use too
         self._watch(model.rasterize, "draw", "raster forward", "raster backward")

@@ -14,7 +14,7 @@ from ringlight.bench.raster import Passes, RasterBench
 from ringlight.bench.record import Circumstances
 from ringlight.bench.step import StepBench, StepRow
 from ringlight.bench.timing import SHORTEST_MS, Timing
-from ringlight.core.words import MEGABYTE, counted
+from ringlight.core.words import MEGABYTE, counted, numbered
 
 Record = RasterBench | PartsBench | StepBench | FpsBench | PageBench
 Block = Table | Text
@@ -85,13 +85,13 @@ def _lines(row: PartRow) -> Iterator[tuple[Cell, ...]]:
 def step_tables(record: StepBench) -> Iterator[Block]:
     """Methods side by side, and where the step of each spends its time."""
     yield from _head(f"one training step on {record.scene}, medians", record.circumstances)
-    yield Text(f"{record.image} pixels, {record.rasterizer} rasterizer, methods in turns", style="dim")
+    yield Text(f"{record.image}, {record.renderer}, methods in turns", style="dim")
     first = record.rows[0].whole
     rows = (
-        (row.method, row.gaussians, *_spent(row.whole), _rate(row.whole), *_times(row.whole, first))
+        (row.method, numbered(row.gaussians, row.noun), *_spent(row.whole), _rate(row.whole), *_times(row.whole, first))
         for row in record.rows
     )
-    yield _table(("method", "Gaussians", "ms", "CPU ms", "best", "it/s", "times", "CPU"), rows)
+    yield _table(("method", "made of", "ms", "CPU ms", "best", "it/s", "times", "CPU"), rows)
     yield from (_stage_table(row) for row in record.rows)
     yield Text("times: the first method's; stages are timed while the whole step runs", style="dim")
 
