@@ -31,8 +31,8 @@ WHOLE, PIXELS = "whole", "pixels"
 class StepRow:
     """One method's step.
 
-    ``gaussians``, or what else the model is made of as ``noun`` says, is how many it has. ``whole`` is the step of the training loop; ``stages`` are its parts, timed while it runs. What they leave of it is
-    the loop's own.
+    ``gaussians`` is how many it has of these, or of what else it is made of, as ``noun`` says. ``whole`` is the step of
+    the training loop; ``stages`` are its parts, timed while it runs. What they leave of it is the loop's own.
     """
 
     method: str
