@@ -11,8 +11,9 @@ RUN = Path(__file__).parent / "fuzzing" / "run.py"
 LOADERS = (
     ("gaussian_ply", "ply_points", "tensor_file", "checkpoint", "recipe", "demo_plan", "report", "colmap"),
     ("model", "scene_json", "image"),
+    ("volume", "volume_checkpoint"),
 )
-"""Two processes, of about the same length."""
+"""A process each."""
 
 
 @pytest.mark.slow

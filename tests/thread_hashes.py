@@ -15,13 +15,14 @@ from ringlight.cli.threads import use_threads
 from ringlight.data.bundled import bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.methods.table import METHODS
+from ringlight.models.contract import Count
 from ringlight.runs.start import start_run
 
 SCENE, THREADS = "toaster", (1, 2, 4)
 
 
-def model_hash(method: str, steps: int, threads: int) -> tuple[str, int]:
-    """Of the model file that a run leaves, and its Gaussians."""
+def model_hash(method: str, steps: int, threads: int) -> tuple[str, Count]:
+    """Of the model file that a run leaves, and what it is made of."""
     use_threads(threads)
     recipe = replace(METHODS[method], steps=steps)
     with tempfile.TemporaryDirectory(prefix="ringlight-") as folder:
@@ -32,7 +33,7 @@ def model_hash(method: str, steps: int, threads: int) -> tuple[str, int]:
             pass
         session.save()
         session.lock.release()
-        return hashlib.sha256(session.folder.model.read_bytes()).hexdigest(), len(session.training.model)
+        return hashlib.sha256(session.folder.model.read_bytes()).hexdigest(), session.training.model.counted()
 
 
 def main() -> int:
@@ -42,7 +43,7 @@ def main() -> int:
     parser.add_argument(
         "--methods",
         nargs="+",
-        default=["3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror"],
+        default=["3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror", "tensorf"],
         choices=METHODS,
     )
     parser.add_argument("--record", type=Path, help="JSON file to write")
@@ -52,9 +53,11 @@ def main() -> int:
         found = [model_hash(method, asked.steps, threads) for threads in THREADS]
         same = len(set(found)) == 1
         digests, counts = zip(*found, strict=True)
-        rows.append({"method": method, "same": same, "gaussians": counts[0], "sha256": digests})
+        rows.append(
+            {"method": method, "same": same, "count": counts[0].number, "of": counts[0].noun, "sha256": digests}
+        )
         verdict = "the same bits" if same else "OTHER BITS"
-        print(f"{method:17} {counts[0]:6} Gaussians  {digests[0][:16]}  {verdict} with 1, 2, 4 threads", flush=True)  # noqa: T201
+        print(f"{method:17} {counts[0]!s:>19}  {digests[0][:16]}  {verdict} with 1, 2, 4 threads", flush=True)  # noqa: T201
     if asked.record:
         command = " ".join(["python", *sys.argv])
         write_record(asked.record, command=command, scene=SCENE, steps=asked.steps, threads=THREADS, rows=rows)

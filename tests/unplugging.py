@@ -25,7 +25,7 @@ sys.path.append(str(Path(__file__).parent / "cli"))
 # Threads of libraries would not survive the forks.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 
-from cli_session import QUICK, SMALL_LIGHT
+from cli_session import QUICK, SMALL_LIGHT, flags
 from scenes_on_disk import write_tiny_scene
 
 import ringlight
@@ -35,10 +35,17 @@ from ringlight.files.tensor_file import read_tensors
 from ringlight.runs.folder import FRESH_NAME, RunFolder
 from ringlight.runs.verify import digest_of
 
-WORDS = (*QUICK, "--save-every", "0.00001")
+SAVING = ("--save-every", "0.00001")
 """A checkpoint after every step: most moments of such a run are moments of saving."""
 
-SMALL: dict[str, tuple[str, ...]] = {"3dgs": (), "ringlight-ring": SMALL_LIGHT}
+VOLUME = (*flags(steps=40, first_side=10, last_side=16, rays=64), "--quiet", "--lpips")
+"""Its grid is refined five times, empty space found twice, and rays are left out."""
+
+WORDS: dict[str, tuple[str, ...]] = {
+    "3dgs": (*QUICK, *SAVING),
+    "ringlight-ring": (*QUICK, *SAVING, *SMALL_LIGHT),
+    "tensorf": (*VOLUME, *SAVING),
+}
 
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
 TIMED |= {"choosing_cpu_seconds", "peak_bytes", "training_bytes", "machine", "curve"}
@@ -153,7 +160,7 @@ def unplugged(run: Path, words: list[str], length: float, draw: random.Random, t
         elif code != 0:
             tally.different.append(f"{run.name} ended by itself with {code}: {_end_of(log)}")
         if RunFolder(run).checkpoints:
-            command = ["--resume", str(run), *threads, "--quiet", "--lpips", "--save-every", "0.00001"]
+            command = ["--resume", str(run), *threads, "--quiet", "--lpips", *SAVING]
         else:  # nothing to resume: the user starts again, in another folder
             shutil.rmtree(run, ignore_errors=True)
         if code is not None:
@@ -165,6 +172,7 @@ def main() -> int:
     """Exit code 1 where any file of any run differs from those of a run that was left alone."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--methods", nargs="+", default=list(WORDS), choices=list(WORDS))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--record", type=Path, help="JSON file to write")
     asked = parser.parse_args()
@@ -173,8 +181,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="ringlight-unplug-") as home:
         scene = write_tiny_scene(Path(home) / "balls")
         alone, length = {}, {}
-        for method in ("3dgs", "ringlight-ring"):
-            words = [str(scene), method, *WORDS, *SMALL[method]]
+        for method in asked.methods:
+            words = [str(scene), method, *WORDS[method]]
             log = Path(home) / "log"
             process = start([*words, "--out", f"{home}/{method}"], log)
             _wait_for(RunFolder(Path(home) / method).checkpoint, log)
@@ -187,7 +195,7 @@ def main() -> int:
         while tally.kills < asked.kills:
             number += 1
             method, run = draw.choice(list(alone)), Path(home) / f"run-{number}"
-            words = [str(scene), method, *WORDS, *SMALL[method]]
+            words = [str(scene), method, *WORDS[method]]
             code = unplugged(run, words, length[method], draw, tally)
             if code != 0:
                 tally.different.append(f"{run.name} ended with {code}: {_end_of(run.with_suffix('.log'))}")

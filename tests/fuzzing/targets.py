@@ -124,6 +124,9 @@ def tensor_file() -> Target:
 
 def _recipe(method: str) -> Any:
     """With the smallest tensors: a mutation then hits what is said of them more often than what is in them."""
+    if method == "tensorf":
+        factors = {"density_components": 16, "appearance_components": 16, "features": 3, "hidden": 4}
+        return with_settings(METHODS[method], {"first_side": 3, "last_side": 4, "rays": 8, **factors})
     ring = {"rank": 2, "features": 2, "head_hidden": 4, "position_nodes": 8, "view_nodes": 4}
     return with_settings(METHODS[method], {"light": {"ring": ring, "render_hidden": 4, "modulation_hidden": 4}})
 
@@ -143,6 +146,14 @@ def _model(path: Path, method: str) -> None:
 
 
 def model() -> Target:
+    return _models("3dgs", "ringlight-basis", "ringlight-ring")
+
+
+def volume() -> Target:
+    return _models("tensorf")
+
+
+def _models(*methods: str) -> Target:
     rasterize = rasterizer_for("auto")
 
     def open_and_draw(path: Path) -> None:
@@ -152,16 +163,24 @@ def model() -> Target:
                 stored.model.render(stored.cameras[0].resized(8, 8), torch.ones(3))
         recorded_scene(Opened(path, None, stored))
 
-    wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in ("3dgs", "ringlight-basis", "ringlight-ring")]
+    wholes = [_bytes(lambda path, m=m: _model(path, m)) for m in methods]
     seeds = [(0, wholes[0]), *((0, _without_checksum(whole)) for whole in wholes)]
     return Target(seeds, _reading("model.safetensors", open_and_draw))
 
 
 def checkpoint() -> Target:
-    training = _training("3dgs")
+    return _checkpoints("3dgs")
+
+
+def volume_checkpoint() -> Target:
+    return _checkpoints("tensorf")
+
+
+def _checkpoints(method: str) -> Target:
+    training = _training(method)
     own = {name: tensor.clone() for name, tensor in training.state().items()}
-    fresh = _training("3dgs")
-    folder = RunFolder(HOME / "run")
+    fresh = _training(method)
+    folder = RunFolder(HOME / f"run-{method}")
     folder.path.mkdir(exist_ok=True)
     facts = {
         "wall_seconds": "1.5",
@@ -185,7 +204,7 @@ def checkpoint() -> Target:
 
 def recipe() -> Target:
     seeds = []
-    for method in ("3dgs", "ringlight-basis", "ringlight-ring"):
+    for method in ("3dgs", "ringlight-basis", "ringlight-ring", "tensorf"):
         RunRecord(method, METHODS[method], Path("scene"), SceneOptions(), 0, "auto", "0.1").write(HOME)
         seeds.append((0, (HOME / RECORD_NAME).read_bytes()))
     return Target(seeds, _reading(RECORD_NAME, lambda path: RunRecord.read(path.parent)))
@@ -273,6 +292,6 @@ def image() -> Target:
 TARGETS: dict[str, Callable[[], Target]] = {
     maker.__name__: maker
     for maker in (
-        gaussian_ply, ply_points, tensor_file, model, checkpoint, recipe, demo_plan, report, colmap, scene_json, image,
+        gaussian_ply, ply_points, tensor_file, model, volume, checkpoint, volume_checkpoint, recipe, demo_plan, report, colmap, scene_json, image,
     )
 }  # fmt: skip
