@@ -292,6 +292,7 @@ def image() -> Target:
 TARGETS: dict[str, Callable[[], Target]] = {
     maker.__name__: maker
     for maker in (
-        gaussian_ply, ply_points, tensor_file, model, volume, checkpoint, volume_checkpoint, recipe, demo_plan, report, colmap, scene_json, image,
+        gaussian_ply, ply_points, tensor_file, model, volume, checkpoint, volume_checkpoint, recipe, demo_plan, report,
+        colmap, scene_json, image,
     )
 }  # fmt: skip
