@@ -4,6 +4,7 @@ Skipped with a sentence where no browser is.
 """
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -47,6 +48,7 @@ SETTINGS = {
     "ringlight-mirror": (),
     "3dgs-dr": ("--environment-side", "16", "--reflection-rate", "0.5"),
     "light-gaussian": ("--grow-share", "0.5"),
+    "glossy-gaussian": ("--opacity-rest-rate", "0.02"),
 }
 
 EXACT, LAYERED = 65.0, 60.0
@@ -174,7 +176,7 @@ def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
     gaussians = model.gaussians
     harmonics = model.harmonics(gaussians)
     if harmonics is not None:
-        degree = int(model.color.active_degree)
+        degree = math.isqrt(harmonics.sh_rest.shape[1])
         colors = sh_colors_reference(
             gaussians.means, harmonics.sh_dc, amount * harmonics.sh_rest, camera.position, degree
         )
@@ -183,7 +185,8 @@ def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
         colors = (parts["base"] + amount * parts["residual"]).clamp(0, 1) if amount else parts["base"]
         if not model.color.settings.clamp_colors:
             colors = parts["base"] + amount * parts["residual"]
-    emission = Emission({"rgb": 3}, colors.contiguous())
+    factor = model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor
+    emission = Emission({"rgb": 3}, colors.contiguous(), factor)
     return model.rasterize.draw(gaussians, emission, camera, torch.ones(3), model.options).image
 
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ringlight.color.contract import ColorModel
+from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.mirror import FLIP_BELOW, Mirror
 from ringlight.color.reflective_harmonics import ReflectiveHarmonics
@@ -54,8 +55,9 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     if type(color) is SharedBasis and type(shader) is PassThrough:
         return Shown("basis", 0.0, True, {"BASIS": len(color.basis)}, {"degree": int(color.active_degree)})
     if type(color) is SphericalHarmonics and type(shader) is PassThrough:
-        stored = model.columns["sh_rest"].shape[1]
-        return Shown("harmonics", 0.0, stored > 0, {"BASIS": 0, "STORED": stored}, {"degree": int(color.active_degree)})
+        return _harmonics(model, color)
+    if type(color) is GlossyHarmonics and type(shader) is PassThrough:
+        return _harmonics(model, color.harmonic, int(color.active_opacity_degree))
     if type(color) is ReflectiveHarmonics and type(shader) is EnvironmentShader:
         sizes = {"BASIS": 0, "STORED": model.columns["sh_rest"].shape[1], "ENVIRONMENT_SIDE": shader.texels.shape[1]}
         return Shown("environment", 0.0, bool(shader.lit), sizes, {"degree": int(color.harmonic.active_degree)})
@@ -64,6 +66,12 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     if isinstance(shader, ReflectionShader) and type(color) in (Mirror, VaryingMirror):
         return _mirror(color, shader)
     raise _refused(method)
+
+
+def _harmonics(model: SplatModel, color: SphericalHarmonics, opacity_degree: int = 0) -> Shown:
+    stored = model.columns["sh_rest"].shape[1]
+    settings = {"degree": int(color.active_degree), "opacityDegree": opacity_degree}
+    return Shown("harmonics", 0.0, stored > 0, {"BASIS": 0, "STORED": stored}, settings)
 
 
 def _ring(color: RingLight) -> Shown:

@@ -10,13 +10,15 @@ export function modelOf(facts, payload) {
 }
 
 // What the worker needs of it.
-export function geometryOf({ tensors, normals }) {
+export function geometryOf({ tensors, facts, normals }) {
   const of = (name) => tensors.get(`columns.${name}`).values;
   return {
     means: of("means"),
     logScales: of("log_scales"),
     quats: of("quats"),
     opacityLogits: of("opacity_logits"),
+    opacityRest: tensors.get("columns.opacity_rest")?.values,
+    opacityDegree: facts.opacityDegree,
     normals,
   };
 }

@@ -1,5 +1,6 @@
 // Gaussians to ellipses on the picture; the twin of rasterize/projection.py, with its constants.
 import { rotation } from "./axes.js";
+import { Opacities } from "./opacities.js";
 
 const EPS2D = 0.3,
   NEAR = 0.01,
@@ -11,16 +12,15 @@ const EPS2D = 0.3,
 export const ELLIPSE = 8;
 
 // What does not depend on the camera. `axes` are the principal axes times their deviations, nine floats a row.
-export function preparedScene({ means, logScales, quats, opacityLogits, normals }) {
-  const count = means.length / 3,
-    axes = new Float32Array(9 * count),
-    opacities = new Float32Array(count);
+export function preparedScene(geometry) {
+  const { means, logScales, quats, normals } = geometry,
+    count = means.length / 3,
+    axes = new Float32Array(9 * count);
   for (let row = 0; row < count; row++) {
-    opacities[row] = 1 / (1 + Math.exp(-opacityLogits[row]));
     const turn = rotation(quats.subarray(4 * row, 4 * row + 4));
     for (let k = 0; k < 9; k++) axes[9 * row + k] = turn[k] * Math.exp(logScales[3 * row + (k % 3)]);
   }
-  return { count, means, axes, opacities, normals };
+  return { count, means, axes, opacities: new Opacities(geometry), normals };
 }
 
 export class Projection {
@@ -33,7 +33,8 @@ export class Projection {
 
   // Fill `ellipses` and `depths` with what the camera may see, in the order of the table.
   project(camera) {
-    const { means, axes, opacities, count } = this.scene,
+    const { means, axes, count } = this.scene,
+      opacities = this.scene.opacities.towards(camera.position),
       { pose, focal, center, size } = camera;
     const [a, b, c, tx, d, e, f, ty, g, h, i, tz] = pose,
       ellipses = this.ellipses;
