@@ -189,6 +189,7 @@ def test_a_model_without_cameras_has_nowhere_to_look_from(
         ("ringlight-ring", flags(light__field="vm", warmup=0.3), "light.field vm"),
         ("ringlight-ring", flags(light__ring__rank=6, light__ring__position_nodes=64, warmup=0.3), "light.ring.rank 6"),
         ("ringlight-mirror", flags(shader__features=3), "shader.features 3"),
+        ("3igs", flags(light__side=8, light__components=2, light__hidden=30, warmup=0.3), "light.hidden 30"),
     ],
 )
 def test_a_light_of_another_shape_is_refused_by_name(

@@ -20,18 +20,18 @@ from browsers import Tab, chromium, playwright, tab
 from ringlight.bench.page import SCRIPTS
 from ringlight.cli.main import run
 from ringlight.color.harmonics import sh_colors_reference
+from ringlight.color.ringlight import RingLight
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Emission
 from ringlight.core.want import Want
 from ringlight.files.layer_pictures import layer_pictures, looking
-from ringlight.files.packed import unpack_tensors
 from ringlight.files.page.document import _modules
 from ringlight.files.page.modules import joined
-from ringlight.methods.store import StoredModel, model_of_tensors, save_model, tensors_from_cameras
+from ringlight.methods.store import StoredModel, save_model
 from ringlight.models.splats import SplatModel
 from ringlight.runs.opened import open_model
 from ringlight.runs.share import share
-from ringlight.runs.sized_page import page_for
+from ringlight.runs.sized_page import model_held, page_for
 
 VIEWS, SIDE = 6, 72
 
@@ -49,6 +49,7 @@ SETTINGS = {
     "3dgs-dr": ("--environment-side", "16", "--reflection-rate", "0.5"),
     "light-gaussian": ("--grow-share", "0.5"),
     "glossy-gaussian": ("--opacity-rest-rate", "0.02"),
+    "3igs": ("--light.side", "20", "--light.components", "8", "--light.features", "12", "--light.hidden", "32"),
 }
 
 EXACT, LAYERED = 65.0, 60.0
@@ -103,13 +104,11 @@ def page(browser: Any) -> Iterator[Tab]:
 def as_page_holds(folder: Path) -> tuple[StoredModel, SplatModel]:
     """The run's model, and what is left of it once it was packed."""
     opened = open_model(folder)
-    stored, model = opened.stored, opened.stored.model.splats()
+    model = opened.stored.model.splats()
     assert model is not None
-    page = page_for(opened, model, None, ())
-    tensors = unpack_tensors(page.packed) | tensors_from_cameras(stored.cameras)
-    packed = model_of_tensors(tensors, stored.header, stored.rasterize, folder).model.splats()
+    packed = model_held(opened, page_for(opened, model, None, ()).packed).model.splats()
     assert packed is not None
-    return stored, packed
+    return opened.stored, packed
 
 
 def psnr(first: np.ndarray, second: torch.Tensor) -> float:
@@ -183,7 +182,7 @@ def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
     else:
         parts = model.color.layers(gaussians, camera)
         colors = (parts["base"] + amount * parts["residual"]).clamp(0, 1) if amount else parts["base"]
-        if not model.color.settings.clamp_colors:
+        if isinstance(model.color, RingLight) and not model.color.settings.clamp_colors:
             colors = parts["base"] + amount * parts["residual"]
     factor = model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor
     emission = Emission({"rgb": 3}, colors.contiguous(), factor)

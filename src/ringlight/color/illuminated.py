@@ -169,7 +169,7 @@ class Illuminated(nn.Module):
         else:
             inputs[:, : 2 * count] = torch.cat([appearance[FEATURES][rows], self.field.mixed(products)], -1).tanh()
         inputs[:, 2 * count : 2 * count + 3] = directions
-        write_directional_encoding(directions, _roughness(appearance[ROUGHNESS][rows]), inputs, 2 * count + 3)
+        write_directional_encoding(directions, roughness_of(appearance[ROUGHNESS][rows]), inputs, 2 * count + 3)
         return LitRows(rows, points, products, inputs)
 
     def specular_reference(self, gaussians: Gaussians, camera: Camera, rows: Int[Tensor, "V"]) -> Float[Tensor, "V 3"]:
@@ -177,7 +177,7 @@ class Illuminated(nn.Module):
         means, appearance = gaussians.means.detach()[rows], gaussians.appearance
         directions = view_directions(means, camera.position.to(means))
         light = self.field.reference(self.unit_points(means))
-        code = directional_encoding_reference(directions, _roughness(appearance[ROUGHNESS][rows]))
+        code = directional_encoding_reference(directions, roughness_of(appearance[ROUGHNESS][rows]))
         inputs = torch.cat([appearance[FEATURES][rows].tanh(), light.tanh(), directions, code], -1)
         result: Tensor = self.network(inputs[None])[0].tanh()
         return result
@@ -220,7 +220,8 @@ class Illuminated(nn.Module):
         return ((means - low) * (2 / (high - low)) - 1).clamp(-1, 1)
 
 
-def _roughness(stored: Float[Tensor, "V"]) -> Float[Tensor, "V"]:
+def roughness_of(stored: Float[Tensor, "V"]) -> Float[Tensor, "V"]:
+    """The inverse concentration, 0 or more, of stored numbers."""
     return nn.functional.softplus(stored - ROUGHNESS_SHIFT)
 
 

@@ -130,9 +130,14 @@ class Packed:
     packing: dict[str, str]
 
 
-def pack_tensors(tensors: Mapping[str, Tensor], plan: Plan = PLAN, coarse: bool = False) -> Packed:
+def pack_tensors(
+    tensors: Mapping[str, Tensor],
+    plan: Plan = PLAN,
+    coarse: bool = False,
+    steps: Mapping[str, Float[Tensor, "C"]] | None = None,
+) -> Packed:
     """Every tensor by the plan; ``coarse``, scales, rotations, positions and weights are rounded further, which takes
-    fewer bytes once they are deflated."""
+    fewer bytes once they are deflated. Columns of the tensors that ``steps`` names are rounded to these."""
     if coarse:
         plan = (*COARSE, *plan)
     stored: dict[str, Tensor] = {}
@@ -142,7 +147,8 @@ def pack_tensors(tensors: Mapping[str, Tensor], plan: Plan = PLAN, coarse: bool 
         if chosen is None:
             stored[name] = tensor
             continue
-        step = _step(name, tensors, coarse)
+        step = (steps or {}).get(name)
+        step = _step(name, tensors, coarse) if step is None else step
         parts = None if step is None else _in_steps(tensor, step)
         if parts is not None:
             chosen = f"fixed{8 * parts['codes'].shape[-1]}"

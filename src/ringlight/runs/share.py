@@ -59,7 +59,9 @@ def share(opened: Opened, path: Path, budget: float | None = None, packs: Sequen
     if budget is not None and not budget >= SMALLEST_BUDGET:
         least = SMALLEST_BUDGET / MEGABYTE
         raise RecipeError(f"--budget is {budget / MEGABYTE:g} MB; give at least {least:g}, or no page fits")
-    shown_of(stored.model, stored.header.preset)
+    shown = shown_of(stored.model, stored.header.preset)
+    if packs and not shown.blends:
+        raise RecipeError(f"a page of {stored.header.preset} shows one light; leave out --light")
     model = stored.model.splats()
     if model is None or not len(model):
         raise RunError(f"{opened.file}: holds no Gaussians, so there is nothing to show")

@@ -7,6 +7,7 @@ from statistics import fmean
 import torch
 from torch import Tensor
 
+from ringlight.color.illuminated import Illuminated
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.stages import counted, tell
@@ -23,6 +24,7 @@ from ringlight.fit.strategies.removal_effects import removal_effects
 from ringlight.measure import metrics
 from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.models.splats import SplatModel
+from ringlight.runs.condensed_page import CondensedPage, condensed_header
 from ringlight.runs.light_pack import LightPack
 from ringlight.runs.opened import Opened
 from ringlight.runs.page_facts import background_of, caption_of, facts_of_page, numbers_of_stops, still_of, stops_of
@@ -64,7 +66,7 @@ def page_for(opened: Opened, model: SplatModel, budget: float | None, packs: Seq
     Raises RunError for a page that is too large without a ``budget`` in bytes, or for a budget that none fits.
     """
     pages = _Pages(opened, model, packs)
-    tensors = model.rendering_tensors()
+    tensors = pages.tensors()
     whole = pages.of(tensors, coarse=True)
     if budget is None and len(whole.document) > LARGEST_PAGE:
         raise RunError(
@@ -91,14 +93,22 @@ class _Pages:
         tell("looking at the model")
         shown = shown_of(model)
         self.axes_are_normals = shown.kind == "environment"
+        self.condensed = CondensedPage(model.color, model) if isinstance(model.color, Illuminated) else None
         facts = facts_of_page(stored, model, shown, stops)
         self.facts = facts | {"lights": [pack.scene for pack in packs]}
         self.still, self.others = still_of(stored, model), {"cameras": numbers_of_stops(stops)}
         self.title = f"{stored.header.scene.name}, {stored.header.preset}"
 
+    def tensors(self) -> dict[str, Tensor]:
+        """What pages hold of the model, before it is thinned and packed."""
+        tensors = self.model.rendering_tensors()
+        return self.condensed.tensors(tensors) if self.condensed else tensors
+
     def of(self, tensors: Mapping[str, Tensor], coarse: bool) -> Page:
         """Never ``coarse`` where a reflection goes by the axes."""
-        if self.axes_are_normals:
+        if self.condensed:
+            packed = self.condensed.packed(tensors, coarse)
+        elif self.axes_are_normals:
             packed = pack_tensors(ready_axes(tensors), (*AXES_PLAN, *PLAN))
         else:
             packed = pack_tensors(tensors, coarse=coarse)
@@ -164,12 +174,19 @@ def _rows(tensors: Mapping[str, Tensor], chosen: Tensor) -> dict[str, Tensor]:
     return {name: tensor[rows] if name.startswith(COLUMNS) else tensor for name, tensor in tensors.items()}
 
 
+def model_held(opened: Opened, packed: Packed) -> StoredModel:
+    """The model that a page of these tensors shows."""
+    stored, tensors = opened.stored, unpack_tensors(packed)
+    model, header = stored.model.splats(), stored.header
+    if model is not None and isinstance(model.color, Illuminated):
+        header = condensed_header(header, model.color, tensors)
+    return model_of_tensors(tensors | tensors_from_cameras(stored.cameras), header, stored.rasterize, opened.file)
+
+
 @torch.no_grad()
 def _nearness(opened: Opened, packed: Packed) -> Iterator[float]:
     """PSNR of what the page holds against the model, dB, from a few training cameras; infinite where both are alike."""
-    stored = opened.stored
-    tensors = unpack_tensors(packed) | tensors_from_cameras(stored.cameras)
-    after = model_of_tensors(tensors, stored.header, stored.rasterize, opened.file).model
+    stored, after = opened.stored, model_held(opened, packed).model
     background = background_of(stored)
     for camera in counted("comparing pictures", _spread(stored.cameras, MOST_PICTURES)):
         pictures = [one.render(camera, background, Want.EXACT).color.clamp(0, 1) for one in (after, stored.model)]

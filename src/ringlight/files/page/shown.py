@@ -10,6 +10,7 @@ from typing import Any
 from ringlight.color.contract import ColorModel
 from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SphericalHarmonics
+from ringlight.color.illuminated import Illuminated
 from ringlight.color.mirror import FLIP_BELOW, Mirror
 from ringlight.color.reflective_harmonics import ReflectiveHarmonics
 from ringlight.color.ringlight import RingLight
@@ -44,6 +45,8 @@ class Shown:
     """Whether the model adds light to its base colours; not before its warm-up has ended."""
     sizes: dict[str, int] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
+    blends: bool = True
+    """Whether the page can blend between lights."""
 
 
 def shown_of(model: object, method: str = "a model of this kind") -> Shown:
@@ -63,6 +66,8 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
         return Shown("environment", 0.0, bool(shader.lit), sizes, {"degree": int(color.harmonic.active_degree)})
     if type(color) is RingLight and type(shader) is PassThrough:
         return _ring(color)
+    if type(color) is Illuminated and type(shader) is PassThrough:
+        return _illuminated(color)
     if isinstance(shader, ReflectionShader) and type(color) in (Mirror, VaryingMirror):
         return _mirror(color, shader)
     raise _refused(method)
@@ -101,6 +106,14 @@ def _ring(color: RingLight) -> Shown:
     codes = {"code": _code(position_code(ring)), "viewCode": _code(view_code(ring))}
     told = codes | {"gain": list(light.residual_gain)}
     return Shown("ring", 0.0, bool(color.lit), sizes, {"ring": told, "box": color.box.tolist()})
+
+
+def _illuminated(color: Illuminated) -> Shown:
+    """As the page holds it, ``color/condensed_illumination.py``: how many components there are it sees itself."""
+    hidden = color.settings.hidden
+    if _unfit(hidden):
+        raise _refused(f"light.hidden {hidden}")
+    return Shown("illuminated", 0.0, bool(color.lit), {"HIDDEN": hidden}, blends=False)
 
 
 def _code(code: FourierCode) -> dict[str, object]:

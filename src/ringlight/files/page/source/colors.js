@@ -2,15 +2,15 @@
 // camera's position or the fader has changed since.
 import { Texture, texelRows } from "./gl.js";
 
-const AT_ONCE = 8 * 2048; // Gaussians that a moving camera recolours in one picture
+const AT_ONCE = 8 * 2048; // Gaussians that a moving camera recolours in one picture, where a kind does not say
 const NEVER = 0,
   EARLIER = 1,
   NOW = 2; // when a Gaussian's colour was made
 
 export class Colors {
   // `recolor` is the program that makes them of these textures, numbers and whole numbers.
-  constructor(gl, recolor, rows, { textures, numbers = {}, wholes = {} }) {
-    Object.assign(this, { gl, recolor, textures, numbers, wholes });
+  constructor(gl, recolor, rows, { textures, numbers = {}, wholes = {}, atOnce = AT_ONCE }) {
+    Object.assign(this, { gl, recolor, textures, numbers, wholes, atOnce });
     const height = texelRows(rows);
     this.colors = new Texture(gl, "rgba32ui", 2048, height);
     this.wanted = new Texture(gl, "r8ui", 2048, height); // one where a colour is to be made
@@ -35,7 +35,7 @@ export class Colors {
       this.wish = wish;
       for (let row = 0; row < this.made.length; row++) if (this.made[row] === NOW) this.made[row] = EARLIER;
     }
-    const { left, first, last } = this.mark(seen, some ? AT_ONCE : Infinity);
+    const { left, first, last } = this.mark(seen, some ? this.atOnce : Infinity);
     if (first > last) return true;
     const gl = this.gl,
       lines = last - first + 1;

@@ -1,5 +1,6 @@
 // The ring's heads: small networks of a coordinate or a direction, run at the nodes of their tables once; the twin of
 // fields/heads.py and fields/encoding.py. The file holds the networks, which are far smaller than their tables.
+import { stackOf } from "./networks.js";
 
 // Sines and cosines in octaves of each coordinate, behind the coordinates themselves unless these are left out.
 function encoded(values, { bands, pi, identity }) {
@@ -10,23 +11,6 @@ function encoded(values, { bands, pi, identity }) {
     for (let k = 0; k < bands; k++) found.push(Math.cos(value * scale * 2 ** k));
   }
   return found;
-}
-
-// One of a stack's networks, as layers { weight [inputs outputs], bias, inputs, outputs }.
-function networkOf(tensors, name, head) {
-  const layers = [];
-  for (let depth = 0; tensors.has(`${name}.networks.weights.${depth}`); depth++) {
-    const weight = tensors.get(`${name}.networks.weights.${depth}`),
-      [, inputs, outputs] = weight.shape;
-    const bias = tensors.get(`${name}.networks.biases.${depth}`).values;
-    layers.push({
-      inputs,
-      outputs,
-      weight: weight.values.subarray(head * inputs * outputs, (head + 1) * inputs * outputs),
-      bias: bias.subarray(head * outputs, (head + 1) * outputs),
-    });
-  }
-  return layers;
 }
 
 function run(layers, values) {
@@ -46,10 +30,10 @@ const nodesOf = (count) => Array.from({ length: count }, (_, node) => (2 * node)
 
 // [heads, nodes, outputs] of heads that see one coordinate each.
 export function axisTable(tensors, name, heads, nodes, code) {
-  const outputs = networkOf(tensors, name, 0).at(-1).outputs,
+  const outputs = stackOf(tensors, `${name}.networks`, 0).at(-1).outputs,
     table = new Float32Array(heads * nodes * outputs);
   for (let head = 0; head < heads; head++) {
-    const layers = networkOf(tensors, name, head);
+    const layers = stackOf(tensors, `${name}.networks`, head);
     nodesOf(nodes).forEach((at, node) => {
       table.set(run(layers, encoded([at], code)), (head * nodes + node) * outputs);
     });
@@ -59,7 +43,7 @@ export function axisTable(tensors, name, heads, nodes, code) {
 
 // [side * side, outputs], row j * side + i for node (i, j) of the octahedral square.
 export function viewTable(tensors, name, side, code) {
-  const layers = networkOf(tensors, name, 0),
+  const layers = stackOf(tensors, `${name}.networks`, 0),
     outputs = layers.at(-1).outputs;
   const table = new Float32Array(side * side * outputs),
     nodes = nodesOf(side);

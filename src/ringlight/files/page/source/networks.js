@@ -22,3 +22,20 @@ export const layersOf = (tensors, name) => {
   for (let depth = 0; tensors.has(`${name}.${depth}.weight`); depth += 2) found.push(`${name}.${depth}`);
   return found;
 };
+
+// One of a stack's networks, as layers { weight [inputs outputs], bias, inputs, outputs }.
+export function stackOf(tensors, name, head) {
+  const layers = [];
+  for (let depth = 0; tensors.has(`${name}.weights.${depth}`); depth++) {
+    const weight = tensors.get(`${name}.weights.${depth}`),
+      [, inputs, outputs] = weight.shape;
+    const bias = tensors.get(`${name}.biases.${depth}`).values;
+    layers.push({
+      inputs,
+      outputs,
+      weight: weight.values.subarray(head * inputs * outputs, (head + 1) * inputs * outputs),
+      bias: bias.subarray(head * outputs, (head + 1) * outputs),
+    });
+  }
+  return layers;
+}

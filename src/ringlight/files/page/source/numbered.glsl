@@ -17,3 +17,7 @@ void cell(float at, int count, out int node, out float part) {
   node = min(int(position), count - 2);
   part = position - float(node);
 }
+
+// Beyond it some compilers' tanh is not a number; tanh(15) is 1 in 32 bit.
+const float STEEPEST = 15.0;
+vec4 flatTanh(vec4 x) { return tanh(clamp(x, -STEEPEST, STEEPEST)); }

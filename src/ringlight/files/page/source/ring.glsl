@@ -9,10 +9,6 @@ layout(location = 0) out uvec4 color;
 const int R4 = RANK / 4, LATENT_TEXELS = (LATENTS + 3) / 4;
 // Rows of the product that are held at a time: with all of a rank of 16 registers would spill.
 const int HELD = RANK > 8 ? 4 : RANK;
-// Beyond it some compilers' tanh is not a number; tanh(15) is 1 in 32 bit.
-const float STEEPEST = 15.0;
-
-vec4 flatTanh(vec4 x) { return tanh(clamp(x, -STEEPEST, STEEPEST)); }
 
 // Four numbers of a head's matrix between two nodes.
 vec4 onAxis(int axis, int node, float part, int four) {

@@ -1,7 +1,8 @@
-// Models whose Gaussians are coloured each by itself: harmonics, a shared basis of them, the ring.
+// Models whose Gaussians are coloured each by itself: harmonics, a shared basis of them, the ring, 3igs.
 import { Colors } from "./colors.js";
 import { inTexels, numbered, programOf } from "./gl.js";
 import { axisTable, viewTable } from "./heads.js";
+import { illuminatedOf } from "./illuminated.js";
 import { inFours, layersOf } from "./networks.js";
 
 export class SplatKind {
@@ -11,9 +12,9 @@ export class SplatKind {
     const rows = facts.gaussians,
       shared = { means: numbered(gl, "rgba32f", rows, inTexels(means, 3)) };
     this.normals = numbered(gl, "rgba32f", rows, inTexels(model.normals, 3));
-    const source = facts.kind === "ring" ? ringOf(gl, model) : harmonicsOf(gl, model);
-    const code = facts.kind === "ring" ? "ring.glsl" : "harmonics.glsl";
-    const recolor = programOf(gl, shaders, ["numbered.glsl", code], facts.sizes);
+    const [sourceOf, code] = SOURCES[facts.kind] ?? [harmonicsOf, "harmonics.glsl"];
+    const source = sourceOf(gl, model);
+    const recolor = programOf(gl, shaders, ["numbered.glsl", code], { ...facts.sizes, ...source.sizes });
     this.colored = new Colors(gl, recolor, rows, { ...source, textures: { ...shared, ...source.textures } });
     const picture = [
       "numbered.glsl",
@@ -93,6 +94,9 @@ function ringOf(gl, { tensors, facts }) {
     numbers: { gain: ring.gain, boxLow: box[0], boxSize: box[1].map((high, k) => high - box[0][k]) },
   };
 }
+
+// What makes the textures and numbers of a kind, and the shader that takes them.
+const SOURCES = { ring: [ringOf, "ring.glsl"], illuminated: [illuminatedOf, "illuminated.glsl"] };
 
 // Base colours, other three-vectors and latents of each Gaussian, in texels.
 export function surfacesOf(tensors, normals = null) {
