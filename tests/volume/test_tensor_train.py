@@ -1,0 +1,115 @@
+"""Tensor trains: entries are products of matrices, interpolation is that of the whole grid, rounding tells its error."""
+
+import itertools
+
+import pytest
+import torch
+import torch.nn.functional
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from ringlight.volume.prolongation import along_axis, prolonged
+from ringlight.volume.tensor_train import contracted, gathered, grid_of, numbers_of, octant_path, ranks_of
+from ringlight.volume.tt_rounding import rounded
+from volume.trains import drawn_cores, smooth_grid
+
+SAME = {"rtol": 1e-9, "atol": 1e-9}
+
+
+def all_nodes(side: int) -> torch.Tensor:
+    return torch.tensor(list(itertools.product(range(side), repeat=3)))
+
+
+def interpolated(grid: torch.Tensor, axis: int) -> torch.Tensor:
+    """Along one axis of [S S S C], node by node."""
+    after = torch.cat([grid.narrow(axis, 1, grid.shape[axis] - 1), grid.narrow(axis, grid.shape[axis] - 1, 1)], axis)
+    return torch.stack([grid, (grid + after) / 2], axis + 1).flatten(axis, axis + 1)
+
+
+@given(some.integers(1, 3), some.integers(1, 3), some.integers(1, 30))
+@settings(deadline=None)
+def test_entries_are_products_of_a_matrix_of_each_core(payload: int, levels: int, most: int):
+    cores = drawn_cores(payload, levels, most)
+    nodes = all_nodes(2**levels)
+    expected = []
+    for node in nodes.tolist():
+        product = torch.eye(payload, dtype=torch.float64)
+        for level, core in enumerate(cores):
+            x, y, z = ((place >> (levels - 1 - level)) & 1 for place in node)
+            product = product @ core[:, 4 * x + 2 * y + z]
+        expected.append(product[:, 0])
+    expected = torch.stack(expected)
+    torch.testing.assert_close(grid_of(cores).view(-1, payload), expected, **SAME)
+    paths = octant_path(nodes, levels)
+    torch.testing.assert_close(gathered(cores, paths), expected, **SAME)
+    torch.testing.assert_close(contracted(cores).T[paths], expected, **SAME)
+
+
+def test_ranks_are_trapezoids_and_numbers_those_of_the_paper():
+    assert ranks_of(1, 8, 200) == (1, 8, 64, 200, 200, 200, 64, 8, 1)
+    assert ranks_of(27, 8, 280) == (27, 216, 280, 280, 280, 280, 64, 8, 1)
+    assert 3.3e6 < numbers_of(1, 8, 200) + numbers_of(27, 8, 280) < 3.5e6
+
+
+@given(some.integers(1, 3), some.integers(1, 3), some.integers(1, 20), some.integers(0, 99))
+@settings(deadline=None, max_examples=25)
+def test_prolongation_is_linear_interpolation_of_the_grid(payload: int, levels: int, most: int, seed: int):
+    cores = drawn_cores(payload, levels, most, seed)
+    grid = grid_of(cores)
+    for axis in range(3):
+        cores, grid = along_axis(cores, axis), interpolated(grid, axis)
+    torch.testing.assert_close(grid_of(cores), grid, **SAME)
+    whole, lost = prolonged(drawn_cores(payload, levels, most, seed), most=10**6)
+    torch.testing.assert_close(grid_of(whole), grid, **SAME)
+    assert lost < 1e-6
+
+
+@given(some.integers(1, 3), some.integers(2, 3), some.integers(2, 40), some.integers(1, 30), some.integers(0, 99))
+@settings(deadline=None, max_examples=25)
+def test_rounding_tells_exactly_what_it_lost(payload: int, levels: int, most: int, fewer: int, seed: int):
+    cores = drawn_cores(payload, levels, most, seed)
+    small, lost = rounded(cores, fewer)
+    assert all(max(core.shape[0], core.shape[2]) <= max(fewer, payload) for core in small)
+    distance = (grid_of(small) - grid_of(cores)).norm().item()
+    assert distance == pytest.approx(lost, rel=1e-6, abs=1e-7)
+    assert small[0].shape[0] == payload
+
+
+@given(some.integers(1, 3), some.integers(1, 12), some.integers(0, 99))
+@settings(deadline=None, max_examples=15)
+def test_rounding_is_near_the_best_that_can_be(payload: int, fewer: int, seed: int):
+    """By sqrt(cuts) at most (Oseledets 2011, corollary 2.4); no train can be nearer than the worst cut allows."""
+    cores = drawn_cores(payload, 3, 100, seed)
+    _, lost = rounded(cores, fewer)
+    grid = contracted(cores).view(payload, 8, 8, 8)
+    cuts = [torch.linalg.svdvals(grid.flatten(k, -1).flatten(0, k - 1)) for k in (2, 3)]
+    least = max(values[fewer:].norm().item() for values in cuts)
+    assert least - 1e-9 <= lost <= 2**0.5 * least + 1e-9
+
+
+@pytest.mark.parametrize("most", [4, 12, 24])
+def test_what_prolongation_loses_is_no_more_than_it_says(most: int):
+    cores, _ = rounded(full_train(smooth_grid(8, 3)), most)
+    exact = grid_of(cores)
+    for axis in range(3):
+        exact = interpolated(exact, axis)
+    small, lost = prolonged(cores, most)
+    assert max(core.shape[0] for core in small) <= most
+    assert len(small) == 4
+    assert 0 < (grid_of(small) - exact).norm() <= lost
+
+
+def full_train(grid: torch.Tensor) -> list[torch.Tensor]:
+    """The cores of a grid of eight nodes a side: the last ones pick its entries."""
+    entries = grid.new_empty(512, grid.shape[-1])
+    nodes = all_nodes(8)
+    entries[octant_path(nodes, 3)] = grid.flatten(0, 2)
+    eye = torch.eye(8, dtype=grid.dtype)
+    first = entries.T.reshape(-1, 8, 64).contiguous()
+    return [first, torch.einsum("oi,pj->opij", eye, eye).reshape(64, 8, 8), eye[:, :, None].contiguous()]
+
+
+def test_rounding_has_the_same_bits_each_time():
+    one, other = (rounded(drawn_cores(3, 4, 40, dtype=torch.float32), 20) for _ in range(2))
+    assert one[1] == other[1]
+    assert all(torch.equal(a, b) for a, b in zip(one[0], other[0], strict=True))

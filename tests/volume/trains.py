@@ -1,0 +1,28 @@
+"""Tensor trains with entries about one, and ways to look at all of them."""
+
+import torch
+
+from ringlight.volume.tensor_train import ranks_of
+
+
+def drawn_cores(payload: int, levels: int, most: int, seed: int = 0, dtype: torch.dtype = torch.float64):
+    """Independent normal numbers, so scaled that the entries' variance is one."""
+    ranks = ranks_of(payload, levels, most)
+    drawn = torch.Generator().manual_seed(seed)
+    cores = []
+    for k, (left, right) in enumerate(zip(ranks, ranks[1:], strict=False)):
+        scale = left**-0.5 if k else 1.0
+        cores.append(scale * torch.randn(left, 8, right, generator=drawn, dtype=dtype))
+    return cores
+
+
+def smooth_grid(side: int, payload: int, seed: int = 0) -> torch.Tensor:
+    """[side side side payload] of waves that a train of small ranks holds nearly."""
+    drawn = torch.Generator().manual_seed(seed)
+    axis = torch.arange(side, dtype=torch.float64) / side
+    total = torch.zeros(side, side, side, payload, dtype=torch.float64)
+    for _ in range(12):
+        rate, shift = 12 * torch.rand(3, generator=drawn), 6 * torch.rand(payload, generator=drawn)
+        wave = rate[0] * axis[:, None, None] + rate[1] * axis[:, None] + rate[2] * axis
+        total += torch.sin(wave[..., None] + shift)
+    return total
