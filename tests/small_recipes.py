@@ -13,7 +13,14 @@ TRAINED = tuple(name for name in METHODS if name not in CHOOSERS)
 SPLATS = tuple(name for name in TRAINED if isinstance(METHODS[name], SplatRecipe))
 """Those of them whose models are tables of Gaussians."""
 
-COARSE = {"first_side": 12, "last_side": 20, "rays": 256, "bounds": (-1.3, -1.3, -0.9, 1.3, 1.3, 0.9)}
+COARSE = {
+    "first_side": 12,
+    "last_side": 20,
+    "coarsest": 8,
+    "finest": 16,
+    "rays": 256,
+    "bounds": (-1.3, -1.3, -0.9, 1.3, 1.3, 0.9),
+}
 """Settings of volumes for the tiny scene at a few pixels: its box is not carved from masks anew each time."""
 
 SMALL = COARSE | {

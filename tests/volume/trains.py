@@ -1,8 +1,10 @@
 """Tensor trains with entries about one, and ways to look at all of them."""
 
+from itertools import pairwise
+
 import torch
 
-from ringlight.volume.tensor_train import ranks_of
+from ringlight.volume.tt_ranks import ranks_of
 
 
 def drawn_cores(payload: int, levels: int, most: int, seed: int = 0, dtype: torch.dtype = torch.float64):
@@ -10,7 +12,7 @@ def drawn_cores(payload: int, levels: int, most: int, seed: int = 0, dtype: torc
     ranks = ranks_of(payload, levels, most)
     drawn = torch.Generator().manual_seed(seed)
     cores = []
-    for k, (left, right) in enumerate(zip(ranks, ranks[1:], strict=False)):
+    for k, (left, right) in enumerate(pairwise(ranks)):
         scale = left**-0.5 if k else 1.0
         cores.append(scale * torch.randn(left, 8, right, generator=drawn, dtype=dtype))
     return cores

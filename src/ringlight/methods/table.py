@@ -8,6 +8,7 @@ from ringlight.methods import ringlight_ring, three_dgs
 from ringlight.methods.gaussian_shader import GaussianShaderRecipe
 from ringlight.methods.glossy_gaussian import GlossyGaussianRecipe
 from ringlight.methods.light_gaussian import LightGaussianRecipe
+from ringlight.methods.putt import PuttRecipe
 from ringlight.methods.recipe import Recipe, recipe_from_dict
 from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
@@ -31,6 +32,7 @@ METHODS: dict[str, Recipe] = {
     "gaussian-shader": GaussianShaderRecipe(),
     "glossy-gaussian": GlossyGaussianRecipe(),
     "tensorf": TensorfRecipe(),
+    "putt": PuttRecipe(),
     "3igs": ThreeIGSRecipe(),
 }
 

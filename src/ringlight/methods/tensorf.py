@@ -6,24 +6,21 @@ numbers are those of its published settings. What differs: docs/methods/tensorf.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from ringlight.errors import RecipeError
-from ringlight.fit.rates import Adam, Part, Rate, RateInParts, check_rates
+from ringlight.fit.rates import Adam, check_rates
+from ringlight.methods.volume_recipe import BETAS, EPSILON, MOST_RAYS, MOST_UNITS, Bounds, VolumeRecipe
 
 if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from ringlight.core.scene import Scene
-    from ringlight.fit.train import Training
+    from ringlight.fit.regularizers.contract import Regularizer
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.volume.contract import Sides
     from ringlight.volume.model import VolumeModel
-
-PAPER_STEPS = 30_000
-"""Length of the paper's run, of which the schedules are shares."""
 
 REFINED = (2000, 3000, 4000, 5500, 7000)
 """Steps of the paper's run after which the grid is refined."""
@@ -31,18 +28,19 @@ REFINED = (2000, 3000, 4000, 5500, 7000)
 EMPTIED = (2000, 4000)
 """Steps of the paper's run after which empty space is found."""
 
-BETAS, EPSILON = (0.9, 0.99), 1e-8
-"""Adam's."""
-
 LAST_RATE = 0.1
 """Share of a learning rate that is left after a whole run, if nothing sets it back."""
 
-LARGEST_SIDE, MOST_COMPONENTS, MOST_UNITS, MOST_RAYS = 4096, 4096, 1024, 1 << 20
+LARGEST_SIDE, MOST_COMPONENTS = 4096, 4096
 """Beyond these a number is a mistake."""
 
 
+COPIES = 6
+"""Of a grid while it trains: values, gradients, those of a regularizer, two moments, and one while it is refined."""
+
+
 @dataclass(frozen=True)
-class TensorfRecipe:
+class TensorfRecipe(VolumeRecipe):
     """TensoRF (Chen et al. 2022): density and appearance as planes times lines, and a small network."""
 
     steps: int = 15_000
@@ -63,7 +61,7 @@ class TensorfRecipe:
     """The grid begins with as many voxels as a cube of this side."""
     last_side: int | None = None
     """The grid ends with as many voxels as a cube of this side: by default 300, or 500 of three lines."""
-    bounds: tuple[float, float, float, float, float, float] | None = None
+    bounds: Bounds | None = None
     """Lowest and highest corner of the box that the volume covers, world units: x y z x y z. By default that of the
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
     carve: bool = True
@@ -80,10 +78,7 @@ class TensorfRecipe:
     tv_appearance: float = 0.0
     """Weight of the total variation of appearance's planes; 0.01 there."""
 
-    most: ClassVar[None] = None
-    random_points: ClassVar[int] = 0
-    start: ClassVar[None] = None
-    packings: ClassVar[tuple[tuple[str, str], ...]] = ()
+    paper_steps: ClassVar[int] = 30_000
 
     def __post_init__(self) -> None:
         self._refuse_counts()
@@ -93,28 +88,18 @@ class TensorfRecipe:
         for name in ("l1", "tv_density", "tv_appearance"):
             if not 0 <= (getattr(self, name) or 0.0) < math.inf:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give 0 (none) or more")
-        if self.bounds is not None:
-            low, high = self.bounds[:3], self.bounds[3:]
-            if not all(math.isfinite(a) and math.isfinite(b) and a < b for a, b in zip(low, high, strict=True)):
-                raise RecipeError(
-                    f"bounds are {' '.join(f'{v:g}' for v in self.bounds)}; give the lowest corner, x y z, then the "
-                    "highest, each of its numbers above the lowest corner's"
-                )
+        self.refuse_bounds()
 
     def _refuse_counts(self) -> None:
-        bounds = {
-            "rays": (1, MOST_RAYS),
-            "density_components": (1, MOST_COMPONENTS),
-            "appearance_components": (1, MOST_COMPONENTS),
-            "features": (1, MOST_UNITS),
-            "hidden": (1, MOST_UNITS),
-            "first_side": (2, LARGEST_SIDE),
-            "last_side": (2, LARGEST_SIDE),
-        }
-        for name, (least, most) in bounds.items():
-            value = getattr(self, name)
-            if value is not None and not least <= value <= most:
-                raise RecipeError(f"{name} is {value}; give {least} to {most}")
+        self.refuse_counts(
+            rays=(1, MOST_RAYS),
+            density_components=(1, MOST_COMPONENTS),
+            appearance_components=(1, MOST_COMPONENTS),
+            features=(1, MOST_UNITS),
+            hidden=(1, MOST_UNITS),
+            first_side=(2, LARGEST_SIDE),
+            last_side=(2, LARGEST_SIDE),
+        )
         if self.final_side < self.first_side:
             raise RecipeError(f"last_side is {self.final_side}, below first_side, {self.first_side}; give as much")
 
@@ -129,30 +114,34 @@ class TensorfRecipe:
         """Of a cube with as many voxels as the grid at the end."""
         return self.last_side or (300 if self.decomposition == "vm" else 500)
 
-    def at_share(self, steps: tuple[int, ...]) -> tuple[int, ...]:
-        """Steps of the paper's run as steps of this one."""
-        return tuple(max(round(step * self.steps / PAPER_STEPS), 1) for step in steps)
+    @property
+    def emptied(self) -> tuple[int, ...]:
+        return tuple(dict.fromkeys(self.at_share(EMPTIED)))
 
-    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[TensorfRecipe, str | None]":
-        """With the box that it covers, and where that is from."""
-        if self.bounds is not None:
-            return self, None
-        from ringlight.methods.volume_box import in_words, volume_box
+    @property
+    def refined(self) -> dict[int, float]:
+        from ringlight.volume.grids import growing
 
-        chosen = volume_box(scene)
-        a, b, c, d, e, f = chosen.box.flatten().tolist()
-        return replace(self, bounds=(a, b, c, d, e, f)), in_words(chosen)
+        return dict(zip(self.at_share(REFINED), growing(self.first_side, self.final_side, len(REFINED)), strict=True))
 
-    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        from ringlight.methods.volume_training import volume_training
+    @property
+    def smaller_sides(self) -> tuple[int, ...]:
+        return tuple(range(self.final_side, 1, -1))
 
-        recipe, _ = self.settled(scene, rasterize, seed)
-        return volume_training(recipe, scene, rasterize, seed)
+    def remedy(self, side: int) -> str:
+        return f"give --last-side {side} or less"
 
-    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "VolumeModel":
+    def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
         from ringlight.volume.grids import sides_of
 
-        return self.model_of(sides_of(box, self.first_side**3), box)
+        x, y, z = sides_of(box, side**3)
+        nodes = x + y + z + (x * y + x * z + y * z if self.decomposition == "vm" else 0)
+        return COPIES * sum(self.components) * nodes
+
+    def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
+        from ringlight.volume.grids import sides_of
+
+        return self.model_of(sides_of(box, self.first_side**3), box, seed)
 
     def model_of(self, sides: "Sides", box: "Float[Tensor, '2 3']", seed: int = 0) -> "VolumeModel":
         """With a grid of so many nodes, drawn by ``seed``."""
@@ -168,20 +157,24 @@ class TensorfRecipe:
     def groups(self) -> dict[str, Adam]:
         """Adam's, by parameter name."""
         return {
-            "field.*_factors.*": Adam(self._rate(self.rate), BETAS, EPSILON),
-            "*": Adam(self._rate(self.network_rate), BETAS, EPSILON),
+            "field.*_factors.*": Adam(self.falling(self.rate, LAST_RATE), BETAS, EPSILON),
+            "*": Adam(self.falling(self.network_rate, LAST_RATE), BETAS, EPSILON),
         }
 
-    def _rate(self, first: float) -> Rate | RateInParts:
-        """Falling, and set back after each refinement."""
-        ends = [*(step / self.steps for step in self.at_share(REFINED)), 1.0]
-        begins = [0.0, *ends[:-1]]
-        parts = [
-            Part(end, Rate(first, first * LAST_RATE ** (end - begin)))
-            for begin, end in zip(begins, ends, strict=True)
-            if end > begin
-        ]
-        return RateInParts(tuple(parts))
+    def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
+        from ringlight.fit.regularizers.factor_size import FactorSize
+        from ringlight.fit.regularizers.factor_variation import FactorVariation
+
+        names = [name for name, _ in model.named_parameters()]
+        terms: dict[str, Regularizer] = {}
+        if any(self.l1_weights):
+            density = [name for name in names if name.startswith("field.density_factors.")]
+            terms["l1"] = FactorSize(lambda: density, *self.l1_weights, until=self.emptied[0])
+        for of, weight in (("density", self.tv_density), ("appearance", self.tv_appearance)):
+            if weight:
+                planes = [name for name in names if name.startswith(f"field.{of}_factors.planes.")]
+                terms[f"{of} variation"] = FactorVariation(planes, weight, self.steps, LAST_RATE)
+        return terms
 
     @property
     def l1_weights(self) -> tuple[float, float]:
@@ -191,18 +184,6 @@ class TensorfRecipe:
             return weight, weight
         first = 8e-5 if self.l1 is None else self.l1
         return first, first / 2
-
-    def ending_with(self, most: int | None, dropping: bool = True) -> "TensorfRecipe":
-        """Itself: its grid has the side that it says."""
-        return self
-
-    def never_above(self, most: int) -> "TensorfRecipe":
-        """Itself likewise."""
-        return self
-
-    def without_effect(self) -> dict[str, str]:
-        """Nothing."""
-        return {}
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "TensorfRecipe":
         """With a model of the resolution, and of the bits of what is not empty, that a file has."""

@@ -35,10 +35,18 @@ class VolumeField(Protocol):
         """What is trained, with names."""
         ...
 
+    def fitting(self, box: Float[Tensor, "2 3"], voxels: float) -> Sides:
+        """The resolution that it can have whose voxels in this box, world units, are nearest to so many."""
+        ...
+
     def resize(self, sides: Sides) -> None:
         """Take another resolution, showing the same as well as it can."""
         ...
 
+    def cuttable(self, first: Sides, last: Sides) -> tuple[Sides, Sides]:
+        """The least part that it can be cut to with the nodes from ``first`` to ``last`` in it, both included."""
+        ...
+
     def crop(self, first: Sides, last: Sides) -> None:
-        """Keep the nodes from ``first`` to ``last`` alone, both included; the box is then theirs."""
+        """Keep this part alone, one of those that :meth:`cuttable` gives; the box is then its nodes'."""
         ...

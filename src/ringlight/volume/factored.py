@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from ringlight.fields.networks import fan_in_uniform
 from ringlight.volume.contract import Sides
 from ringlight.volume.factors import Decomposition, Factors
+from ringlight.volume.grids import sides_of
 
 
 class FactoredField(nn.Module):
@@ -47,10 +48,18 @@ class FactoredField(nn.Module):
         kind, components, features = self._made
         return dict(FactoredField(kind, sides, components, features, torch.Generator()).named_parameters())
 
+    def fitting(self, box: Float[Tensor, "2 3"], voxels: float) -> Sides:
+        """Cubes."""
+        return sides_of(box, voxels)
+
     def resize(self, sides: Sides) -> None:
         """See :class:`ringlight.volume.contract.VolumeField`."""
         self.density_factors.resize(sides)
         self.appearance_factors.resize(sides)
+
+    def cuttable(self, first: Sides, last: Sides) -> tuple[Sides, Sides]:
+        """These nodes."""
+        return first, last
 
     def crop(self, first: Sides, last: Sides) -> None:
         """See :class:`ringlight.volume.contract.VolumeField`."""

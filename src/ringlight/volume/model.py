@@ -19,7 +19,7 @@ from ringlight.data.rays import RayBatch, Rays, rays_of
 from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
 from ringlight.volume import kernels, looked_for
-from ringlight.volume.contract import Sides, VolumeField
+from ringlight.volume.contract import VolumeField
 from ringlight.volume.factored import FactoredField
 from ringlight.volume.grids import FEWEST_NODES
 from ringlight.volume.kernels import Marched, density_at, runs_native
@@ -62,7 +62,7 @@ class VolumeModel(nn.Module):
     occupied: Tensor
     unit: Tensor
     row_prefixes: tuple[str, ...] = ()
-    resized_prefixes: tuple[str, ...] = ("field.density_factors.", "field.appearance_factors.", "occupied")
+    resized_prefixes: tuple[str, ...] = ("field.", "occupied")
     note: str | None = None
 
     def __init__(self, field: VolumeField, shading: FeatureShading, box: Float[Tensor, "2 3"]):
@@ -212,7 +212,7 @@ class VolumeModel(nn.Module):
         self._refuse_uneven()
 
     def _refuse_uneven(self) -> None:
-        """Raise ValueError unless all factors are of one resolution."""
+        """Raise ValueError unless all of the field is of one resolution."""
         sides = self.field.sides
         if min(sides) < FEWEST_NODES:
             raise ValueError(f"a grid of {sides} nodes; there must be at least {FEWEST_NODES} along each axis")
@@ -225,9 +225,9 @@ class VolumeModel(nn.Module):
     def splats(self) -> None:
         """None: nothing is splatted."""
 
-    def resize(self, sides: Sides) -> None:
-        """The grid gets this resolution."""
-        self.field.resize(sides)
+    def refine(self, voxels: float) -> None:
+        """The grid gets about so many voxels."""
+        self.field.resize(self.field.fitting(self.box, voxels))
 
     def skip_all_but(self, occupied: Bool[Tensor, "X Y Z"]) -> None:
         """From now on rays skip the other cells of the box. Z is a multiple of eight."""
@@ -263,7 +263,8 @@ class VolumeModel(nn.Module):
         ends = torch.stack([inner[0].floor(), inner[1].ceil()]).clamp_min(0).minimum(last).long()
         ends[1] = ends[1].maximum(ends[0] + 1).minimum(last.long())
         ends[0] = ends[0].minimum(ends[1] - 1)
-        first, final = (tuple(corner) for corner in ends.tolist())
+        first, final = self.field.cuttable(*((x, y, z) for x, y, z in ends.tolist()))
+        ends = torch.tensor([first, final]).to(ends)
         if first == (0, 0, 0) and final == tuple(side - 1 for side in sides):
             return False
         self.field.crop(first, final)

@@ -7,7 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.volume.tensor_train import AXES, OCTANTS, Cores
+from ringlight.volume.tensor_train import Cores
+from ringlight.volume.tt_ranks import AXES, OCTANTS
 from ringlight.volume.tt_rounding import rounded
 
 STAYS, MOVES, LAST = range(3)

@@ -9,34 +9,26 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ringlight.volume.tt_ranks import AXES, OCTANTS
+
 Cores = Sequence[Float[Tensor, "_ _ _"]]
 """[left rank, octants, right rank] of each, from the coarsest level to the finest; the first one's left rank is the
 payload's width, the last one's right rank 1. A core's octant is 4 x + 2 y + z for the bits of its level."""
 
-OCTANTS = 8
-AXES = 3
 
-
-def ranks_of(payload: int, levels: int, most: int) -> tuple[int, ...]:
-    """Left rank of each core and the right rank of the last: no more than either side of a cut has entries."""
-    inner = (min(payload * OCTANTS**k, OCTANTS ** (levels - k), most) for k in range(1, levels))
-    return (payload, *inner, 1)
-
-
-def numbers_of(payload: int, levels: int, most: int) -> int:
-    """Entries of all cores of such a train."""
-    ranks = ranks_of(payload, levels, most)
-    return sum(left * OCTANTS * right for left, right in zip(ranks, ranks[1:], strict=False))
+def spread_bits(side: int) -> Int[Tensor, "S"]:
+    """Of 0 to ``side`` - 1: their bits, with two zeros after each."""
+    numbers = torch.arange(side, dtype=torch.int32)
+    spread = torch.zeros_like(numbers)
+    for level in range(max(side - 1, 1).bit_length()):
+        spread |= ((numbers >> level) & 1) << (AXES * level)
+    return spread
 
 
 def octant_path(nodes: Int[Tensor, "N 3"], levels: int) -> Int[Tensor, "N"]:
     """Numbers of nodes in Morton order: three bits a level, the coarsest first, those of x before y before z."""
-    path = torch.zeros_like(nodes[:, 0])
-    for level in range(levels):
-        for axis in range(AXES):
-            bit = (nodes[:, axis] >> level) & 1
-            path |= bit << (AXES * level + AXES - 1 - axis)
-    return path
+    x, y, z = spread_bits(1 << levels)[nodes].unbind(-1)
+    return (x << 2) | (y << 1) | z
 
 
 def prefixes(cores: Cores) -> Float[Tensor, "r P s"]:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from ringlight.core.rendering import Rendering
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.stateless import Stateless
-from ringlight.volume.grids import sides_of
 from ringlight.volume.model import VolumeModel
 
 
@@ -18,5 +17,5 @@ class RefineGrid(Stateless):
     def update(self, step: int, model: VolumeModel, optimizer: Optimizer, prediction: Rendering) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
         if step in self.voxels:
-            model.resize(sides_of(model.box, self.voxels[step]))
+            model.refine(self.voxels[step])
             optimizer.begin_anew()

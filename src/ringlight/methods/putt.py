@@ -1,0 +1,238 @@
+"""putt: a volume of density and appearance, as two quantised tensor trains that go from coarse to fine.
+
+Loeschcke, Wang, Leth-Espensen, Belongie, Kastoryano, Benaim: Coarse-To-Fine Tensor Trains for Compact Visual
+Representations, ICML 2024. The numbers are those of its published settings. What differs: docs/methods/putt.md.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from ringlight.core.words import MEGABYTE
+from ringlight.errors import RecipeError
+from ringlight.fit.rates import Adam, check_rates
+from ringlight.methods.volume_recipe import BETAS, EPSILON, MOST_RAYS, MOST_UNITS, Bounds, VolumeRecipe
+from ringlight.volume.tt_ranks import numbers_of
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.fit.regularizers.contract import Regularizer
+    from ringlight.rasterize.contract import Rasterizer
+    from ringlight.volume.model import VolumeModel
+
+REFINED = (250, 500, 2000, 4000, 8000, 12_000, 16_000, 20_000)
+"""Steps of the paper's run after which the grid is refined; the paper doubles it four times."""
+
+PAPER_DOUBLINGS = 4
+
+EMPTIED = (2000, 4000)
+"""Steps of the paper's run after which empty space is found."""
+
+WARM_UP = 100
+"""Steps of the paper's run over which the trains' rate rises."""
+
+LAST_RATE = 0.07
+"""Share of a learning rate that is left after a whole run, if nothing sets it back."""
+
+PAPER_RANKS = (200, 280)
+"""Of density and appearance."""
+
+SMALLEST_SIDE, LARGEST_SIDE, FEWEST_RANKS, MOST_RANKS = 4, 1024, 2, 1024
+"""Beyond these a number is a mistake."""
+
+MOST_CELLS = 160
+"""Along an axis, of which a bit says what is empty: volume/occupancy.py."""
+
+COPIES = 6
+"""Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and one spare."""
+
+
+@dataclass(frozen=True)
+class PuttRecipe(VolumeRecipe):
+    """PuTT (Loeschcke et al. 2024): density and appearance as tensor trains, coarse to fine, and a small network."""
+
+    steps: int = 15_000
+    """Training steps of a lot of rays each; the paper's schedules scale with them."""
+    rays: int = 4096
+    """Rays of a step, drawn from all photographs."""
+    size: float | None = None
+    """Megabytes of the model, which decide both ranks, in the paper's proportion. By default the paper's ranks."""
+    density_rank: int | None = None
+    """Largest rank of density's train: by default the paper's, 200."""
+    appearance_rank: int | None = None
+    """Largest rank of appearance's train: by default the paper's, 280."""
+    features: int = 27
+    """Numbers that the train of appearance gives the network."""
+    hidden: int = 128
+    """Units of both hidden layers."""
+    coarsest: int = 16
+    """Nodes along each axis at the start, a power of two."""
+    finest: int = 256
+    """Nodes along each axis at the end, a power of two."""
+    bounds: Bounds | None = None
+    """Lowest and highest corner of the box that the volume covers, world units: x y z x y z. By default that of the
+    masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
+    carve: bool = True
+    """Begin with what masks, or an even background, leave of the box; without, as in the paper, with all of it."""
+    rate: float = 8e-4
+    """Learning rate of the trains; it falls to 0.07 of that over a run, and is set back when the grid is refined."""
+    network_rate: float = 1e-3
+    """Learning rate of the network."""
+    l1: float = 1e-5
+    """Weight of the mean absolute value of the cores of density's train."""
+
+    paper_steps: ClassVar[int] = 80_000
+
+    def __post_init__(self) -> None:
+        ranks = (FEWEST_RANKS, MOST_RANKS)
+        self.refuse_counts(
+            rays=(1, MOST_RAYS),
+            density_rank=ranks,
+            appearance_rank=ranks,
+            features=(1, MOST_UNITS),
+            hidden=(1, MOST_UNITS),
+            coarsest=(SMALLEST_SIDE, LARGEST_SIDE),
+            finest=(SMALLEST_SIDE, LARGEST_SIDE),
+        )
+        for name in ("coarsest", "finest"):
+            side = getattr(self, name)
+            if side & (side - 1):
+                below = 1 << (side.bit_length() - 1)
+                raise RecipeError(f"{name} is {side}; give a power of two, such as {below} or {2 * below}")
+        if self.finest < self.coarsest:
+            raise RecipeError(f"finest is {self.finest}, below coarsest, {self.coarsest}; give as much")
+        check_rates(rate=self.rate, network_rate=self.network_rate)
+        if not 0 <= self.l1 < math.inf:
+            raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
+        self.refuse_bounds()
+        self._refuse_size()
+
+    def _refuse_size(self) -> None:
+        if self.size is None:
+            return
+        given = next((n for n in ("density_rank", "appearance_rank") if getattr(self, n) is not None), None)
+        if given is not None:
+            raise RecipeError(f"size and {given} are given, and both decide the rank; leave one away")
+        least, most = (self._bytes(_in_proportion(rank)) / MEGABYTE for rank in (FEWEST_RANKS, MOST_RANKS))
+        if not least <= self.size <= most:
+            raise RecipeError(
+                f"size is {self.size:g}; trains of {self.finest} cubed and their network take {least:.2g} to "
+                f"{most:.0f} megabytes; give one of these, such as 12"
+            )
+
+    @property
+    def ranks(self) -> tuple[int, int]:
+        """Largest ranks of density and appearance."""
+        if self.size is None:
+            return self.density_rank or PAPER_RANKS[0], self.appearance_rank or PAPER_RANKS[1]
+        fits = FEWEST_RANKS
+        for rank in range(FEWEST_RANKS, MOST_RANKS + 1):
+            if self._bytes(_in_proportion(rank)) > self.size * MEGABYTE:
+                break
+            fits = rank
+        return _in_proportion(fits)
+
+    def _bytes(self, ranks: tuple[int, int]) -> int:
+        """Of a model at the end, with bits for all cells."""
+        inputs = 5 * (self.features + 3)
+        network = (inputs + self.hidden + 2) * self.hidden + 3 * (self.hidden + 1)
+        return 4 * (network + self._numbers(_levels(self.finest), ranks)) + min(self.finest, MOST_CELLS) ** 3 // 8
+
+    def _numbers(self, levels: int, ranks: tuple[int, int]) -> int:
+        """Of both trains."""
+        return numbers_of(1, levels, ranks[0]) + numbers_of(self.features, levels, ranks[1])
+
+    @property
+    def emptied(self) -> tuple[int, ...]:
+        return tuple(dict.fromkeys(self.at_share(EMPTIED)))
+
+    @property
+    def refined(self) -> dict[int, float]:
+        first, last = _levels(self.coarsest), _levels(self.finest)
+        times = last - first
+        at = self.at_share(REFINED[max(PAPER_DOUBLINGS - times, 0) :][:times])
+        return {step: float(8 ** (first + 1 + k)) for k, step in enumerate(at)}
+
+    @property
+    def final_side(self) -> int:
+        return self.finest
+
+    @property
+    def smaller_sides(self) -> tuple[int, ...]:
+        return tuple(1 << level for level in range(_levels(self.finest), 1, -1))
+
+    def remedy(self, side: int) -> str:
+        return f"give --finest {side} or less, or smaller ranks"
+
+    def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
+        levels = _levels(side)
+        # Entries of all blocks and their gradients; matrices of blocks, theirs, and a copy in order.
+        entries = 2 * 8**levels
+        matrices = 3 * 8 ** (levels // 2) * self.features * self.ranks[1]
+        return COPIES * self._numbers(levels, self.ranks) + entries + matrices
+
+    def groups(self) -> dict[str, Adam]:
+        """Adam's, by parameter name."""
+        return {
+            "field.*": Adam(self.falling(self.rate, LAST_RATE, WARM_UP), BETAS, EPSILON),
+            "*": Adam(self.falling(self.network_rate, LAST_RATE), BETAS, EPSILON),
+        }
+
+    def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
+        return self.model_of(self.coarsest, box, seed)
+
+    def model_of(self, side: int, box: "Float[Tensor, '2 3']", seed: int = 0) -> "VolumeModel":
+        """With so many nodes along each axis, drawn by ``seed``."""
+        from ringlight.core.randomness import generator
+        from ringlight.volume.model import VolumeModel
+        from ringlight.volume.shading import FeatureShading
+        from ringlight.volume.tensor_train_field import TensorTrainField
+
+        drawn = generator(seed, 0, "volume")
+        field = TensorTrainField(_levels(side), _levels(self.finest), self.ranks, self.features, drawn)
+        return VolumeModel(field, FeatureShading(self.features, self.hidden, drawn), box)
+
+    def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
+        from ringlight.fit.regularizers.factor_size import FactorSize
+
+        def cores() -> list[str]:
+            """Of the levels that are reached."""
+            return [f"field.density_train.cores.{k}" for k in range(_levels(model.field.sides[0]))]
+
+        return {"l1": FactorSize(cores, self.l1, self.l1, until=0)} if self.l1 else {}
+
+    def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "PuttRecipe":
+        """With a model of the resolution, and of the bits of what is not empty, that a file has."""
+        ranks = [shapes.get(f"field.density_train.cores.{k}", (1,)) for k in range(_levels(self.finest))]
+        levels = 1 + sum(bool(shape) and shape[0] > 1 for shape in ranks[1:])
+        bits = shapes.get("occupied", ())
+        if levels < _levels(SMALLEST_SIDE) or len(bits) != 3:
+            return self
+        return _Stored(**vars(self), side=1 << levels, bits=(bits[0], bits[1], bits[2]))
+
+
+@dataclass(frozen=True)
+class _Stored(PuttRecipe):
+    """The recipe of a file, whose training is over."""
+
+    side: int = 4
+    bits: tuple[int, int, int] = (1, 1, 1)
+
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "VolumeModel":
+        import torch
+
+        model = self.model_of(self.side, box)
+        model.occupied = torch.zeros(self.bits, dtype=torch.uint8)
+        return model
+
+
+def _levels(side: int) -> int:
+    return side.bit_length() - 1
+
+
+def _in_proportion(appearance: int) -> tuple[int, int]:
+    """Ranks in the paper's proportion."""
+    return max(round(appearance * PAPER_RANKS[0] / PAPER_RANKS[1]), FEWEST_RANKS), appearance

@@ -1,0 +1,159 @@
+"""What recipes of volumes have in common: a box, rays of all photographs, a grid that is refined while it trains."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import Field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from ringlight.errors import RecipeError
+from ringlight.fit.rates import Adam, Part, Rate, RateInParts
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+    from torch import Tensor
+
+    from ringlight.core.scene import Scene
+    from ringlight.fit.regularizers.contract import Regularizer
+    from ringlight.fit.train import Training
+    from ringlight.rasterize.contract import Rasterizer
+    from ringlight.volume.model import VolumeModel
+
+BETAS, EPSILON = (0.9, 0.99), 1e-8
+"""Adam's, of TensoRF and of what is built on it."""
+
+MOST_UNITS, MOST_RAYS = 1024, 1 << 20
+"""Beyond these a number is a mistake."""
+
+Bounds = tuple[float, float, float, float, float, float]
+"""Lowest and highest corner of a box, world units: x y z x y z."""
+
+Volume = TypeVar("Volume", bound="VolumeRecipe")
+
+
+class VolumeRecipe(ABC):
+    """Base of recipes whose model is a :class:`ringlight.volume.model.VolumeModel`. The paper's schedules scale with
+    ``steps``."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+    paper_steps: ClassVar[int]
+    """Length of the paper's run."""
+    most: ClassVar[None] = None
+    random_points: ClassVar[int] = 0
+    start: ClassVar[None] = None
+    packings: ClassVar[tuple[tuple[str, str], ...]] = ()
+    steps: int
+    rays: int
+    bounds: Bounds | None
+    carve: bool
+
+    @property
+    @abstractmethod
+    def emptied(self) -> tuple[int, ...]:
+        """Steps after which empty space is found."""
+
+    @property
+    @abstractmethod
+    def refined(self) -> Mapping[int, float]:
+        """Steps after which the grid is refined, and its voxels then."""
+
+    @property
+    @abstractmethod
+    def final_side(self) -> int:
+        """Of a cube with as many voxels as the grid at the end."""
+
+    @property
+    @abstractmethod
+    def smaller_sides(self) -> tuple[int, ...]:
+        """Sides that could be given instead, the largest first."""
+
+    @abstractmethod
+    def remedy(self, side: int) -> str:
+        """How to ask for this one."""
+
+    @abstractmethod
+    def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
+        """Roughly how many numbers a training keeps with a grid of such a side in this box."""
+
+    @abstractmethod
+    def groups(self) -> dict[str, Adam]:
+        """Adam's, by parameter name."""
+
+    @abstractmethod
+    def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
+        """As it is before its first step."""
+
+    @abstractmethod
+    def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
+        """What is added to the loss, by name."""
+
+    def at_share(self, steps: tuple[int, ...]) -> tuple[int, ...]:
+        """Steps of the paper's run as steps of this one."""
+        return tuple(max(round(step * self.steps / self.paper_steps), 1) for step in steps)
+
+    def falling(self, first: float, last_share: float, warm_up: int = 0) -> RateInParts:
+        """A rate that falls to ``last_share`` of ``first`` over a run, and is set back after each refinement. It rises
+        to its start over ``warm_up`` steps of the paper's run."""
+        warm = warm_up / self.paper_steps
+        ends = [*(step / self.steps for step in self.refined), 1.0]
+        begins = [0.0, *ends[:-1]]
+        parts = [
+            Part(end, Rate(first, first * last_share ** (end - begin)))
+            for begin, end in zip(begins, ends, strict=True)
+            if end > begin
+        ]
+        rising = [Part(warm, Rate(first * COLD, first))] if warm_up and warm < parts[0].end else []
+        return RateInParts((*rising, *parts))
+
+    def settled(self: Volume, scene: "Scene", rasterize: "Rasterizer", seed: int) -> tuple[Volume, str | None]:
+        """With the box that it covers, and where that is from."""
+        if self.bounds is not None:
+            return self, None
+        from ringlight.methods.volume_box import in_words, volume_box
+
+        chosen = volume_box(scene)
+        a, b, c, d, e, f = chosen.box.flatten().tolist()
+        return replace(self, bounds=(a, b, c, d, e, f)), in_words(chosen)
+
+    def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
+        from ringlight.methods.volume_training import volume_training
+
+        recipe, _ = self.settled(scene, rasterize, seed)
+        return volume_training(recipe, scene, rasterize, seed)
+
+    def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "VolumeModel":
+        return self.first_model(box, 0)
+
+    def ending_with(self: Volume, most: int | None, dropping: bool = True) -> Volume:
+        """Itself: its grid has the side that it says."""
+        return self
+
+    def never_above(self: Volume, most: int) -> Volume:
+        """Itself likewise."""
+        return self
+
+    def without_effect(self) -> dict[str, str]:
+        """Nothing."""
+        return {}
+
+    def refuse_counts(self, **bounds: tuple[int, int]) -> None:
+        """Raise RecipeError for a setting, if it is given, beyond the least and the most that it can be."""
+        for name, (least, most) in bounds.items():
+            value = self.__dict__[name]
+            if value is not None and not least <= value <= most:
+                raise RecipeError(f"{name} is {value}; give {least} to {most}")
+
+    def refuse_bounds(self) -> None:
+        """Raise RecipeError for a box without an inside."""
+        if self.bounds is None:
+            return
+        low, high = self.bounds[:3], self.bounds[3:]
+        if not all(math.isfinite(a) and math.isfinite(b) and a < b for a, b in zip(low, high, strict=True)):
+            raise RecipeError(
+                f"bounds are {' '.join(f'{v:g}' for v in self.bounds)}; give the lowest corner, x y z, then the "
+                "highest, each of its numbers above the lowest corner's"
+            )
+
+
+COLD = 0.1
+"""Share of a rate at which it begins to rise."""

@@ -1,0 +1,132 @@
+"""Density and appearance as two quantised tensor trains (PuTT, Loeschcke et al. 2024, section 3)."""
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ringlight.volume.contract import Sides
+from ringlight.volume.prolongation import prolonged
+from ringlight.volume.tt_corners import Corners, corners_of
+from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
+from ringlight.volume.tt_sampling import from_blocks, from_points
+
+FIRST_DEVIATION = 0.1
+"""Standard deviation of a grid's entries at the start."""
+
+FEWEST_LEVELS = 2
+"""One for blocks and one for nodes in them."""
+
+LEVELS_OF_BLOCKS = 6
+"""Of appearance: up to this resolution, 64 cubed, entries of blocks are written down (docs/methods/putt.md)."""
+
+
+class TensorTrain(nn.Module):
+    """``cores.k`` [r 8 s]: one for each level that there may be. Those of levels that are not reached yet are ones, of
+    shape [1 8 1]: what a node has, all within it have."""
+
+    def __init__(self, payload: int, levels: int, deepest: int, most: int, generator: torch.Generator):
+        super().__init__()
+        self.payload, self.most = payload, most
+        ranks = ranks_of(payload, levels, most)
+        self.cores = nn.ParameterList()
+        for k in range(levels):
+            core = torch.empty(ranks[k], OCTANTS, ranks[k + 1]).normal_(0, 1, generator=generator)
+            # Sums over a left rank keep the entries' variance; the payload is no sum.
+            self.cores.append(nn.Parameter(core * FIRST_DEVIATION ** (1 / levels) * (ranks[k] ** -0.5 if k else 1.0)))
+        self.cores.extend([nn.Parameter(torch.ones(1, OCTANTS, 1)) for _ in range(levels, deepest)])
+
+    @property
+    def levels(self) -> int:
+        """Of its resolution: 2 to this power nodes along each axis."""
+        return 1 + sum(core.shape[0] > 1 for core in list(self.cores)[1:])
+
+    @property
+    def reached(self) -> list[Tensor]:
+        """The cores of its levels."""
+        return list(self.cores)[: self.levels]
+
+    @torch.no_grad()
+    def double(self) -> None:
+        """Take one more level."""
+        finer, _ = prolonged(self.reached, self.most)
+        for k, core in enumerate(finer):
+            self.cores[k] = nn.Parameter(core)
+
+
+class TensorTrainField(nn.Module):
+    """A scalar train of density, and one of appearance that carries ``features`` in its first core."""
+
+    def __init__(self, levels: int, deepest: int, ranks: tuple[int, int], features: int, generator: torch.Generator):
+        super().__init__()
+        self._made = (deepest, ranks, features)
+        self.density_train = TensorTrain(1, levels, deepest, ranks[0], generator)
+        self.appearance_train = TensorTrain(features, levels, deepest, ranks[1], generator)
+
+    @property
+    def levels(self) -> int:
+        """Of its resolution."""
+        return self.density_train.levels
+
+    @property
+    def sides(self) -> Sides:
+        """Nodes along x, y and z."""
+        side = 1 << self.levels
+        return side, side, side
+
+    def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        return self._sampled(self.density_train, points)[:, 0]
+
+    def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        return self._sampled(self.appearance_train, points)
+
+    def outline(self, sides: Sides) -> dict[str, Tensor]:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        deepest, ranks, features = self._made
+        levels = _levels_of(sides)
+        return dict(TensorTrainField(levels, deepest, ranks, features, torch.Generator()).named_parameters())
+
+    def fitting(self, box: Float[Tensor, "2 3"], voxels: float | int) -> Sides:
+        """A power of two along each axis, whatever the box."""
+        deepest, _, _ = self._made
+        side = 1 << min(max(round(math.log2(voxels) / AXES), FEWEST_LEVELS), deepest)
+        return side, side, side
+
+    def cuttable(self, first: Sides, last: Sides) -> tuple[Sides, Sides]:
+        """All of it."""
+        x, y, z = self.sides
+        return (0, 0, 0), (x - 1, y - 1, z - 1)
+
+    def resize(self, sides: Sides) -> None:
+        """See :class:`ringlight.volume.contract.VolumeField`."""
+        for _ in range(self.levels, _levels_of(sides)):
+            self.density_train.double()
+            self.appearance_train.double()
+
+    def crop(self, first: Sides, last: Sides) -> None:
+        """Nothing: see :meth:`cuttable`."""
+
+    def _sampled(self, train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
+        return sampled(train, corners_of(points, train.levels))
+
+
+def sampled(train: TensorTrain, corners: Corners) -> Float[Tensor, "N C"]:
+    """By the way that is faster on a CPU."""
+    cores = train.reached
+    if not len(corners.paths):
+        return corners.shares.new_zeros(0, train.payload)
+    first = len(cores) // 2
+    if train.payload == 1 or len(cores) <= LEVELS_OF_BLOCKS:
+        return from_blocks(cores, corners, first)
+    return from_points(cores, corners, first)
+
+
+def _levels_of(sides: Sides) -> int:
+    """Raises ValueError for sides that no train has."""
+    levels = max(sides[0] - 1, 1).bit_length()
+    if sides != (1 << levels,) * AXES:
+        raise ValueError(f"a tensor train has a power of two of nodes along each axis, not {sides}")
+    return levels

@@ -1,0 +1,99 @@
+"""Whichever way a tensor train is sampled, values and gradients are those of single entries, linear in between."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from ringlight.volume.tensor_train import gathered, grid_of
+from ringlight.volume.tensor_train_field import TensorTrain, TensorTrainField
+from ringlight.volume.tt_corners import corners_of
+from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
+from volume.trains import drawn_cores
+
+SAME = {"rtol": 1e-9, "atol": 1e-9}
+
+
+def points(count: int, seed: int = 0, dtype: torch.dtype = torch.float64) -> torch.Tensor:
+    """Most within the box, some beyond it, some on its border and on nodes."""
+    drawn = torch.Generator().manual_seed(seed)
+    places = torch.rand(count, 3, generator=drawn, dtype=dtype) * 1.1 - 0.05
+    places[::7] = (places[::7] * 8).round() / 8
+    return places
+
+
+def by_single_entries(cores, corners) -> torch.Tensor:
+    entries = gathered(cores, corners.paths.flatten()).unflatten(0, (-1, 8))
+    return (entries * corners.shares[..., None]).sum(1)
+
+
+def with_gradients(way, cores, count: int):
+    leaves = [core.clone().requires_grad_() for core in cores]
+    places = points(count).requires_grad_()
+    values = way(leaves, corners_of(places, len(cores)))
+    weights = torch.randn(values.shape, generator=torch.Generator().manual_seed(1), dtype=values.dtype)
+    found = torch.autograd.grad((values * weights).sum(), [*leaves, places])
+    return [values.detach(), *found]
+
+
+@given(some.integers(1, 3), some.integers(2, 4), some.integers(2, 20), some.integers(1, 60), some.data())
+@settings(deadline=None, max_examples=25)
+def test_all_ways_agree_in_values_and_gradients(payload: int, levels: int, most: int, count: int, data):
+    first = data.draw(some.integers(1, levels - 1))
+    cores = drawn_cores(payload, levels, most)
+    expected = with_gradients(by_single_entries, cores, count)
+    for way in (from_grid, lambda *of: from_blocks(*of, first), lambda *of: from_points(*of, first)):
+        for one, other in zip(with_gradients(way, cores, count), expected, strict=True):
+            torch.testing.assert_close(one, other, **SAME)
+
+
+def test_values_are_those_of_the_grid_linear_between_its_nodes():
+    cores = drawn_cores(2, 3, 10)
+    grid = grid_of(cores)
+    places = points(300)
+    at = places.clamp(0, 1) * 8
+    low = at.floor().clamp_max(7)
+    share = (at - low).unbind(-1)
+    (x, y, z), (x1, y1, z1) = low.long().unbind(-1), (low + 1).clamp_max(7).long().unbind(-1)
+    expected = 0
+    for i, j, k in ((i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)):
+        weight = (share[0] if i else 1 - share[0]) * (share[1] if j else 1 - share[1])
+        weight = weight * (share[2] if k else 1 - share[2])
+        expected = expected + weight[:, None] * grid[x1 if i else x, y1 if j else y, z1 if k else z]
+    torch.testing.assert_close(from_grid(cores, corners_of(places, 3)), expected, **SAME)
+
+
+@pytest.mark.parametrize("payload", [1, 3])
+def test_a_doubled_train_shows_the_same(payload: int):
+    drawn = torch.Generator().manual_seed(0)
+    train = TensorTrain(payload, 3, 5, 200, drawn).to(torch.float64)
+    places = points(500)
+    before = from_grid(train.reached, corners_of(places, 3))
+    train.double()
+    assert train.levels == 4
+    torch.testing.assert_close(from_grid(train.reached, corners_of(places, 4)), before, **SAME)
+
+
+def test_levels_that_are_not_reached_change_no_entry():
+    train = TensorTrain(2, 2, 4, 20, torch.Generator().manual_seed(0))
+    coarse, all_levels = grid_of(train.reached), grid_of(list(train.cores))
+    repeated = coarse.repeat_interleave(4, 0).repeat_interleave(4, 1).repeat_interleave(4, 2)
+    torch.testing.assert_close(all_levels, repeated)
+
+
+def test_entries_begin_with_the_same_spread_at_any_resolution():
+    for levels in (2, 3, 5):
+        field = TensorTrainField(levels, 6, (200, 280), 27, torch.Generator().manual_seed(0))
+        for train in (field.density_train, field.appearance_train):
+            assert 0.05 < grid_of(train.reached).std() < 0.2
+
+
+def test_a_field_samples_by_ways_that_agree():
+    """Blocks up to 64 cubed, points beyond."""
+    field = TensorTrainField(7, 7, (12, 14), 5, torch.Generator().manual_seed(0))
+    places = points(200, dtype=torch.float32)
+    corners = corners_of(places, 7)
+    for train, values in ((field.density_train, field.density), (field.appearance_train, field.appearance)):
+        expected = from_blocks(train.reached, corners, 4)
+        torch.testing.assert_close(values(places).view_as(expected), expected, rtol=1e-4, atol=1e-6)
+        assert len(values(places[:0])) == 0
