@@ -1,8 +1,10 @@
 """The scenes that ship with the program: complete, readable, small, and refused by name when unknown."""
 
+from pathlib import Path
+
 import pytest
 
-from ringlight.data.bundled import BUNDLED, FOLDER, bundled_scene
+from ringlight.data.bundled import BUNDLED, FOLDER, bundled_scene, scene_folder
 from ringlight.data.load import load_scene
 from ringlight.errors import SceneError
 
@@ -30,6 +32,17 @@ def test_unknown_names_get_the_nearest_or_the_list():
         bundled_scene("toster")
     with pytest.raises(SceneError, match="bundled scenes: toaster, carpaint"):
         bundled_scene("garden")
+
+
+def test_a_folder_that_is_not_there_is_perhaps_a_bundled_scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError, match="toster: no such folder; perhaps you meant the bundled scene 'toaster'"):
+        scene_folder(Path("toster"))
+    for other in ("garden", "photos/toster", "../toster"):
+        assert scene_folder(Path(other)) == Path(other)
+    assert scene_folder(Path("toaster")) == FOLDER / "toaster"
+    Path("toster").mkdir()
+    assert scene_folder(Path("toster")) == Path("toster")
 
 
 def test_a_path_is_not_a_name():

@@ -12,8 +12,18 @@ BUNDLED = ("toaster", "carpaint")
 
 
 def scene_folder(path: Path) -> Path:
-    """``path``, or the bundled scene of that name where there is no such folder. Raises as :func:`bundled_scene`."""
-    return bundled_scene(str(path)) if str(path) in BUNDLED and not path.exists() else path
+    """``path``, or the bundled scene of that name where there is no such folder.
+
+    Raises SceneError for a name that is nearly a bundled one's and no folder's, else as :func:`bundled_scene`.
+    """
+    if path.exists():
+        return path
+    if str(path) in BUNDLED:
+        return bundled_scene(str(path))
+    near = get_close_matches(path.name, BUNDLED, n=1)
+    if near and str(path) == path.name:
+        raise SceneError(f"{path}: no such folder; perhaps you meant the bundled scene {near[0]!r}")
+    return path
 
 
 def bundled_scene(name: str) -> Path:
