@@ -19,7 +19,7 @@ from ringlight.files.model_file import ModelHeader
 from ringlight.files.packed import PLAN, Packed, Plan, pack_tensors
 from ringlight.models.splats import SplatModel
 
-STEP, COARSE_STEP = 1 / 1000, 1 / 400
+STEP, COARSE_STEP = 1 / 500, 1 / 250
 """Of a component, in colours, white being one."""
 
 PAGE_PLAN: Plan = (("columns.roughness", "fixed8"), ("color.network.weights.0", "half"), *PLAN)
