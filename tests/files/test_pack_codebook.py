@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ringlight.files.pack_codebook import pack_codebook, pack_codebook8, unpack_codebook, unpack_codebook8
+from ringlight.files.pack_numbers import LARGEST_HALF
 from ringlight.files.packed import pack_exactly, unpack_tensors
 
 PLAN = (("columns.sh_rest", "codebook"), ("columns.*", "half"))
@@ -88,6 +89,14 @@ def test_bytes_come_back_with_the_same_bits_once_they_are_rounded(
     if len(values):
         largest = values.abs().amax(0)
         assert ((rounded - values).abs() <= (largest / 127).clamp_min(2.0**-25) * (1 + 1e-6)).all()
+
+
+def test_bytes_never_wrap_round_at_the_largest_half_float():
+    values = torch.tensor([[LARGEST_HALF, 65_281.0], [-LARGEST_HALF, 2.0], [1.0, -65_281.0]])
+    rounded = unpack_codebook8(pack_codebook8(values))
+    assert ((rounded - values).abs() <= LARGEST_HALF / 127).all()
+    assert torch.equal(unpack_codebook8(pack_codebook8(rounded)), rounded)
+    assert torch.equal(rounded.half().float(), rounded)
 
 
 def test_a_shared_row_of_bytes_takes_two_of_them_and_a_bit():

@@ -33,13 +33,13 @@ def unpack_codebook(parts: Parts) -> Float[Tensor, "N *column"]:
 
 
 def pack_codebook8(values: Float[Tensor, "N *column"]) -> Parts:
-    """Signed bytes, in steps of a power of two for each number of a row: the error is at most half a step, 1/127 of the
-    number's largest value. |values| up to LARGEST_HALF. What comes back is packed with the same bits again, for the
-    largest code is 64 or more, and is a half float."""
+    """Signed bytes, in steps of a power of two for each number of a row: the error is at most 1/127 of the number's
+    largest value, half a step but beyond 127.5 steps of the largest. |values| up to LARGEST_HALF. What comes back is
+    packed with the same bits again, for the largest code is 64 or more, and is a half float."""
     flat = values.flatten(1)
     largest = flat.abs().amax(0) if len(flat) else flat.new_zeros(flat.shape[1])
     exponents = (largest.double() / LARGEST_CODE).log2().ceil().clamp(LEAST_EXPONENT, MOST_EXPONENT).to(torch.int64)
-    codes = (flat.double() / 2.0**exponents).round() + ZERO
+    codes = (flat.double() / 2.0**exponents).round().clamp(-LARGEST_CODE, LARGEST_CODE) + ZERO
     parts = _parts_of(codes.to(torch.uint8).reshape(values.shape))
     return parts | {"exponents": (exponents + ZERO).to(torch.uint8).reshape(values.shape[1:])}
 
