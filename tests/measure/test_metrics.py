@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 from scipy.ndimage import correlate1d
 from scipy.signal import convolve2d
 
-from ringlight.measure.metrics import mean_squared_error, psnr, psnr_pooled, psnr_u8, ssim_same_and_valid
+from ringlight.measure.metrics import (
+    mean_squared_error,
+    psnr,
+    psnr_of_different,
+    psnr_pooled,
+    psnr_u8,
+    ssim_same_and_valid,
+)
 
 WEIGHTS = np.exp(-(np.arange(-5, 6) ** 2) / (2 * 1.5**2))
 WEIGHTS /= WEIGHTS.sum()
@@ -86,6 +93,11 @@ def test_pooled_psnr_is_below_the_mean():
     errors = [mean_squared_error(*pair(16, 16, seed=4, noise=noise)) for noise in (0.01, 0.1, 0.4)]
     assert psnr_pooled(errors) == pytest.approx(-10 * math.log10(sum(errors) / 3))
     assert psnr_pooled(errors) < sum(-10 * math.log10(error) for error in errors) / 3
+
+
+def test_a_perfect_image_does_not_hide_what_the_others_lose():
+    assert psnr_of_different([math.inf, 50.0, 60.0]) == 55.0
+    assert psnr_of_different([math.inf, math.inf]) == math.inf
 
 
 def test_pooling_nothing_is_refused():

@@ -44,6 +44,11 @@ def psnr_pooled(errors: Sequence[float]) -> float:
     return _decibel(fmean(errors))
 
 
+def psnr_of_different(values: Sequence[float]) -> float:
+    """Mean of images' PSNRs in dB (one or more) over those that differ: infinite only where none does."""
+    return fmean([value for value in values if math.isfinite(value)] or values)
+
+
 def ssim_same_and_valid(image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> tuple[float, float]:
     """Structural similarity by both conventions, from one map.
 

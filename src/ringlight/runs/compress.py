@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from statistics import fmean
 
 import torch
 
@@ -31,8 +30,9 @@ MOST_PICTURES = 5
 class Losses:
     """What packing cost. The three last are None where no photographs were at hand.
 
-    ``picture_psnr`` compares pictures of the packed model with pictures of the model, dB, mean over ``pictures`` of the
-    training cameras; ``psnr_before`` and ``psnr_after`` are of ``views`` test views, dB, mean over images.
+    ``picture_psnr`` compares pictures of the packed model with pictures of the model, dB, mean over those that differ
+    of ``pictures`` training cameras; ``psnr_before`` and ``psnr_after`` are of ``views`` test views, dB, mean over
+    images.
     """
 
     bytes_before: int
@@ -83,7 +83,7 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
         )
     after = model_of_tensors(unpack_tensors(packed), stored.header, stored.rasterize, path)
     decibels = _picture_loss(stored, after)
-    picture_psnr = fmean(decibels) if decibels else None
+    picture_psnr = metrics.psnr_of_different(decibels) if decibels else None
     losses = Losses(_bytes(tensors), _bytes(packed.tensors), len(decibels), picture_psnr)
     measured = stored.header.metrics
     if scene is not None:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean
 from typing import TypeVar
 
 import numpy as np
@@ -47,7 +46,7 @@ MOST_PICTURES = 5
 @dataclass(frozen=True)
 class PackReport:
     """A pack that was written; ``picture_psnr`` compares the model under the pack with the run's own model, dB, mean
-    over ``pictures`` of the training cameras, and is None without cameras."""
+    over those that differ of ``pictures`` training cameras, and is None without cameras."""
 
     file: str
     bytes_file: int
@@ -147,7 +146,7 @@ def finish_relighting(folder: RunFolder) -> PackReport:
     pack = pack_between(model.stored, tensors, own.header.scene.name, folder.path / PACK_NAME)
     size = write_pack(pack)
     decibels = _picture_loss(relit(model.stored, pack, model.file), own)
-    mean = fmean(decibels) if decibels else None
+    mean = metrics.psnr_of_different(decibels) if decibels else None
     return PackReport(str(pack.path), size, len(pack.tensors), len(decibels), mean)
 
 

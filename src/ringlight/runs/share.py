@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean
 
 from ringlight.core.words import MEGABYTE
 from ringlight.errors import OutputError, RecipeError, RunError
@@ -23,7 +22,7 @@ SMALLEST_BUDGET = 0.04e6
 @dataclass(frozen=True)
 class Shared:
     """What was written. ``picture_psnr`` compares pictures of what the page holds with pictures of the model, dB, mean
-    over ``pictures`` of the training cameras; infinite where nothing differs."""
+    over those that differ of ``pictures`` training cameras; infinite where none does."""
 
     file: str
     bytes_file: int
@@ -85,5 +84,5 @@ def share(opened: Opened, path: Path, budget: float | None = None, packs: Sequen
         psnr=measured_psnr(stored),
         stops=len(stops_of(stored.cameras)),
         pictures=len(page.decibels),
-        picture_psnr=fmean(page.decibels),
+        picture_psnr=page.nearness,
     )

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import fmean
 
 import torch
 from torch import Tensor
@@ -59,6 +58,11 @@ class Page:
     document: bytes
     decibels: tuple[float, ...] = ()
 
+    @property
+    def nearness(self) -> float:
+        """Their mean over the pictures that differ, dB: one that shows nothing would hide what the others lose."""
+        return metrics.psnr_of_different(self.decibels)
+
 
 def page_for(opened: Opened, model: SplatModel, budget: float | None, packs: Sequence[LightPack]) -> Page:
     """The page with coarse numbers, with finer ones where those show too much, or with as many Gaussians as fit.
@@ -76,7 +80,7 @@ def page_for(opened: Opened, model: SplatModel, budget: float | None, packs: Seq
     if budget is not None and len(whole.document) > budget:
         return _thinned(pages, tensors, whole, budget)
     compared = pages.compared(whole)
-    if fmean(compared.decibels) >= GOOD_ENOUGH:
+    if compared.nearness >= GOOD_ENOUGH:
         return compared
     finer = pages.of(tensors, coarse=False)
     if len(finer.document) > (LARGEST_PAGE if budget is None else budget):
@@ -143,7 +147,7 @@ def _thinned(pages: _Pages, tensors: Mapping[str, Tensor], whole: Page, budget: 
 
 
 def _nearer(one: Page | None, other: Page) -> Page:
-    return one if one is not None and fmean(one.decibels) >= fmean(other.decibels) else other
+    return one if one is not None and one.nearness >= other.nearness else other
 
 
 def _lit_by(packed: Packed, packs: Sequence[LightPack]) -> Packed:
