@@ -271,7 +271,7 @@ COLORED = """() => {
 }"""
 
 
-@pytest.mark.parametrize("method", ["3dgs", "ringlight-ring"])
+@pytest.mark.parametrize("method", ["3dgs", "ringlight-ring", "3igs"])
 def test_only_what_is_seen_is_coloured_and_only_once(method: str, pages: dict[str, Path], page: Tab) -> None:
     """Going near makes the colours of what is in view; turning there, only those that come into it."""
     page.open(pages[method])

@@ -66,7 +66,7 @@ def condensed(color: Illuminated, gaussians: Gaussians) -> Condensed:
     """The same colours, but for rounding, of at most min(2F, H) components."""
     first, count = color.network.weights[0][0].double(), color.settings.features
     features = gaussians.appearance[FEATURES].double().tanh()
-    light = color.field.reference(color.unit_points(gaussians.means)).double().tanh()
+    light = color.field.mixed(color.field.products(color.unit_points(gaussians.means))).double().tanh()
     sums = torch.cat([features, light], -1) @ first[: 2 * count]
     middle = sums.mean(0)
     shown, powers = _square_roots(_sensitivity(color, gaussians, sums))
