@@ -19,7 +19,7 @@ from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import small
 from tiny_scene import tiny_scene
 
-METHODS = ("3dgs", "ringlight-basis", "ringlight-ring", "ringlight-paper", "ringlight-mirror")
+METHODS = ("3dgs", "glossy-gaussian", "ringlight-basis", "ringlight-ring", "ringlight-paper", "ringlight-mirror")
 
 EDIT = LightEdit((0.9, 0.8, 0.5), (0.5, 1.5, 0.3))
 
@@ -47,15 +47,15 @@ def model_of(method: str, scene: Scene, evaluation: str = "tabulated") -> SplatM
     noise = torch.Generator().manual_seed(1)
     with torch.no_grad():
         for name, parameter in model.named_parameters():
-            if name.endswith(("sh_rest", "basis_weights")):
+            if name.endswith(("sh_rest", "basis_weights", "opacity_rest")):
                 parameter.normal_(0, GREY, generator=noise)
             elif name.endswith("sh_dc"):
                 parameter.mul_(DIM)
             elif name.endswith("base"):
                 parameter.mul_(DIM).sub_(DIM)
-        for buffer in ("color.active_degree", "color.varying.active_degree", "color.lit", "shader.lit"):
-            if buffer in dict(model.named_buffers()):
-                model.get_buffer(buffer).fill_(3 if "degree" in buffer else 1)
+        for name, buffer in model.named_buffers():
+            if name.endswith(("degree", "lit")):
+                buffer.fill_(3 if name.endswith("degree") else 1)
     return model
 
 
@@ -201,7 +201,7 @@ def test_base_colours_are_multiplied_up_to_white(shares: list[float], factors: t
 @pytest.mark.parametrize("method", METHODS)
 def test_a_model_that_is_not_lit_has_no_residual_to_edit(method: str, scene: Scene) -> None:
     model = model_of(method, scene)
-    for buffer in ("color.active_degree", "color.lit", "shader.lit"):
+    for buffer in ("color.active_degree", "color.harmonic.active_degree", "color.lit", "shader.lit"):
         if buffer in dict(model.named_buffers()):
             model.get_buffer(buffer).zero_()
     with pytest.raises(RecipeError, match="depends on the direction"):

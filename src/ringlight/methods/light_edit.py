@@ -13,6 +13,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.color.contract import ColorModel
+from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SH_COLUMNS, SphericalHarmonics
 from ringlight.color.mirror import LATENTS, Mirror
 from ringlight.color.ring_emission import BASE
@@ -83,8 +85,9 @@ def edited(model: object, settings: Mapping[str, object], edit: LightEdit) -> Ed
 def refuse_unlit(model: SplatModel) -> None:
     """Raise RecipeError for a model that shows the same colours in all directions."""
     color, shader = model.color, model.shader
-    if isinstance(color, SphericalHarmonics):
-        lit = int(color.active_degree) > 0 and (isinstance(color, SharedBasis) or color.degree > 0)
+    harmonic = _harmonics(color)
+    if harmonic is not None:
+        lit = int(harmonic.active_degree) > 0 and (isinstance(color, SharedBasis) or harmonic.degree > 0)
     elif isinstance(color, RingLight):
         lit = bool(color.lit)
     else:
@@ -100,7 +103,7 @@ def _scale_residual(model: SplatModel, tensors: dict[str, Tensor], settings: dic
     color, shader = model.color, model.shader
     if isinstance(color, SharedBasis):
         _multiply(tensors, COLOR + BASIS, factors)
-    elif isinstance(color, SphericalHarmonics):
+    elif _harmonics(color) is not None:
         _multiply(tensors, COLUMNS + SH_COLUMNS[1], factors)
     elif isinstance(color, RingLight):
         light = dict(_group(settings["light"]))
@@ -119,7 +122,7 @@ def _scale_residual(model: SplatModel, tensors: dict[str, Tensor], settings: dic
 def _tint_base(model: SplatModel, tensors: dict[str, Tensor], factors: Rgb) -> float:
     """The share of values that were clipped."""
     color, shader = model.color, model.shader
-    if isinstance(color, SphericalHarmonics):
+    if _harmonics(color) is not None:
         shown = rgb_from_sh(tensors[COLUMNS + DC].double())
         tensors[COLUMNS + DC] = sh_from_rgb(shown * shown.new_tensor(factors)).float()
         return 0.0
@@ -224,4 +227,11 @@ def _group(value: object) -> dict[str, object]:
 
 def _unknown(model: SplatModel) -> RecipeError:
     kinds = f"a {type(model.color).__name__} with a {type(model.shader).__name__}"
-    return RecipeError(f"the light of {kinds} cannot be edited; it is a model of another kind than our methods make")
+    return RecipeError(f"the light of {kinds} cannot be edited; that of harmonics, shared bases, rings and mirrors can")
+
+
+def _harmonics(color: ColorModel) -> SphericalHarmonics | None:
+    """What the colours are, all of them; None where they are made otherwise."""
+    if isinstance(color, GlossyHarmonics):
+        return color.harmonic
+    return color if isinstance(color, SphericalHarmonics) else None

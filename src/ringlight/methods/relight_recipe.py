@@ -26,7 +26,7 @@ FIELD_RATE, FIELD_RATE_END, FIELD_EPSILON = 2e-3, 1e-4, 1e-15
 def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
     """The recipe of a model with all frozen that light does not change; ``steps`` is the length of the run.
 
-    Raises RecipeError for a method whose light lies in each Gaussian, of which no pack can be small.
+    Raises RecipeError for a method whose light is not shared, or shared otherwise.
     """
     if isinstance(recipe, RingLightMirrorRecipe):
         return replace(
@@ -60,8 +60,8 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
         return replace(recipe, **kept, coarse_steps=0, sh_rate=0.0, weights_rate=0.0, start=start)
     method = method_of(recipe)
     raise RecipeError(
-        f"the light of {method} lies in each Gaussian's own harmonics, so that no pack of it is small; train on the "
-        f"photographs from the model instead: ringlight train PHOTOS {method} --from MODEL"
+        f"the light of {method} does not lie in a basis, a ring or a mirror that its Gaussians share, of which a pack "
+        f"could be made; train on the photographs from the model instead: ringlight train PHOTOS {method} --from MODEL"
     )
 
 
