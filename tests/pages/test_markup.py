@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from parsed import Parsed
 
-from ringlight.pages.markup import Html, element, joined, name, visible
+from ringlight.core.visible_text import visible
+from ringlight.pages.markup import Html, element, joined, name
 
 HOSTILE = [
     "</script><script>alert(1)</script>",

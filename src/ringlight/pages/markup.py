@@ -1,14 +1,8 @@
 """HTML from texts that strangers wrote: every text is escaped, and what could turn or hide text can be read."""
 
-import re
-import unicodedata
 from html import escape
 
-HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
-"""Unicode's categories of characters that show nothing themselves: controls, marks that turn the text's direction,
-halves of pairs (bytes of a file name that are no text), and breaks of lines."""
-
-UNPRINTABLE = re.compile(r"[^ -~]")
+from ringlight.core.visible_text import visible
 
 EMPTY = {"meta", "img", "input", "br"}
 """HTML's elements without an end; those of SVG have one."""
@@ -18,15 +12,6 @@ class Html(str):
     """Text that is HTML already; a plain string is not, and gets escaped."""
 
     __slots__ = ()
-
-
-def visible(text: str) -> str:
-    """``text`` with characters that show nothing as escapes: a name cannot turn the line that it stands in."""
-    return UNPRINTABLE.sub(lambda found: _shown(found[0]), text)
-
-
-def _shown(character: str) -> str:
-    return ascii(character)[1:-1] if unicodedata.category(character) in HIDDEN else character
 
 
 def html_of(part: str) -> Html:

@@ -11,6 +11,7 @@ from PIL import Image
 from torch import Tensor
 
 from ringlight.core.camera import Camera
+from ringlight.core.visible_text import visible
 from ringlight.core.want import Want
 from ringlight.core.words import MEGABYTE, numbered
 from ringlight.files.layer_pictures import common_depth_range, looking
@@ -79,8 +80,8 @@ def caption_of(stored: StoredModel, gaussians: int, bytes_page: int) -> dict[str
     """The words over the picture, by the part of the page that takes them."""
     psnr = measured_psnr(stored)
     return {
-        "scene": stored.header.scene.name,
-        "method": stored.header.preset,
+        "scene": visible(stored.header.scene.name),
+        "method": visible(stored.header.preset),
         "psnr": "PSNR not measured" if psnr is None else f"{psnr:.2f} dB PSNR on test views",
         "size": f"{bytes_page / MEGABYTE:.2f} MB, {numbered(gaussians, 'Gaussians')}",
     }

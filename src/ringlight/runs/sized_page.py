@@ -10,6 +10,7 @@ from ringlight.color.illuminated import Illuminated
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.stages import counted, tell
+from ringlight.core.visible_text import visible
 from ringlight.core.want import Want
 from ringlight.core.words import MEGABYTE
 from ringlight.errors import RunError
@@ -99,9 +100,9 @@ class _Pages:
         self.axes_are_normals = shown.kind == "environment"
         self.condensed = CondensedPage(model.color, model) if isinstance(model.color, Illuminated) else None
         facts = facts_of_page(stored, model, shown, stops)
-        self.facts = facts | {"lights": [pack.scene for pack in packs]}
+        self.facts = facts | {"lights": [visible(pack.scene) for pack in packs]}
         self.still, self.others = still_of(stored, model), {"cameras": numbers_of_stops(stops)}
-        self.title = f"{stored.header.scene.name}, {stored.header.preset}"
+        self.title = visible(f"{stored.header.scene.name}, {stored.header.preset}")
 
     def tensors(self) -> dict[str, Tensor]:
         """What pages hold of the model, before it is thinned and packed."""

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import ringlight
 from ringlight.core import stages
+from ringlight.core.visible_text import visible
 from ringlight.core.words import counted
 from ringlight.errors import RunError
 from ringlight.files.atomic import write_text
 from ringlight.measure.lpips_notes import stored_lpips_notes
 from ringlight.measure.table import ResultsTable
 from ringlight.pages.document import document
-from ringlight.pages.markup import Html, element, name, visible
+from ringlight.pages.markup import Html, element, name
 from ringlight.pages.report import sections
 from ringlight.pages.report.facts import run_facts
 from ringlight.pages.report.gathered import GatheredRun, gathered

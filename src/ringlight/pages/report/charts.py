@@ -4,9 +4,10 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ringlight.core.visible_text import visible
 from ringlight.measure.curves import ticks
 from ringlight.measure.report import CurvePoint
-from ringlight.pages.markup import Html, element, joined, visible
+from ringlight.pages.markup import Html, element, joined
 
 WIDTH, HEIGHT = 420, 250
 """Units of a chart; a page scales it."""

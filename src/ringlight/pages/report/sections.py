@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
+from ringlight.core.visible_text import visible
 from ringlight.core.words import counted
 from ringlight.measure.columns import MISSING
 from ringlight.measure.table import ResultsTable
-from ringlight.pages.markup import Html, element, joined, name, visible
+from ringlight.pages.markup import Html, element, joined, name
 from ringlight.pages.report.charts import Chart, Curve, dot, drawable, drawn, training_charts
 from ringlight.pages.report.encoded import scale_url
 from ringlight.pages.report.groups import Group, Member
