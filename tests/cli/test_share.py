@@ -157,7 +157,7 @@ def test_wrong_targets_and_models_are_refused_and_nothing_is_written(
     assert not (tmp_path / "page.html").exists()
 
 
-@pytest.mark.parametrize("method", ["gaussian-shader", "tensorf"])
+@pytest.mark.parametrize("method", ["gaussian-shader", "tensorf", "putt"])
 def test_a_method_that_pages_do_not_know_is_refused_by_its_name(
     method: str, tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:
@@ -171,7 +171,10 @@ def test_a_method_that_pages_do_not_know_is_refused_by_its_name(
     assert not (tmp_path / "page.html").exists()
 
 
-OF_VOLUMES = {"tensorf": ("--first-side", "12", "--last-side", "16", "--rays", "64")}
+OF_VOLUMES = {
+    "tensorf": ("--first-side", "12", "--last-side", "16", "--rays", "64"),
+    "putt": ("--coarsest", "4", "--finest", "8", "--rays", "64"),
+}
 
 
 def test_a_model_without_cameras_has_nowhere_to_look_from(

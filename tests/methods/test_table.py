@@ -32,6 +32,7 @@ def test_presets_of_one_paper_share_their_method():
         "gaussian-shader": "gaussian-shader",
         "glossy-gaussian": "glossy-gaussian",
         "tensorf": "tensorf",
+        "putt": "putt",
         "3igs": "3igs",
     }
     assert method_of(dataclasses.replace(METHODS["ringlight-paper"], steps=5)) == "ringlight-ring"

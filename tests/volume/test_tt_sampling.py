@@ -69,7 +69,7 @@ def test_a_doubled_train_shows_the_same(payload: int):
     train = TensorTrain(payload, 3, 5, 200, drawn).to(torch.float64)
     places = points(500)
     before = from_grid(train.reached, corners_of(places, 3))
-    train.double()
+    train.deepen()
     assert train.levels == 4
     torch.testing.assert_close(from_grid(train.reached, corners_of(places, 4)), before, **SAME)
 

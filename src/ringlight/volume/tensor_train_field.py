@@ -48,7 +48,7 @@ class TensorTrain(nn.Module):
         return list(self.cores)[: self.levels]
 
     @torch.no_grad()
-    def double(self) -> None:
+    def deepen(self) -> None:
         """Take one more level."""
         finer, _ = prolonged(self.reached, self.most)
         for k, core in enumerate(finer):
@@ -103,8 +103,8 @@ class TensorTrainField(nn.Module):
     def resize(self, sides: Sides) -> None:
         """See :class:`ringlight.volume.contract.VolumeField`."""
         for _ in range(self.levels, _levels_of(sides)):
-            self.density_train.double()
-            self.appearance_train.double()
+            self.density_train.deepen()
+            self.appearance_train.deepen()
 
     def crop(self, first: Sides, last: Sides) -> None:
         """Nothing: see :meth:`cuttable`."""

@@ -75,8 +75,8 @@ def _parts(slots: Int[Tensor, "N 8"]) -> tuple[Int[Tensor, "Q"], Int[Tensor, "Q"
     new = torch.ones_like(slots, dtype=torch.bool)
     for corner in range(1, CORNERS):
         new[:, corner] = (slots[:, :corner] != slots[:, corner : corner + 1]).all(1)
-    point, corner = new.nonzero(as_tuple=True)
-    return point, corner
+    point, first = new.nonzero(as_tuple=True)
+    return point, first
 
 
 def _interpolated(
@@ -84,5 +84,7 @@ def _interpolated(
 ) -> Float[Tensor, "N C"]:
     """Sums of eight rows each, times their shares."""
     if rows.shape[1] == 1:
-        return (rows[:, 0][index.long()] * shares).sum(-1, keepdim=True)
+        # The way back of indexing adds in any order; that of this adds in theirs.
+        corners = rows[:, 0].index_select(0, index.flatten()).view_as(index)
+        return (corners * shares).sum(-1, keepdim=True)
     return torch.nn.functional.embedding_bag(index.long(), rows, mode="sum", per_sample_weights=shares)

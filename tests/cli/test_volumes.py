@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import pytest
 from command import Command
 
 from ringlight.data.options import SceneOptions
@@ -11,12 +12,16 @@ from ringlight.runs.start import start_run
 from small_recipes import COARSE, with_settings
 
 STEPS = 60
-SIZES = ("--first-side", "12", "--last-side", "20", "--rays", "256")
+SIZES = {
+    "tensorf": ("--first-side", "12", "--last-side", "20", "--rays", "256"),
+    "putt": ("--coarsest", "8", "--finest", "16", "--rays", "256"),
+}
 
 
-def test_a_volume_goes_through_the_commands(ringlight: Command, tiny: Path, tmp_path: Path):
+@pytest.mark.parametrize("method", SIZES)
+def test_a_volume_goes_through_the_commands(method: str, ringlight: Command, tiny: Path, tmp_path: Path):
     run = tmp_path / "run"
-    outcome = ringlight("train", tiny, "tensorf", "--out", run, "--steps", STEPS, *SIZES, "--lpips", "--json")
+    outcome = ringlight("train", tiny, method, "--out", run, "--steps", STEPS, *SIZES[method], "--lpips", "--json")
     assert outcome.code == 0, outcome.err
     report = json.loads(outcome.out)
     assert report["noun"] == "voxels"
@@ -41,9 +46,8 @@ def test_a_volume_goes_through_the_commands(ringlight: Command, tiny: Path, tmp_
 
     # Stopped after its grid was refined and its rays were chosen, it goes on with the same bits.
     settings = {**COARSE, "steps": STEPS, "bounds": None}
-    half = start_run(
-        tmp_path / "half", tiny, "tensorf", with_settings(METHODS["tensorf"], settings), SceneOptions(), 0, "auto"
-    )
+    recipe = with_settings(METHODS[method], settings)
+    half = start_run(tmp_path / "half", tiny, method, recipe, SceneOptions(), 0, "auto")
     steps = half.steps()
     for _ in range(31):
         next(steps)

@@ -1,0 +1,122 @@
+"""putt: sizes that decide ranks, grids that double, and settings that cannot be."""
+
+import pytest
+import torch
+
+from ringlight.core.want import Want
+from ringlight.errors import ModelFileError, RecipeError
+from ringlight.files.model_file import read_model_file, write_model_file
+from ringlight.fit.train import train
+from ringlight.methods import volume_training
+from ringlight.methods.putt import PuttRecipe
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts
+from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
+from tiny_scene import tiny_scene
+
+SCENE = tiny_scene(views=6, size=20)
+
+
+def built(seed: int = 3, **settings):
+    return small("putt", **settings).build(SCENE, rasterizer_for("cpu"), seed)
+
+
+def test_its_ranks_are_the_papers_or_what_megabytes_hold():
+    assert PuttRecipe().ranks == (200, 280)
+    for size in (7.0, 12.0):
+        recipe = PuttRecipe(size=size)
+        density, appearance = recipe.ranks
+        assert density / appearance == pytest.approx(200 / 280, abs=0.01)
+        with torch.device("meta"):
+            model = recipe.model_of(256, torch.tensor([[-1.0] * 3, [1.0] * 3]))
+        of_bits = 160**3 // 8
+        taken = sum(p.numel() * p.element_size() for p in model.parameters()) + of_bits
+        assert 0.97 * size * 1e6 < taken <= size * 1e6
+
+
+def test_its_grid_doubles_to_the_side_that_it_says():
+    recipe = PuttRecipe(steps=30_000)
+    assert recipe.refined == {250: 32.0**3, 500: 64.0**3, 2000: 128.0**3, 4000: 256.0**3}
+    assert recipe.emptied == (2000, 4000)
+    assert list(PuttRecipe(steps=30_000, finest=64).refined) == [2000, 4000]
+    training = built(steps=40, coarsest=4, finest=16)
+    sides = []
+    for _ in train(training):
+        sides.append(training.model.field.sides[0])
+    assert sorted(set(sides)) == [4, 8, 16] or sides[0] == 16
+    assert training.model.counted().number == 16**3
+    assert training.batches.kept_rays < training.batches.all_rays
+
+
+def test_its_rate_rises_at_first_and_is_set_back():
+    rate = PuttRecipe(steps=30_000, rate=1.0).groups()["field.*"].rate
+    assert rate.at(0.0) == pytest.approx(0.1)
+    assert rate.at(101 / 30_000) == pytest.approx(1.0, rel=1e-3)
+    assert rate.at(3999 / 30_000) < 0.9
+    assert rate.at(4001 / 30_000) == pytest.approx(1.0, rel=1e-3)
+    assert rate.at(1.0) == pytest.approx(0.07 ** (26 / 30))
+
+
+def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(volume_training, "machine_memory", lambda: 400_000_000)
+    with pytest.raises(RecipeError, match=r"a grid of 256 cubed takes .* MB .* give --finest (\d+) or less") as caught:
+        built(finest=256)
+    fits = int(str(caught.value).split("--finest ")[1].split()[0])
+    built(finest=fits)
+    with pytest.raises(RecipeError):
+        built(finest=2 * fits)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"rays": 0}, "rays is 0; give 1"),
+        ({"density_rank": 1}, "density_rank is 1; give 2"),
+        ({"appearance_rank": 10**9}, "appearance_rank is 1000000000; give 2 to"),
+        ({"coarsest": 2}, "coarsest is 2; give 4"),
+        ({"finest": 300}, "finest is 300; give a power of two, such as 256 or 512"),
+        ({"finest": 8}, "finest is 8, below coarsest, 16"),
+        ({"size": 0.0}, "size is 0; trains of 256 cubed and their network take 0.66 to"),
+        ({"size": float("nan")}, "size is nan"),
+        ({"size": 1e9}, "give one of these, such as 12"),
+        ({"size": 12.0, "density_rank": 100}, "size and density_rank are given"),
+        ({"l1": float("inf")}, "l1 is inf"),
+        ({"rate": -1.0}, "rate is -1"),
+        ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused_in_a_sentence(settings: dict, words: str):
+    with pytest.raises(RecipeError) as caught:
+        PuttRecipe(**settings)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_a_run_shows_is_much_the_same_after_its_grid_was_doubled():
+    training = built(steps=60, coarsest=8, finest=16, density_rank=20, appearance_rank=30)
+    model, camera = training.model, SCENE.test[0].camera
+    steps = train(training)
+    while model.field.sides[0] == 8:
+        before = model.render(camera, SCENE.background_color, Want.EXACT).color
+        next(steps)
+    after = model.render(camera, SCENE.background_color, Want.EXACT).color
+    assert (after - before).abs().mean() < 0.05
+
+
+@pytest.mark.parametrize(
+    "name", ["field.density_train.cores.1", "field.appearance_train.cores.0", "field.density_train.cores.3", "occupied"]
+)
+def test_a_file_whose_cores_do_not_fit_each_other_is_refused(name: str, tmp_path):
+    training = built()
+    path = tmp_path / "model.safetensors"
+    header = model_header("putt", small("putt"), 0, scene_facts(SCENE))
+    save_model(path, training.model, header, [view.camera for view in SCENE.train])
+    stored = read_model_file(path)
+    whole = load_model(path, rasterizer_for("cpu")).model
+    camera = SCENE.test[0].camera
+    ours = training.model.render(camera, SCENE.background_color, Want.EXACT).color
+    assert torch.equal(whole.render(camera, SCENE.background_color, Want.EXACT).color, ours)
+    spoiled = stored.tensors[name][..., :-1].contiguous()
+    write_model_file(path, stored.tensors | {name: spoiled}, stored.header)
+    with pytest.raises(ModelFileError, match="do not fit"):
+        load_model(path, rasterizer_for("cpu"))
