@@ -157,7 +157,7 @@ def test_wrong_targets_and_models_are_refused_and_nothing_is_written(
     assert not (tmp_path / "page.html").exists()
 
 
-@pytest.mark.parametrize("method", ["gaussian-shader", "tensorf", "putt"])
+@pytest.mark.parametrize("method", ["tensorf", "putt"])
 def test_a_method_that_pages_do_not_know_is_refused_by_its_name(
     method: str, tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:

@@ -14,11 +14,13 @@ import torch
 from scenes_on_disk import write_tiny_scene
 
 from browsers import Tab, chromium, playwright, tab
+from polished import polish
 from ringlight.cli.main import run
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.want import Want
 from ringlight.files.packed import unpack_tensors
+from ringlight.files.page.blurred_light import TEXELS
 from ringlight.methods.light_edit import LightEdit
 from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.runs.edit import edit_light
@@ -34,7 +36,12 @@ SMALL = (
     *("--light.ring.head-hidden", "16", "--light.ring.position-nodes", "64", "--light.ring.view-nodes", "8"),
     *("--light.render-hidden", "32", "--light.modulation-hidden", "16"),
 )
-SETTINGS = {"ringlight-basis": (), "ringlight-ring": SMALL, "ringlight-mirror": ()}
+SETTINGS = {
+    "ringlight-basis": (),
+    "ringlight-ring": SMALL,
+    "ringlight-mirror": (),
+    "gaussian-shader": ("--environment-side", "16", "--start.points", "300"),
+}
 
 EXACT = 65.0
 """dB, as test_shared_page.py."""
@@ -49,6 +56,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     runs = {method: home / method for method in SETTINGS}
     for method, flags in SETTINGS.items():
         assert run(["train", str(scene), method, "--out", str(runs[method]), *STEPS, *flags, "--quiet", "--lpips"]) == 0
+    polish(runs["gaussian-shader"])
     return runs
 
 
@@ -71,7 +79,8 @@ def other_light(stored: StoredModel, seed: int, path: Path) -> LightPack:
     moved = {}
     for name, tensor in tensors.items():
         if tensor.dtype == torch.float32 and not name.startswith(COLUMNS) and not name.endswith("box"):
-            moved[name] = tensor + 0.5 * tensor.std(correction=0) * torch.randn(tensor.shape, generator=noise)
+            shape = tensor.shape[-1:] if name == TEXELS else tensor.shape  # blurred noise is hardly seen
+            moved[name] = tensor + 0.5 * tensor.std(correction=0) * torch.randn(shape, generator=noise)
     if stored.header.method == "ringlight-basis":
         moved[f"{COLUMNS}sh_dc"] = transformed(tensors[f"{COLUMNS}sh_dc"], COLORS_OF_OTHER_LIGHT / seed)
     pack = pack_between(stored, tensors | moved, f"light {seed}", path)

@@ -17,6 +17,7 @@ import torch
 from scenes_on_disk import write_tiny_scene
 
 from browsers import Tab, chromium, playwright, tab
+from polished import polish
 from ringlight.bench.page import SCRIPTS
 from ringlight.cli.main import run
 from ringlight.color.harmonics import sh_colors_reference
@@ -50,6 +51,7 @@ SETTINGS = {
     "light-gaussian": ("--grow-share", "0.5"),
     "glossy-gaussian": ("--opacity-rest-rate", "0.02"),
     "3igs": ("--light.side", "20", "--light.components", "8", "--light.features", "12", "--light.hidden", "32"),
+    "gaussian-shader": ("--environment-side", "32", "--start.points", "400", "--ambient"),
 }
 
 EXACT, LAYERED = 65.0, 60.0
@@ -70,6 +72,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     runs = {method: home / method for method in SETTINGS}
     for method, flags in SETTINGS.items():
         assert run(["train", str(scene), method, "--out", str(runs[method]), *STEPS, *flags, "--quiet", "--lpips"]) == 0
+    polish(runs["gaussian-shader"])
     return runs
 
 
@@ -181,9 +184,9 @@ def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
         )
     else:
         parts = model.color.layers(gaussians, camera)
-        colors = (parts["base"] + amount * parts["residual"]).clamp(0, 1) if amount else parts["base"]
-        if isinstance(model.color, RingLight) and not model.color.settings.clamp_colors:
-            colors = parts["base"] + amount * parts["residual"]
+        colors = parts["base"] + amount * parts["residual"]
+        if isinstance(model.color, RingLight) and model.color.settings.clamp_colors and amount:
+            colors = colors.clamp(0, 1)
     factor = model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor
     emission = Emission({"rgb": 3}, colors.contiguous(), factor)
     return model.rasterize.draw(gaussians, emission, camera, torch.ones(3), model.options).image

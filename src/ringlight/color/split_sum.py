@@ -94,9 +94,18 @@ class SplitSumLight(nn.Module):
         """Of the blurred maps, rising."""
         return [level.roughness for level in self._levels if level.roughness is not None]
 
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """The blurred maps, in their order."""
+        return self._levels
+
     def maps(self) -> Float[Tensor, "R 3"]:
         """The texels of all blurred maps, bordered, one after another; the last is that of diffuse light."""
-        mips = [self.texels.sigmoid().permute(0, 3, 1, 2)]
+        return self.maps_of(self.texels)
+
+    def maps_of(self, texels: Float[Tensor, "6 S S 3"]) -> Float[Tensor, "R 3"]:
+        """The same of other texels than the own."""
+        mips = [texels.sigmoid().permute(0, 3, 1, 2)]
         for _ in self._mips[1:]:
             mips.append(torch.nn.functional.avg_pool2d(mips[-1], 2))
         values = torch.cat([mip.permute(0, 2, 3, 1).reshape(-1, 3) for mip in mips])

@@ -90,8 +90,12 @@ PLAN: Plan = (
     ("columns.sh_rest", "fixed8"),
     ("columns.reflection_logits", "share8"),
     ("columns.opacity_rest", "fixed8"),
+    ("columns.tint_logits", "share8"),
+    ("columns.roughness_logits", "share8"),
+    ("columns.normal_residuals", "fixed10"),
     ("columns.*", "half"),
     ("shader.texels", "share8"),
+    ("color.light.texels", "share8"),
     ("color.*", "rows8"),
     ("shader.*", "rows8"),
 )

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from ringlight.color.illuminated import Illuminated
+from ringlight.color.shaded_gaussians import ShadedGaussians
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.stages import counted, tell
@@ -16,6 +17,7 @@ from ringlight.core.words import MEGABYTE
 from ringlight.errors import RunError
 from ringlight.files.pack_axes import AXES_PLAN, ready_axes
 from ringlight.files.packed import PLAN, Packed, pack_tensors, unpack_tensors
+from ringlight.files.page.blurred_light import with_maps
 from ringlight.files.page.document import page_of, program_texts
 from ringlight.files.page.payload import payload_of
 from ringlight.files.page.shown import shown_of
@@ -97,7 +99,7 @@ class _Pages:
         stored, stops = opened.stored, stops_of(opened.stored.cameras)
         tell("looking at the model")
         shown = shown_of(model)
-        self.axes_are_normals = shown.kind == "environment"
+        self.axes_are_normals = shown.axes_are_normals
         self.condensed = CondensedPage(model.color, model) if isinstance(model.color, Illuminated) else None
         facts = facts_of_page(stored, model, shown, stops)
         self.facts = facts | {"lights": [visible(pack.scene) for pack in packs]}
@@ -117,13 +119,18 @@ class _Pages:
             packed = pack_tensors(ready_axes(tensors), (*AXES_PLAN, *PLAN))
         else:
             packed = pack_tensors(tensors, coarse=coarse)
-        payload = payload_of(_lit_by(packed, self.packs), self.others, program_texts())
+        payload = payload_of(self._drawn_from(packed), self.others, program_texts())
         gaussians, document = len(tensors[f"{COLUMNS}means"]), b""
         for size in (0, 1):  # the caption says how large the page is with it
             caption = caption_of(self.opened.stored, gaussians, len(document) * size)
             facts = self.facts | {"gaussians": gaussians, "caption": caption}
             document = page_of(self.title, facts, payload, self.still)
         return Page(packed, gaussians, document)
+
+    def _drawn_from(self, packed: Packed) -> Packed:
+        """What the page's program reads of the model and of all packs."""
+        lit, color = _lit_by(packed, self.packs), self.model.color
+        return with_maps(lit, color.light) if isinstance(color, ShadedGaussians) else lit
 
     def compared(self, page: Page) -> Page:
         return Page(page.packed, page.gaussians, page.document, tuple(_nearness(self.opened, page.packed)))

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from ringlight.core.gradients import COLUMNS
 from ringlight.files.packed import MEANS, SEPARATOR, Packed
+from ringlight.files.page.blurred_light import MAPS, SHARES
 
 ALIGNED = 8
 """Bytes; a 64-bit array in a browser begins at such a multiple."""
@@ -29,6 +30,9 @@ TYPES = {
     "bool": "u8",
 }
 """NumPy's names and the page's; half floats go as their bits, since old browsers know no such arrays."""
+
+SMOOTH = (MEANS, MAPS, SHARES)
+"""Ends of names of what is alike from row to row; their codes are whole numbers of a byte or more."""
 
 MOST_EFFORT = 9
 
@@ -75,10 +79,12 @@ def _json(value: object) -> str:
 
 def _laid_out(name: str, part: str, array: NDArray[np.generic]) -> tuple[str, NDArray[np.generic]]:
     """How the page shall read it, and the array in that order."""
-    if not name.startswith(COLUMNS) or array.ndim < 2 or array.size == 0:
+    if array.ndim < 2 or array.size == 0:
         return "rows", array
-    if name == MEANS and part == "codes":
+    if name.endswith(SMOOTH) and part == "codes":
         return "steps", _columns_first(_row_steps(array))
+    if not name.startswith(COLUMNS):
+        return "rows", array
     return "planes", _columns_first(array)
 
 

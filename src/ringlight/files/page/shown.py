@@ -14,7 +14,9 @@ from ringlight.color.illuminated import Illuminated
 from ringlight.color.mirror import FLIP_BELOW, Mirror
 from ringlight.color.reflective_harmonics import ReflectiveHarmonics
 from ringlight.color.ringlight import RingLight
+from ringlight.color.shaded_gaussians import ShadedGaussians
 from ringlight.color.shared_basis import SharedBasis
+from ringlight.color.specular_table import TABLE_NODES
 from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.errors import RecipeError
 from ringlight.fields.encoding import FourierCode
@@ -48,6 +50,11 @@ class Shown:
     blends: bool = True
     """Whether the page can blend between lights."""
 
+    @property
+    def axes_are_normals(self) -> bool:
+        """Whether colours depend on which axis of a Gaussian is the shortest, and on its sign."""
+        return self.kind in ("environment", "shaded")
+
 
 def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     """How the page shows ``model``, of this ``method``. Raises RecipeError for a kind or shape of model that it cannot
@@ -64,6 +71,8 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     if type(color) is ReflectiveHarmonics and type(shader) is EnvironmentShader:
         sizes = {"BASIS": 0, "STORED": model.columns["sh_rest"].shape[1], "ENVIRONMENT_SIDE": shader.texels.shape[1]}
         return Shown("environment", 0.0, bool(shader.lit), sizes, {"degree": int(color.harmonic.active_degree)})
+    if type(color) is ShadedGaussians and type(shader) is PassThrough:
+        return _shaded(model, color)
     if type(color) is RingLight and type(shader) is PassThrough:
         return _ring(color)
     if type(color) is Illuminated and type(shader) is PassThrough:
@@ -77,6 +86,18 @@ def _harmonics(model: SplatModel, color: SphericalHarmonics, opacity_degree: int
     stored = model.columns["sh_rest"].shape[1]
     settings = {"degree": int(color.active_degree), "opacityDegree": opacity_degree}
     return Shown("harmonics", 0.0, stored > 0, {"BASIS": 0, "STORED": stored}, settings)
+
+
+def _shaded(model: SplatModel, color: ShadedGaussians) -> Shown:
+    levels = [[level.side, level.roughness or 0.0] for level in color.light.levels]
+    sizes = {
+        "BASIS": 0,
+        "STORED": model.columns["sh_rest"].shape[1],
+        "LEVELS": len(levels),
+        "TABLE_NODES": TABLE_NODES,
+        "AMBIENT": int(color.ambient),
+    }
+    return Shown("shaded", 0.0, True, sizes, {"degree": int(color.harmonic.active_degree), "levels": levels})
 
 
 def _ring(color: RingLight) -> Shown:

@@ -1,4 +1,4 @@
-// Six faces, each with the texels around it, below each other in a texture; twin of bordered() in fields/cubemap.py.
+// Six faces, each with the texels around it, below each other; twin of bordered() in fields/cubemap.py.
 import { Texture } from "./gl.js";
 
 const FACES = 6,
@@ -10,6 +10,11 @@ const FACES = 6,
 
 // `colors` [6, S, S, 3] to a texture of S + 2 columns and 6 (S + 2) rows.
 export function cubemapTexture(gl, colors, side) {
+  return new Texture(gl, "rgba32f", side + 2, FACES * (side + 2), borderedFaces(colors, side));
+}
+
+// `colors` [6, S, S, 3] to texels of four numbers [6, S + 2, S + 2].
+export function borderedFaces(colors, side) {
   const wide = side + 2,
     values = new Float32Array(4 * wide * wide * FACES);
   for (let face = 0; face < FACES; face++) {
@@ -22,7 +27,7 @@ export function cubemapTexture(gl, colors, side) {
       }
     }
   }
-  return new Texture(gl, "rgba32f", wide, FACES * wide, values);
+  return values;
 }
 
 // The texel at a place of a face; beyond an edge that of the face which meets there, beyond a corner of all three.

@@ -20,7 +20,7 @@ export class EnvironmentKind {
     };
     const source = harmonicsOf(gl, model),
       means = numbered(gl, "rgba32f", facts.gaussians, inTexels(tensors.get("columns.means").values, 3));
-    const recolor = programOf(gl, shaders, ["numbered.glsl", "harmonics.glsl"], facts.sizes);
+    const recolor = programOf(gl, shaders, ["numbered.glsl", "harmonics.glsl", "harmonics_main.glsl"], facts.sizes);
     this.colored = new Colors(gl, recolor, facts.gaussians, { ...source, textures: { means, ...source.textures } });
     const picture = [
       "numbered.glsl",
@@ -29,6 +29,7 @@ export class EnvironmentKind {
       "environment_channels.glsl",
       "blend.glsl",
       "surface.glsl",
+      "cubemap.glsl",
       "environment_main.glsl",
     ];
     this.program = programOf(gl, shaders, picture, facts.sizes);

@@ -1,16 +1,14 @@
-// What a pixel reflects; the twin of shade/environment.py and fields/cubemap.py.
+// What a pixel reflects; the twin of shade/environment.py and of looked_up() in fields/cubemap.py.
 uniform sampler2D environment;
 uniform float light;
 out vec4 shown;
 
 const int WIDE = ENVIRONMENT_SIDE + 2;
-const ivec2 OTHERS[3] = ivec2[3](ivec2(1, 2), ivec2(0, 2), ivec2(0, 1));
 
 vec3 environmentAt(vec3 v) {
-  vec3 size = abs(v);
-  int axis = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
-  int face = 2 * axis + (v[axis] < 0.0 ? 1 : 0);
-  vec2 at = (vec2(v[OTHERS[axis].x], v[OTHERS[axis].y]) / size[axis] + 1.0) * (0.5 * float(ENVIRONMENT_SIDE)) + 0.5;
+  vec2 at;
+  int face = faceOf(v, at);
+  at = at * float(ENVIRONMENT_SIDE) + 0.5;
   ivec2 corner = clamp(ivec2(floor(at)), 0, WIDE - 2), first = corner + ivec2(0, face * WIDE);
   vec2 part = at - vec2(corner);
   vec3 upper = mix(texelFetch(environment, first, 0), texelFetch(environment, first + ivec2(1, 0), 0), part.x).rgb;

@@ -1,6 +1,4 @@
-// Colours of 3dgs, 3dgs-dr and ringlight-basis from where the camera is; the twin of core/sh_basis.py and of
-// color/shared_basis.py.
-// The base colour is what the constant coefficient shows, the rest counts `residual` times.
+// Harmonics of each Gaussian towards where the camera is; the twin of core/sh_basis.py and of color/shared_basis.py.
 uniform sampler2D means, dc;
 uniform vec3 position;
 uniform float residual;
@@ -51,12 +49,4 @@ vec3 seen(int row, vec3 v) {
   }
 #endif
   return sum;
-}
-
-void main() {
-  int row = int(gl_FragCoord.x) + 2048 * int(gl_FragCoord.y);
-  if (texelFetch(wanted, ivec2(gl_FragCoord.xy), 0).r == 0u) discard;
-  vec3 constant = 0.5 + C0 * numbered(dc, row).xyz;
-  vec3 direction = unit(numbered(means, row).xyz - position);
-  color = uvec4(floatBitsToUint(max(constant + residual * seen(row, direction), 0.0)), 0u);
 }

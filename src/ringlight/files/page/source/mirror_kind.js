@@ -73,7 +73,7 @@ function coloredOf(gl, shaders, { tensors, facts }, surfaces) {
     dc: numbered(gl, "rgba32f", rows, constants),
     ...basisOf(gl, tensors, "color.varying.basis"),
   };
-  const recolor = programOf(gl, shaders, ["numbered.glsl", "harmonics.glsl"], facts.sizes);
+  const recolor = programOf(gl, shaders, ["numbered.glsl", "harmonics.glsl", "harmonics_main.glsl"], facts.sizes);
   return new Colors(gl, recolor, rows, { textures, wholes: { degree: facts.degree } });
 }
 

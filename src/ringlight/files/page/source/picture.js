@@ -4,6 +4,7 @@ import { numbered, Texture } from "./gl.js";
 import { inLightOf, lightShares } from "./lights.js";
 import { MirrorKind } from "./mirror_kind.js";
 import { ELLIPSE } from "./projection.js";
+import { ShadedKind } from "./shaded_kind.js";
 import { SplatKind } from "./splat_kind.js";
 
 const LIST_WIDTH = 2048,
@@ -22,7 +23,8 @@ export class Picture {
     });
     if (!gl) throw new Error("it has no WebGL2");
     Object.assign(this, { gl, canvas, facts: model.facts });
-    const Kind = { mirror: MirrorKind, environment: EnvironmentKind }[model.facts.kind] ?? SplatKind;
+    const own = { mirror: MirrorKind, environment: EnvironmentKind, shaded: ShadedKind },
+      Kind = own[model.facts.kind] ?? SplatKind;
     this.make = (lit) => new Kind(gl, shaders, lit);
     this.model = model;
     this.kind = this.make(model);

@@ -12,9 +12,9 @@ export class SplatKind {
     const rows = facts.gaussians,
       shared = { means: numbered(gl, "rgba32f", rows, inTexels(means, 3)) };
     this.normals = numbered(gl, "rgba32f", rows, inTexels(model.normals, 3));
-    const [sourceOf, code] = SOURCES[facts.kind] ?? [harmonicsOf, "harmonics.glsl"];
+    const [sourceOf, ...code] = SOURCES[facts.kind] ?? [harmonicsOf, "harmonics.glsl", "harmonics_main.glsl"];
     const source = sourceOf(gl, model);
-    const recolor = programOf(gl, shaders, ["numbered.glsl", code], { ...facts.sizes, ...source.sizes });
+    const recolor = programOf(gl, shaders, ["numbered.glsl", ...code], { ...facts.sizes, ...source.sizes });
     this.colored = new Colors(gl, recolor, rows, { ...source, textures: { ...shared, ...source.textures } });
     const picture = [
       "numbered.glsl",
