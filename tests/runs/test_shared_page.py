@@ -21,6 +21,7 @@ from polished import polish
 from ringlight.bench.page import SCRIPTS
 from ringlight.cli.main import run
 from ringlight.color.harmonics import sh_colors_reference
+from ringlight.color.illuminated import Illuminated
 from ringlight.color.ringlight import RingLight
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Emission
@@ -185,7 +186,8 @@ def faded(model: SplatModel, camera: Camera, amount: float) -> torch.Tensor:
     else:
         parts = model.color.layers(gaussians, camera)
         colors = parts["base"] + amount * parts["residual"]
-        if isinstance(model.color, RingLight) and model.color.settings.clamp_colors and amount:
+        rings = isinstance(model.color, RingLight) and model.color.settings.clamp_colors
+        if amount and (rings or isinstance(model.color, Illuminated)):
             colors = colors.clamp(0, 1)
     factor = model.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor
     emission = Emission({"rgb": 3}, colors.contiguous(), factor)
