@@ -46,9 +46,13 @@ def test_a_weight_of_zero_leaves_a_term_out():
     assert training.buffers == ()
 
 
-def test_a_page_says_that_it_cannot_show_it():
-    with pytest.raises(RecipeError, match="a model of this kind"):
-        shown_of(trained()[1])
+@pytest.mark.parametrize("ambient", [False, True])
+def test_a_page_is_told_its_maps_and_that_its_axes_are_normals(ambient: bool):
+    shown = shown_of(trained(ambient=ambient)[1])
+    assert shown.sizes["AMBIENT"] == ambient
+    assert shown.settings["levels"] == [[16, 0.08], [8, 1.0], [8, 0.0]]
+    assert shown.axes_are_normals
+    assert shown.lit
 
 
 @pytest.mark.parametrize(

@@ -92,9 +92,10 @@ def test_what_depends_on_the_camera_is_exported_as_its_mean_over_the_cameras():
     assert exact_harmonics(model, CAMERAS) is not None, "the same from every side"
 
 
-def test_a_page_says_that_it_cannot_show_it():
-    with pytest.raises(RecipeError, match="a model of this kind"):
-        shown_of(splats_of(trained()))
+def test_a_page_is_told_the_degree_of_the_opacities():
+    shown = shown_of(splats_of(trained(opacity_degree=2)))
+    assert shown.kind == "harmonics"
+    assert shown.settings["opacityDegree"] == 2
 
 
 def test_a_degree_that_is_not_there_is_refused():
