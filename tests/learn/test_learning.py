@@ -35,7 +35,7 @@ def test_a_method_learns(method: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(hull, "FINE_CELLS", 48)
     scene = tiny_scene(views=16, size=32)
     ring = {"position_nodes": 64, "view_nodes": 8}
-    sides = {"first_side": 24, "last_side": 48, "coarsest": 8, "finest": 32}
+    sides = {"first_side": 24, "last_side": 48, "coarsest": 8, "finest": 16}
     recipe = with_settings(TRAINED[method], {"steps": STEPS, "light": {"ring": ring}, "rays": 1024} | sides)
     training = recipe.build(scene, rasterizer_for("auto"), seed=0)
     before = held_out_psnr(training.model, scene)

@@ -10,10 +10,13 @@ from ringlight.volume.contract import Sides
 from ringlight.volume.prolongation import prolonged
 from ringlight.volume.tt_corners import Corners, corners_of
 from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
-from ringlight.volume.tt_sampling import from_blocks, from_points
+from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
 
 FIRST_DEVIATION = 0.1
 """Standard deviation of a grid's entries at the start."""
+
+LEVELS_OF_GRID = 7
+"""Of density: up to this resolution, 128 cubed, all entries are contracted."""
 
 FEWEST_LEVELS = 2
 """One for blocks and one for nodes in them."""
@@ -119,6 +122,8 @@ def sampled(train: TensorTrain, corners: Corners) -> Float[Tensor, "N C"]:
     if not len(corners.paths):
         return corners.shares.new_zeros(0, train.payload)
     first = len(cores) // 2
+    if train.payload == 1 and len(cores) <= LEVELS_OF_GRID:
+        return from_grid(cores, corners)
     if train.payload == 1 or len(cores) <= LEVELS_OF_BLOCKS:
         return from_blocks(cores, corners, first)
     return from_points(cores, corners, first)
