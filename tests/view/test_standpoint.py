@@ -27,10 +27,11 @@ def test_there_and_back():
     assert small.focal == pytest.approx((CAMERA.focal[0] / 2, CAMERA.focal[1] / 2))
 
 
-@given(st.integers(200, 3000), st.integers(200, 3000))
-def test_a_window_of_any_shape_shows_all_of_the_photograph(width: int, height: int):
-    seen = standpoint_at(CAMERA, width, height).camera()
-    for axis, (mine, side) in enumerate(((width, CAMERA.width), (height, CAMERA.height))):
+@given(st.integers(600, 3000), st.integers(200, 3000), st.integers(1, 3))
+def test_each_strip_of_a_window_of_any_shape_shows_all_of_the_photograph(width: int, height: int, strips: int):
+    seen = standpoint_at(CAMERA, width, height, strips).camera()
+    assert (seen.width, seen.height) == (width, height)
+    for axis, (mine, side) in enumerate(((width / strips, CAMERA.width), (height, CAMERA.height))):
         assert mine / seen.focal[axis] >= side / CAMERA.focal[axis] * (1 - 1e-6)
 
 

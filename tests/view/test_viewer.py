@@ -133,6 +133,20 @@ def test_runs_hang_behind_a_curtain_and_side_by_side(scene: Scene, model, tmp_pa
     assert (found["curtain"][:, 24:] != found["alone"][:, 24:]).any()
 
 
+def test_runs_side_by_side_are_each_seen_whole_from_a_camera(scene: Scene, model, tmp_path: Path):
+    looking = Looking(subject_of(scene, tmp_path, first=model, second=trained("3dgs", scene, 1)))
+    camera = scene.train[2].camera
+    looking.wishes.stand(0, standing(scene.test[0].camera, 48, 36), looking.clock())
+    for arrangement, share in (("all runs", 0.5), ("side by side", 0.5), ("curtain", 1.0), ("alone", 1.0)):
+        looking.wishes.wish("arrangement", arrangement)
+        looking.wishes.ask(Ask.GO_TO_VIEW, 0, scene.train[2].name)
+        looking.rest()
+        point = looking.page.places[-1][1]
+        assert (point.width, point.height) == (48, 36)
+        assert 48 * share / point.camera().focal[0] >= camera.width / camera.focal[0] * (1 - 1e-6), arrangement
+    assert looking.page.places[0][1].fov > looking.page.places[-1][1].fov
+
+
 def test_going_to_a_camera_and_small_photographs(looking: Looking, scene: Scene):
     looking.wishes.stand(3, standing(scene.test[0].camera), looking.clock())
     name = scene.train[2].name

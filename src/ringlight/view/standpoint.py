@@ -56,10 +56,10 @@ class Standpoint:
         return Camera(pose, (focal, focal), (width / 2, height / 2), width, height)
 
 
-def standpoint_at(camera: Camera, width: int, height: int) -> Standpoint:
-    """Where ``camera`` stands, with a window of this size that shows all of its picture, which may be of another
-    shape."""
-    focal = min(camera.focal[1] * height / camera.height, camera.focal[0] * width / camera.width)
+def standpoint_at(camera: Camera, width: int, height: int, strips: int = 1) -> Standpoint:
+    """Where ``camera`` stands, with a window of this size of which each of so many ``strips`` shows all of its picture,
+    which may be of another shape."""
+    focal = min(camera.focal[1] * height / camera.height, camera.focal[0] * width / strips / camera.width)
     x, y, z, w = Rotation.from_matrix(rotation_of(camera).T).as_quat().tolist()
     place = tuple(position_of(camera).tolist())
     return Standpoint(place, (w, x, y, z), min(2 * math.atan(height / 2 / focal), WIDEST), width, height)

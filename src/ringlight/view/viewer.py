@@ -188,7 +188,8 @@ class Viewer:
                 self._place(browser, seen, self.subject.views[value])
 
     def _place(self, browser: int, seen: Seen, camera: Camera) -> None:
-        point = standpoint_at(camera, seen.standpoint.width, seen.standpoint.height)
+        strips = self.wishes.look.strips(len(self.subject.sources))
+        point = standpoint_at(camera, seen.standpoint.width, seen.standpoint.height, strips)
         self.page.place(browser, point, looked_at(camera, self.subject.center))
 
     def _play(self, now: float) -> None:

@@ -90,9 +90,10 @@ class ViserPage:
     # What browsers say
 
     async def _come(self, client: Any) -> None:
-        # A window higher than wide would cut off the sides of what the first camera shows.
+        # A window higher than wide, or a strip of one, would cut off the sides of what the first camera shows.
         size = int(client.camera.image_width), int(client.camera.image_height)
-        wanted = standpoint_at(self.subject.start, *size).fov if min(size) > 0 else 0.0
+        strips = self.wishes.look.strips(len(self.subject.sources))
+        wanted = standpoint_at(self.subject.start, *size, strips).fov if min(size) > 0 else 0.0
         if wanted > client.camera.fov:
             client.camera.fov = wanted
         self._stand(client)

@@ -52,6 +52,10 @@ class Look:
     arrangement: str = ALONE
     curtain: float = 0.5
 
+    def strips(self, runs: int) -> int:
+        """Parts beside each other into which the window is cut, each with a view of its own, of so many ``runs``."""
+        return {BESIDE: 2, ALL: max(runs, 1)}.get(self.arrangement, 1)
+
 
 @dataclass(frozen=True)
 class Seen:
