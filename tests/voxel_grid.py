@@ -63,6 +63,9 @@ class VoxelGrid(nn.Module):
     def splats(self) -> None:
         return None
 
+    def solid(self) -> None:
+        return None
+
 
 @dataclass(frozen=True)
 class VoxelRecipe:

@@ -44,6 +44,10 @@ def test_a_volume_goes_through_the_commands(method: str, ringlight: Command, tin
         assert "Traceback" not in refused.err
         assert not words[-1].exists()
 
+    both = ringlight("export", run, tmp_path / "a.ply", "--mesh", "--points")
+    assert both.code == 1
+    assert "--mesh and --points are given" in both.err
+
     # Stopped after its grid was refined and its rays were chosen, it goes on with the same bits.
     settings = {**COARSE, "steps": STEPS, "bounds": None}
     recipe = with_settings(METHODS[method], settings)

@@ -155,6 +155,9 @@ class VoxelGrid(nn.Module):
     def splats(self) -> None:
         """None: nothing is splatted."""
 
+    def solid(self) -> None:
+        """None: nobody asked for its surface yet."""
+
     def _rendered(self, origins: Tensor, directions: Tensor, background: Tensor, want: Want) -> Rendering:
         parameters = {"density": self.density, "colors": self.colors}
         recorded = ByAutograd(lambda _: self._marched(origins, directions, background), {}, parameters)

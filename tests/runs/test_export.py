@@ -112,6 +112,9 @@ class Voxels:
     def splats(self):
         return None
 
+    def solid(self):
+        return None
+
     def rendering_size(self):
         return Count(8, "voxels"), 32
 

@@ -36,6 +36,10 @@ class ExportArguments:
     out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar=f"OUT{'|'.join(WRITERS)}", help=ENDINGS)]
     overwrite: bool = False
     """Replace the file if it exists."""
+    mesh: bool = False
+    """Of a volume: its surface as coloured triangles (extra [mesh])."""
+    points: bool = False
+    """Of a volume: points of its surface, with normals and colours (extra [mesh])."""
     fit_steps: int = 200
     """Number of the model's pictures to which harmonics are fitted; 0 for none."""
     threads: int = 0
@@ -52,16 +56,25 @@ def main(arguments: list[str]) -> int:
     check_threads(asked.threads)
     if asked.fit_steps < 0:
         raise RecipeError(f"--fit-steps is {asked.fit_steps}; give 0 (none) or more")
+    if asked.mesh and asked.points:
+        raise RecipeError("--mesh and --points are given, and a file holds one of them; leave one away")
     with stages(asked.quiet) as line:
         line(f"reading {asked.model}")
         from ringlight.measure.json_record import to_json
-        from ringlight.runs.export import check_target, export
+        from ringlight.runs.export import check_surface_target, check_target, export, export_surface
         from ringlight.runs.opened import open_model
 
-        check_target(asked.out, asked.overwrite)
+        of_surface = asked.mesh or asked.points
+        (check_surface_target if of_surface else check_target)(asked.out, asked.overwrite)
         use_threads(asked.threads)
-        exported = export(open_model(asked.model).stored, asked.out, asked.fit_steps)
-    sys.stdout.write(to_json(exported) if asked.json else _sentences(exported))
+        stored = open_model(asked.model).stored
+        if of_surface:
+            line("looking for the surface")
+            exported = export_surface(stored, asked.out, with_triangles=asked.mesh)
+        else:
+            exported = export(stored, asked.out, asked.fit_steps)
+    sentences = f"{_size(exported)}\n" if of_surface else _sentences(exported)
+    sys.stdout.write(to_json(exported) if asked.json else sentences)
     return 0
 
 
@@ -70,8 +83,12 @@ ALIKE, CLOSE = 40.0, 30.0
 ring's light has 55, mirrors 24 to 31 (docs/experiments/export.md)."""
 
 
+def _size(exported: "Exported") -> str:
+    return f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / MEGABYTE:.2f} MB"
+
+
 def _sentences(exported: "Exported") -> str:
-    size = f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / MEGABYTE:.2f} MB"
+    size = _size(exported)
     loss = exported.loss
     if loss is None:
         return f"{size}\nother viewers show the colours as the model has them: exact\n"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from ringlight.errors import RecipeError
-from ringlight.fit.rates import Adam, check_rates
+from ringlight.fit.rates import Adam, between, check_rates
 from ringlight.methods.volume_recipe import BETAS, EPSILON, MOST_RAYS, MOST_UNITS, Bounds, VolumeRecipe
 
 if TYPE_CHECKING:
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.volume.contract import Sides
     from ringlight.volume.model import VolumeModel
+
+PAPER_SIDES = (300, 500)
+"""Of cubes with as many voxels as the paper's grids have at the end: of planes, and of three lines."""
+
+SHORT_RUN, SHORT_RUN_SIDE, LONG_RUN = 3000, 200, 15_000
+"""Runs of up to so many steps end with planes of such a side, those of LONG_RUN with the paper's."""
 
 REFINED = (2000, 3000, 4000, 5500, 7000)
 """Steps of the paper's run after which the grid is refined."""
@@ -112,7 +118,12 @@ class TensorfRecipe(VolumeRecipe):
     @property
     def final_side(self) -> int:
         """Of a cube with as many voxels as the grid at the end."""
-        return self.last_side or (300 if self.decomposition == "vm" else 500)
+        if self.last_side is not None:
+            return self.last_side
+        if self.decomposition == "cp":
+            return PAPER_SIDES[1]
+        share = math.log(max(self.steps, 1) / SHORT_RUN) / math.log(LONG_RUN / SHORT_RUN)
+        return round(between(SHORT_RUN_SIDE, PAPER_SIDES[0], min(max(share, 0.0), 1.0)))
 
     @property
     def emptied(self) -> tuple[int, ...]:

@@ -28,6 +28,32 @@ class Count(NamedTuple):
 
 
 @runtime_checkable
+class Solid(Protocol):
+    """Density and colour of a box of space. Places are in the box's [0, 1]^3."""
+
+    box: Tensor
+    """Lowest and highest corner [2 3], world units."""
+
+    @property
+    def nodes(self) -> tuple[int, int, int]:
+        """Along x, y and z, as finely as it can tell places apart."""
+        ...
+
+    @property
+    def surface_density(self) -> float:
+        """Where half of the light is lost on the way from a node to the next."""
+        ...
+
+    def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """Per unit of length of its own."""
+        ...
+
+    def color(self, places: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+        """Seen along unit directions, in [0, 1]."""
+        ...
+
+
+@runtime_checkable
 class Model(Protocol):
     """An ``nn.Module``; its parameters have one name each in gradients, optimizer, rates, checkpoints and files."""
 
@@ -101,6 +127,10 @@ class Model(Protocol):
 
     def splats(self) -> "SplatModel | None":
         """Itself if it is a table of Gaussians, for whatever holds or edits one; else None."""
+        ...
+
+    def solid(self) -> "Solid | None":
+        """Itself if it has a density everywhere in a box, for whatever looks for its surface; else None."""
         ...
 
     def state_dict(self) -> dict[str, Any]:

@@ -229,6 +229,9 @@ class SplatModel(nn.Module):
         """Itself."""
         return self
 
+    def solid(self) -> None:
+        """None: it has no density, but a sum of Gaussians."""
+
     def harmonics(self, gaussians: Gaussians) -> Harmonics | None:
         """The colours of these rows as harmonics, if they are exactly that: no shader adds light."""
         return None if self.shader.adds_light else self.color.harmonics(gaussians)

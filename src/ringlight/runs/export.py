@@ -51,16 +51,50 @@ def export(stored: StoredModel, path: Path, fit_steps: int = FIT_STEPS) -> Expor
     if writer.form is Form.OWN:
         tensors: Mapping[str, Tensor] = stored.model.rendering_tensors()
     elif splats is None:
+        surface = "" if stored.model.solid() is None else "--mesh and --points write its surface, and "
         raise OutputError(
             f"{path}: cannot be written: it holds {writer.form.value}, and this model is made of {count.noun}; "
-            "'ringlight render' makes pictures of it"
+            f"{surface}'ringlight render' makes pictures of it"
         )
     else:
         tensors, loss = _harmonics(stored, splats, path, writer.form, fit_steps)
         count = Count(len(tensors["means"]), count.noun)
-    note = f"ringlight {ringlight.__version__}, {stored.header.preset}, {stored.header.scene.name}"
-    writer.write(path, Content(tensors, splats is not None and splats.options.antialiased, (note,)))
+    writer.write(path, Content(tensors, splats is not None and splats.options.antialiased, (_note(stored),)))
     return Exported(str(path), count.number, count.noun, path.stat().st_size, loss)
+
+
+def check_surface_target(path: Path, overwrite: bool) -> None:
+    """Raises OutputError for a suffix that surfaces do not have, or a file that exists and may not be replaced."""
+    if path.suffix.lower() != ".ply":
+        raise OutputError(f"{path}: cannot be written: a surface is a PLY file; end its name in .ply")
+    refuse_existing(path, overwrite)
+
+
+def export_surface(stored: StoredModel, path: Path, with_triangles: bool) -> Exported:
+    """Write the surface of a volume, as a mesh or as points with normals and colours.
+
+    Raises OutputError where the model has no density or no surface, or the file cannot be written, BackendError without
+    the extra.
+    """
+    solid = stored.model.solid()
+    count, _ = stored.model.rendering_size()
+    if solid is None:
+        raise OutputError(
+            f"{path}: cannot be written: a surface is found in a volume's density, and this model is made of "
+            f"{count.noun}; export without --mesh and --points"
+        )
+    from ringlight.files.surface_ply import write_surface_ply
+    from ringlight.runs.surface import surface_of
+
+    found = surface_of(solid, str(path))
+    triangles = found.triangles if with_triangles else None
+    write_surface_ply(path, found.corners, found.normals, found.colors, triangles, (_note(stored),))
+    number, noun = (len(found.corners), "points") if triangles is None else (len(triangles), "triangles")
+    return Exported(str(path), number, noun, path.stat().st_size, None)
+
+
+def _note(stored: StoredModel) -> str:
+    return f"ringlight {ringlight.__version__}, {stored.header.preset}, {stored.header.scene.name}"
 
 
 def _harmonics(

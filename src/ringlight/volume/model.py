@@ -19,7 +19,7 @@ from ringlight.data.rays import RayBatch, Rays, rays_of
 from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
 from ringlight.volume import kernels, looked_for
-from ringlight.volume.contract import VolumeField
+from ringlight.volume.contract import Sides, VolumeField
 from ringlight.volume.factored import FactoredField
 from ringlight.volume.grids import FEWEST_NODES
 from ringlight.volume.kernels import Marched, density_at, runs_native
@@ -224,6 +224,20 @@ class VolumeModel(nn.Module):
 
     def splats(self) -> None:
         """None: nothing is splatted."""
+
+    def solid(self) -> "VolumeModel":
+        """Itself."""
+        return self
+
+    @property
+    def nodes(self) -> Sides:
+        """Of its grid."""
+        return self.field.sides
+
+    @property
+    def surface_density(self) -> float:
+        """See :class:`ringlight.models.contract.Solid`."""
+        return math.log(2) / (STEPS_A_VOXEL * self.space().optical)
 
     def refine(self, voxels: float) -> None:
         """The grid gets about so many voxels."""
