@@ -42,6 +42,15 @@ def test_its_schedules_are_shares_of_the_papers():
     assert rate.at(1.0) == pytest.approx(1e-3 * 0.1 ** (23 / 30))
 
 
+def test_short_runs_end_with_coarser_planes():
+    sides = [TensorfRecipe(steps=steps).final_side for steps in (1, 3000, 7000, 15_000, 30_000)]
+    assert sides[:2] == [200, 200]
+    assert 200 < sides[2] < 300
+    assert sides[3:] == [300, 300]
+    assert TensorfRecipe(steps=3000, last_side=300).final_side == 300
+    assert TensorfRecipe(steps=3000, decomposition="cp").final_side == 500
+
+
 def test_its_grid_grows_to_the_side_that_it_says_and_its_box_never_does():
     training = built(steps=60)
     before = training.model.box.clone()

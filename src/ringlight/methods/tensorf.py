@@ -123,7 +123,7 @@ class TensorfRecipe(VolumeRecipe):
         if self.decomposition == "cp":
             return PAPER_SIDES[1]
         share = math.log(max(self.steps, 1) / SHORT_RUN) / math.log(LONG_RUN / SHORT_RUN)
-        return round(between(SHORT_RUN_SIDE, PAPER_SIDES[0], min(max(share, 0.0), 1.0)))
+        return round(between(float(SHORT_RUN_SIDE), float(PAPER_SIDES[0]), min(max(share, 0.0), 1.0)))
 
     @property
     def emptied(self) -> tuple[int, ...]:
