@@ -117,7 +117,7 @@ def test_what_is_no_json_object_is_one_sentence(content: bytes, tmp_path: Path) 
     path.write_bytes(content)
     with pytest.raises(SceneError, match=r"p\.json"):
         read_nerfstudio_path(path, 10)
-    with pytest.raises(SceneError, match="no such file"):
+    with pytest.raises(SceneError, match="no such file; give key frames, or"):
         read_nerfstudio_path(tmp_path / "none.json", 10)
 
 

@@ -49,7 +49,7 @@ def read_nerfstudio_path(path: Path, most: int, moved: Moved = UNMOVED) -> Nerfs
     Raises SceneError for a file that is damaged, of another kind of camera, or of more than ``most`` cameras.
     """
     if not path.is_file():
-        raise SceneError(f"{path}: there is no such file; give a camera_path.json of nerfstudio")
+        raise SceneError(f"{path}: there is no such file; give key frames, or a camera_path.json of nerfstudio")
     document = read_object(path)
     frames = document.get("camera_path")
     if not isinstance(frames, list) or not frames:
