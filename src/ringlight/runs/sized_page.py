@@ -83,7 +83,7 @@ def page_for(opened: Opened, model: SplatModel, budget: float | None, packs: Seq
     if budget is not None and len(whole.document) > budget:
         return _thinned(pages, tensors, whole, budget)
     compared = pages.compared(whole)
-    if compared.nearness >= GOOD_ENOUGH:
+    if compared.nearness >= GOOD_ENOUGH or pages.axes_are_normals:  # of these there is no finer page
         return compared
     finer = pages.of(tensors, coarse=False)
     if len(finer.document) > (LARGEST_PAGE if budget is None else budget):
