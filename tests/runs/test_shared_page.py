@@ -327,6 +327,15 @@ def test_a_bare_page_has_no_controls(pages: dict[str, Path], page: Tab) -> None:
     assert box == {"x": 0, "y": 0, "width": SIDE, "height": SIDE}
 
 
+def test_the_keys_fit_a_phone(browser: Any, pages: dict[str, Path]) -> None:
+    with tab(browser, viewport={"width": 390, "height": 844}) as page:
+        page.open(pages["3dgs"])
+        page.page.click("#help")
+        whole, shown = page.page.evaluate("[keys.scrollHeight, keys.clientHeight]")
+        assert whole <= shown < 700
+        assert not page.complaints
+
+
 def test_hostile_names_are_shown_as_text(runs: dict[str, Path], tmp_path: Path, page: Tab) -> None:
     hostile = "</script><img src=x onerror=alert(1)> \"'&amp; \u202egnp"
     shown = hostile.replace("\u202e", r"\u202e")
