@@ -43,7 +43,7 @@ def along_axis(cores: Cores, axis: int) -> list[Tensor]:
 def _with_states(core: Float[Tensor, "r 8 s"], axis: int) -> Float[Tensor, "T r 8 s T"]:
     """By the state to the left and to the right: those on the right say what a core does with its bit."""
     place = 1 << (AXES - 1 - axis)
-    octants = torch.arange(OCTANTS)
+    octants = torch.arange(OCTANTS, device=core.device)
     is_one = (octants & place > 0).to(core)[:, None]
     flipped = core[:, octants ^ place]
     wide = core.new_zeros(STATES, *core.shape, STATES)
