@@ -16,6 +16,7 @@ void bind_perceptron(nb::module_& module);  // the ring's heads at the nodes of 
 void bind_mirror(nb::module_& module);      // what Gaussians emit for deferred shading
 void bind_reflection(nb::module_& module);  // deferred shading of reflections
 void bind_environment(nb::module_& module);  // deferred shading by a cubemap
+void bind_shaded(nb::module_& module);      // Gaussians that are shaded one by one
 void bind_planes(nb::module_& module);      // planes times lines
 void bind_encoding(nb::module_& module);    // of directions, for a network
 void bind_sh(nb::module_& module);          // colour from spherical harmonics

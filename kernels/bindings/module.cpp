@@ -18,6 +18,7 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_mirror(module);
   ringlight::bind_reflection(module);
   ringlight::bind_environment(module);
+  ringlight::bind_shaded(module);
   ringlight::bind_planes(module);
   ringlight::bind_encoding(module);
   ringlight::bind_sh(module);

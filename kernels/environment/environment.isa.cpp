@@ -52,6 +52,7 @@ std::size_t pixels_of(const Camera& camera) { return static_cast<std::size_t>(ca
 void environment_forward(const EnvironmentView& view, const CubemapSize& size, const EnvironmentPlanes& planes,
                          const float* colors, float* color) {
   const std::size_t plane = pixels_of(view.camera);
+  const LaneFaces faces = same_faces(size);
   parallel_ranges(view.camera.height, ROWS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
     for (std::size_t row = begin; row < end; row++)
       for_each_lanes(view, planes.alpha, static_cast<int>(row), [&](const Lanes& lanes) {
@@ -62,7 +63,7 @@ void environment_forward(const EnvironmentView& view, const CubemapSize& size, c
           load_planes(planes.image, plane, lanes, STRENGTH, 1, &strength);
           const Mirror pixel = mirror(view, lanes.x, lanes.y, blended);
           Looked looked;
-          look(size, colors, pixel.reflected, lanes.covered, looked);
+          look(faces, colors, pixel.reflected, lanes.covered, looked);
           const Mask covered = mask_from_bits(lanes.covered);
           for (int c = 0; c < 3; c++)
             rgb[c] = select(covered, fma(strength, seen(looked, c) - rgb[c], rgb[c]), rgb[c]);
@@ -75,6 +76,7 @@ void environment_forward(const EnvironmentView& view, const CubemapSize& size, c
 void environment_backward(const EnvironmentView& view, const CubemapSize& size, const EnvironmentPlanes& planes,
                           const float* colors, const float* of_color, float* of_image, float* shards) {
   const std::size_t plane = pixels_of(view.camera);
+  const LaneFaces faces = same_faces(size);
   const int height = view.camera.height;
   parallel_for(TEXEL_SHARDS, [&](std::size_t shard) {
     float* const of_texels = shards + shard * size.floats();
@@ -93,7 +95,7 @@ void environment_backward(const EnvironmentView& view, const CubemapSize& size, 
           const Mask covered = mask_from_bits(lanes.covered);
           const Mirror pixel = mirror(view, lanes.x, lanes.y, blended);
           Looked looked;
-          look(size, colors, pixel.reflected, lanes.covered, looked);
+          look(faces, colors, pixel.reflected, lanes.covered, looked);
           Vec of_seen[3], of_reflected[3];
           for (int c = 0; c < 3; c++) {
             of_strength = fma(upstream[c], seen(looked, c) - rgb[c], of_strength);
@@ -101,10 +103,10 @@ void environment_backward(const EnvironmentView& view, const CubemapSize& size, 
             upstream[c] = upstream[c] - of_seen[c];
           }
           of_strength = keep(covered, of_strength);
-          look_gradient(size, looked, of_seen, of_reflected);
+          look_gradient(looked, of_seen, of_reflected);
           mirror_gradient(pixel, of_reflected, of_blended);
           for (int c = 0; c < 3; c++) of_blended[c] = keep(covered, of_blended[c]);
-          texel_gradient(size, looked, of_seen, lanes.covered, of_texels);
+          texel_gradient(faces, looked, of_seen, lanes.covered, of_texels);
         }
         store_planes(of_image, plane, lanes, RGB, 3, upstream);
         store_planes(of_image, plane, lanes, NORMAL, 3, of_blended);

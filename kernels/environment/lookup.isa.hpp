@@ -45,17 +45,24 @@ RINGLIGHT_INLINE void mirror_gradient(const Mirror& of, const Vec of_reflected[3
   for (int c = 0; c < 3; c++) of_blended[c] = of.stretch * fnma(radial, of.normal[c], of_blended[c]);
 }
 
+// Which faces each lane looks at: their side, and the texels that come before them.
+struct LaneFaces {
+  Vec side, before;
+  alignas(64) std::int32_t next_row[LANES];  // floats
+};
+
 // Where directions fall on the cube, and the colours around each place.
 struct Looked {
   Mask is_x, is_y;                          // the longest coordinate's axis; z if neither
   Vec along, inverse, a, b;                 // that coordinate, 1 / |along|, and the two others over it
   Vec right, below;                         // shares of the neighbours on these sides
+  Vec half;                                 // of a side
   alignas(64) std::int32_t first[LANES];    // float at which the neighbour above left begins
   Vec texels[NEIGHBOURS * TEXEL];           // [neighbour][channel]
 };
 
-// Lanes whose bit of `on` is off see the cubemap's first texels.
-static inline void look(const CubemapSize& size, const float* colors, const Vec direction[3], unsigned on,
+// Lanes whose bit of `on` is off see the first texels of all.
+static inline void look(const LaneFaces& faces, const float* colors, const Vec direction[3], unsigned on,
                         Looked& found) {
   const Vec x = abs(direction[0]), y = abs(direction[1]), z = abs(direction[2]);
   found.is_x = both(ge(x, y), ge(x, z));
@@ -67,20 +74,28 @@ static inline void look(const CubemapSize& size, const float* colors, const Vec 
   found.inverse = Vec(1.f) / by_axis(x, y, z);
   found.a = by_axis(direction[1], direction[0], direction[0]) * found.inverse;
   found.b = by_axis(direction[2], direction[2], direction[1]) * found.inverse;
-  const Vec half(0.5f * size.side), last(static_cast<float>(size.side)), wide(static_cast<float>(size.wide()));
-  const Vec across = fma(found.a + Vec(1.f), half, Vec(0.5f)), down = fma(found.b + Vec(1.f), half, Vec(0.5f));
+  found.half = Vec(0.5f) * faces.side;
+  const Vec across = fma(found.a + Vec(1.f), found.half, Vec(0.5f));
+  const Vec down = fma(found.b + Vec(1.f), found.half, Vec(0.5f));
   // In this order what is not a number becomes 0.
-  const Vec column = min(max(floor(across), Vec(0.f)), last), row = min(max(floor(down), Vec(0.f)), last);
+  const Vec column = min(max(floor(across), Vec(0.f)), faces.side);
+  const Vec row = min(max(floor(down), Vec(0.f)), faces.side);
   found.right = across - column, found.below = down - row;
   const Vec face = by_axis(Vec(0.f), Vec(2.f), Vec(4.f)) + keep(lt(found.along, Vec(0.f)), Vec(1.f));
-  const Vec texel = fma(fma(face, wide, row), wide, column);  // below 2^24, hence exact
+  const Vec wide = faces.side + Vec(2.f);
+  const Vec texel = fma(fma(face, wide, row), wide, column) + faces.before;  // below 2^24, hence exact
   store(found.first, truncate(keep(mask_from_bits(on), texel) * Vec(static_cast<float>(TEXEL))));
-  const std::size_t next_row = static_cast<std::size_t>(size.wide()) * TEXEL;
   for (int i = 0; i < LANES; i++) {
-    const float* at = colors + found.first[i];
-    found.texels[i] = load_quarters(at, at + TEXEL, at + next_row, at + next_row + TEXEL);
+    const float *at = colors + found.first[i], *under = at + faces.next_row[i];
+    found.texels[i] = load_quarters(at, at + TEXEL, under, under + TEXEL);
   }
   transpose(found.texels);
+}
+
+static inline LaneFaces same_faces(const CubemapSize& size) {
+  LaneFaces faces{Vec(static_cast<float>(size.side)), Vec(0.f), {}};
+  for (int i = 0; i < LANES; i++) faces.next_row[i] = size.wide() * TEXEL;
+  return faces;
 }
 
 RINGLIGHT_INLINE Vec texel(const Looked& of, int neighbour, int channel) {
@@ -94,7 +109,7 @@ RINGLIGHT_INLINE Vec seen(const Looked& of, int channel) {
 }
 
 // dL/d(direction) from dL/d(what is seen).
-static inline void look_gradient(const CubemapSize& size, const Looked& of, const Vec of_seen[3], Vec of_direction[3]) {
+static inline void look_gradient(const Looked& of, const Vec of_seen[3], Vec of_direction[3]) {
   Vec of_right(0.f), of_below(0.f);
   for (int c = 0; c < 3; c++) {
     const Vec top = texel(of, 1, c) - texel(of, 0, c), bottom = texel(of, 3, c) - texel(of, 2, c);
@@ -102,7 +117,7 @@ static inline void look_gradient(const CubemapSize& size, const Looked& of, cons
     of_right = fma(of_seen[c], fma(of.below, bottom - top, top), of_right);
     of_below = fma(of_seen[c], fma(of.right, bottom - top, left), of_below);
   }
-  const Vec scale = Vec(0.5f * size.side) * of.inverse;
+  const Vec scale = of.half * of.inverse;
   const Vec of_a = of_right * scale, of_b = of_below * scale;
   const Vec of_length = -fma(of_a, of.a, of_b * of.b);
   const Vec of_along = select(lt(of.along, Vec(0.f)), -of_length, of_length);
@@ -112,7 +127,7 @@ static inline void look_gradient(const CubemapSize& size, const Looked& of, cons
 }
 
 // Adds dL/d(what is seen), of the lanes whose bit of `on` is on, to those of the texels around.
-static inline void texel_gradient(const CubemapSize& size, const Looked& of, const Vec of_seen[3], unsigned on,
+static inline void texel_gradient(const LaneFaces& faces, const Looked& of, const Vec of_seen[3], unsigned on,
                                   float* to) {
   const Vec one(1.f), left = one - of.right, above = one - of.below;
   const Vec shares[NEIGHBOURS] = {left * above, of.right * above, left * of.below, of.right * of.below};
@@ -122,14 +137,13 @@ static inline void texel_gradient(const CubemapSize& size, const Looked& of, con
     rows[n * TEXEL + 3] = Vec(0.f);
   }
   transpose(rows);
-  const std::size_t next_row = static_cast<std::size_t>(size.wide()) * TEXEL;
   for (; on; on &= on - 1) {
     const int i = __builtin_ctz(on);
     alignas(64) float row[LANES];
     store(row, rows[i]);
-    float* at = to + of.first[i];
+    float *at = to + of.first[i], *under = at + faces.next_row[i];
     for (int k = 0; k < 2 * TEXEL; k++) at[k] += row[k];
-    for (int k = 0; k < 2 * TEXEL; k++) at[next_row + k] += row[2 * TEXEL + k];
+    for (int k = 0; k < 2 * TEXEL; k++) under[k] += row[2 * TEXEL + k];
   }
 }
 

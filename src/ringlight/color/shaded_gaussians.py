@@ -17,18 +17,32 @@ from torch import Tensor, nn
 
 from ringlight.color import specular_table
 from ringlight.color.by_torch import emitted_by_torch
-from ringlight.color.harmonics import SH_COLUMNS, SphericalHarmonics
+from ringlight.color.harmonics import SH_COLUMNS, SphericalHarmonics, runs_native
+from ringlight.color.shaded_kernel import ShadedJob, kernel_takes
 from ringlight.color.split_sum import FIRST_LIGHT, SMOOTHEST, SplitSumLight
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize, reflect, view_directions
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.gradients import COLOR, Gradients
+from ringlight.core.gradients import COLOR, COLUMNS, Gradients
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import MAX_DEGREE
 from ringlight.core.want import Want
 
 TINTS, ROUGHNESS, RESIDUALS = "tint_logits", "roughness_logits", "normal_residuals"
+
+TEXELS = f"{COLOR}light.texels"
+"""The environment's full name."""
+
+COLUMN_OF = {
+    "means": "means",
+    "log_scales": "log_scales",
+    "quats": "quats",
+    "tints": TINTS,
+    "roughness": ROUGHNESS,
+    "residuals": RESIDUALS,
+}
+"""The table's columns by the names of the kernels' arguments."""
 
 FIRST_ROUGHNESS_LOGIT = 0.6
 """As in GaussianShader: rough, so that every texel of the environment is seen from the first step on."""
@@ -72,15 +86,24 @@ class ShadedGaussians(nn.Module):
         return f0, f1
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
-        """The channels ``names`` in the order of ``emits``."""
+        """The channels ``names`` in the order of ``emits``, with what else the kernels make beside a normal; by the
+        kernels for float32 on the CPU."""
         base = self.harmonic.emit(gaussians, camera, ("rgb",), want)
+        if runs_native(self.light.texels, *gaussians.columns().values()) and kernel_takes(self.light):
+            return self._native_emission(base, gaussians, camera, names, want)
+        return self.emission_by_torch(base, gaussians, camera, names, want)
+
+    def emission_by_torch(
+        self, base: Emission, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want
+    ) -> Emission:
+        """In any precision; ``base`` are the harmonics' colours."""
         read = {name: column for name, column in gaussians.columns().items() if name not in SH_COLUMNS}
 
         def channels(columns: dict[str, Tensor]) -> Channels:
             every = self.reflected(columns, camera)
             return {name: every[name] for name in self.emits if name in names or name == "rgb"}
 
-        shaded = emitted_by_torch(channels, read, {f"{COLOR}light.texels": self.light.texels}, want)
+        shaded = emitted_by_torch(channels, read, {TEXELS: self.light.texels}, want)
         shown = shaded.channels.clone()
         shown[:, :3] += base.channels
         if want is not Want.GRADIENTS:
@@ -91,6 +114,28 @@ class ShadedGaussians(nn.Module):
             shaded.backward(grad_channels, None, into)
 
         return Emission(shaded.widths, shown, backward=backward)
+
+    @torch.no_grad()
+    def _native_emission(
+        self, base: Emission, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want
+    ) -> Emission:
+        widths = {"rgb": 3} if set(names) <= {"rgb"} else self.emits
+        table = gaussians.columns()
+        columns = {name: table[column] for name, column in COLUMN_OF.items()} | {"bases": base.channels}
+        job = ShadedJob.of(columns, self.light, camera, self.ambient)
+        channels = job.channels(sum(widths.values()))
+        if want is not Want.GRADIENTS:
+            return Emission(widths, channels)
+
+        @torch.no_grad()
+        def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
+            found, of_texels = job.gradients(grad_channels)
+            of_bases = found.pop("bases")
+            into.add_all({COLUMNS + COLUMN_OF[name]: gradient for name, gradient in found.items()})
+            into.add(TEXELS, of_texels)
+            base.backward(of_bases, None, into)
+
+        return Emission(widths, channels, backward=backward)
 
     def reflected(self, columns: Mapping[str, Tensor], camera: Camera) -> Channels:
         """The light of the environment as "rgb", "normal" and "depth", in torch and in any precision."""

@@ -99,19 +99,39 @@ class SplitSumLight(nn.Module):
         """The blurred maps, in their order."""
         return self._levels
 
+    @property
+    def sides(self) -> list[int]:
+        """Of the same maps, and of that for diffuse light."""
+        return [level.side for level in self._levels]
+
+    def filters(self) -> tuple[SparseMap, SparseMap]:
+        """From the :meth:`mips` to the maps, and the transpose."""
+        return prefilter(self._mips, self._levels)
+
     def maps(self) -> Float[Tensor, "R 3"]:
         """The texels of all blurred maps, bordered, one after another; the last is that of diffuse light."""
         return self.maps_of(self.texels)
 
     def maps_of(self, texels: Float[Tensor, "6 S S 3"]) -> Float[Tensor, "R 3"]:
         """The same of other texels than the own."""
-        mips = [texels.sigmoid().permute(0, 3, 1, 2)]
+        filtered: Tensor = _Filtered.apply(self.mips(texels.sigmoid()), *self.filters())
+        return filtered
+
+    def mips(self, colors: Float[Tensor, "6 S S C"]) -> Float[Tensor, "T C"]:
+        """These texels, and the means of four of them, and so on, one size after another."""
+        mips = [colors.permute(0, 3, 1, 2)]
         for _ in self._mips[1:]:
             mips.append(torch.nn.functional.avg_pool2d(mips[-1], 2))
-        values = torch.cat([mip.permute(0, 2, 3, 1).reshape(-1, 3) for mip in mips])
-        there, back = prefilter(self._mips, self._levels)
-        filtered: Tensor = _Filtered.apply(values, there, back)
-        return filtered
+        return torch.cat([mip.permute(0, 2, 3, 1).reshape(-1, colors.shape[-1]) for mip in mips])
+
+    def mips_gradient(self, of_mips: Float[Tensor, "T C"]) -> Float[Tensor, "6 S S C"]:
+        """The way back of :meth:`mips`."""
+        parts = of_mips.split([FACES * side * side for side in self._mips])
+        total = of_mips.new_zeros(FACES, 1, 1, 1)
+        for part, side in zip(reversed(parts), reversed(self._mips), strict=True):
+            spread = total.repeat_interleave(2, 1).repeat_interleave(2, 2) / 4 if side != self._mips[-1] else total
+            total = part.view(FACES, side, side, -1) + spread
+        return total
 
     def specular(
         self, maps: Float[Tensor, "R 3"], directions: Float[Tensor, "N 3"], roughness: Float[Tensor, "N"]

@@ -43,6 +43,9 @@ MIRROR_MAX_LATENTS = 9
 ENVIRONMENT_MAX_SIDE = 1024
 """Texels on a side of a cubemap's face: a texel's number must be exact as a float."""
 
+SHADED_MAX_LEVELS = 12
+"""Blurred maps, by roughness, of the environment that Gaussians are shaded under one by one."""
+
 PLANES_MAX_SIDE = 4096
 """Nodes on an axis of a plane or line."""
 PLANES_MAX_CHANNELS = 1024

@@ -22,6 +22,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from ringlight import _kernels
 from ringlight.fields.cubemap import FACES, border
 from ringlight.fields.texel_directions import children, solid_angles, texel_directions
 
@@ -31,6 +32,9 @@ hardly seen would be most of the map."""
 
 REFINED_WITHIN = 1.75
 """A texel is taken in four parts where it is nearer to the lobe's axis than so many of its own widths."""
+
+QUAD = 4
+"""Floats that the kernels take of each row; colours fill three."""
 
 Weights = Float[np.ndarray, "..."]
 Numbers = Int[np.ndarray, "E"]
@@ -69,27 +73,51 @@ def mip_sides(finest: int, coarsest: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class SparseMap:
-    """``rows`` sums of ``weights`` times entries of a vector of which ``sources`` gives the numbers, one sum after
-    another; ``starts`` says where each begins."""
+    """``rows`` sums of ``weights`` times entries of a vector of ``width``, of which ``sources`` gives the numbers, one
+    sum after another; ``starts`` says where each begins, and where the last one ends. ``kernel`` is the same.
+    """
 
     rows: int
-    starts: Int[Tensor, "R"]
+    width: int
+    starts: Int[Tensor, "R1"]
     sources: Int[Tensor, "E"]
     weights: Float[Tensor, "E"]
+    kernel: _kernels.SparseMatrix
 
     def times(self, values: Float[Tensor, "T C"]) -> Float[Tensor, "R C"]:
-        """The sums, in the order of their terms for any number of threads."""
+        """The sums, in an order that is the same for any number of threads; by the kernel for up to four columns of
+        float32 on the CPU."""
+        missing = QUAD - values.shape[1]
+        if values.dtype != torch.float32 or not values.is_cpu or missing < 0:
+            return self.reference(values)
+        return self.of_quads(torch.nn.functional.pad(values, (0, missing)))[:, : values.shape[1]]
+
+    def of_quads(self, values: Float[Tensor, "T 4"]) -> Float[Tensor, "R 4"]:
+        """The kernel's sums, without a copy; float32 on the CPU."""
+        sums = values.new_empty(self.rows, QUAD)
+        _kernels.sparse_product(self.kernel, values.detach().contiguous(), sums)
+        return sums
+
+    def reference(self, values: Float[Tensor, "T C"]) -> Float[Tensor, "R C"]:
+        """The same in torch, in any precision."""
         starts, sources = self.starts.to(values.device), self.sources.to(values.device)
         return torch.nn.functional.embedding_bag(
-            sources, values, starts, mode="sum", per_sample_weights=self.weights.to(values)
+            sources,
+            values,
+            starts,
+            mode="sum",
+            per_sample_weights=self.weights.to(values),
+            include_last_offset=True,
         )
 
 
 def _torch_map(matrix: csr_array) -> SparseMap:
     matrix = csr_array(matrix)
     matrix.sort_indices()
-    starts, sources = (torch.from_numpy(numbers.astype(np.int32)) for numbers in (matrix.indptr[:-1], matrix.indices))
-    return SparseMap(matrix.shape[0], starts, sources, torch.from_numpy(matrix.data.astype(np.float32)))
+    starts, sources = (torch.from_numpy(numbers.astype(np.int32)) for numbers in (matrix.indptr, matrix.indices))
+    weights = torch.from_numpy(matrix.data.astype(np.float32))
+    rows, width = matrix.shape
+    return SparseMap(rows, width, starts, sources, weights, _kernels.SparseMatrix(starts, sources, weights, width))
 
 
 @lru_cache(maxsize=4)
