@@ -70,6 +70,16 @@ def test_settings_out_of_range_are_refused(setting: str, value: float):
         GaussianShaderRecipe(**{setting: value})  # type: ignore[arg-type]
 
 
+def test_rates_of_the_light_are_the_papers_in_long_runs_and_as_stated_in_any():
+    of_paper = {"environment_rate": 1.6e-2, "material_rate": 1.6e-2, "normal_rate": 1.6e-2}
+    assert GaussianShaderRecipe(steps=30_000).light_rates == of_paper
+    short, middle = (GaussianShaderRecipe(steps=steps).light_rates for steps in (7_000, 15_000))
+    assert short == GaussianShaderRecipe(steps=100).light_rates
+    assert short["normal_rate"] < middle["normal_rate"] < 1.6e-2 < middle["material_rate"] < short["material_rate"]
+    stated = GaussianShaderRecipe(steps=100, material_rate=0.0).at_length()
+    assert (stated.material_rate, stated.normal_rate) == (0.0, short["normal_rate"])
+
+
 def test_first_surfaces_have_the_points_colours():
     recipe = GaussianShaderRecipe(environment_side=16, first_tint=0.05)
     color, _ = recipe.parts(SCENE.box)

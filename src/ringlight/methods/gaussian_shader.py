@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates
+from ringlight.fit.rates import Adam, GaussianRates, Rate, between, check_rates, how_long
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.surface_start import FIRST_GAUSSIANS, SurfaceStart
@@ -26,6 +26,13 @@ if TYPE_CHECKING:
     from ringlight.methods.assembly import Course
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
+
+PAPER_RATE = 1.6e-2
+"""GaussianShader's rate of materials, normals and environment at the start."""
+
+SHORT_ENVIRONMENT, SHORT_MATERIAL, SHORT_NORMAL = 0.05, 0.1, 1e-3
+"""Rates of short runs: with the paper's, roughnesses hardly move in a thousand steps, and residuals make normals
+noisy (docs/methods/gaussian-shader.md)."""
 
 RATE_FALL = 0.1
 """GaussianShader's rates of materials, normals and environment fall from 1.6e-2 to 1.6e-3 over a run."""
@@ -56,12 +63,14 @@ class GaussianShaderRecipe(SplatRecipe):
     """Reflectance at normal incidence with which Gaussians start."""
     environment_side: int = 64
     """Texels on a side of the environment's six faces, 16 times a power of two."""
-    environment_rate: float = 1.6e-2
-    """Learning rate of the environment's logits at the start; it falls to a tenth."""
-    material_rate: float = 1.6e-2
-    """Learning rate of tints and roughnesses at the start; it falls to a tenth."""
-    normal_rate: float = 1.6e-2
-    """Learning rate of the normals' residuals at the start; it falls to a tenth."""
+    environment_rate: float | None = None
+    """Learning rate of the environment's logits at the start; it falls to a tenth. By default 0.05 in runs of up to
+    7,000 steps and GaussianShader's 1.6e-2 from 30,000 steps on."""
+    material_rate: float | None = None
+    """Learning rate of tints and roughnesses at the start; it falls to a tenth. By default 0.1 and 1.6e-2 likewise."""
+    normal_rate: float | None = None
+    """Learning rate of the normals' residuals at the start; it falls to a tenth. By default 1e-3 and 1.6e-2
+    likewise."""
     consistency: float = 0.2
     """Weight of 1 - cosine between blended normals and those of the blended depths; 0 for none."""
     consistency_stride: int = 4
@@ -100,8 +109,27 @@ class GaussianShaderRecipe(SplatRecipe):
     def at_length(self) -> "GaussianShaderRecipe":
         """See :meth:`SplatRecipe.at_length`."""
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
-        start = self.start.at_length(self.steps)
-        return replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest, start=start)
+        of_light = self.light_rates
+        return replace(
+            super().at_length(),
+            sh_rate=of_dc,
+            sh_rest_rate=of_rest,
+            environment_rate=of_light["environment_rate"],
+            material_rate=of_light["material_rate"],
+            normal_rate=of_light["normal_rate"],
+            start=self.start.at_length(self.steps),
+        )
+
+    @property
+    def light_rates(self) -> dict[str, float]:
+        """By setting, those of environment, materials and normals at the start, as set or as suits the run's length."""
+        stated = {
+            "environment_rate": (self.environment_rate, SHORT_ENVIRONMENT),
+            "material_rate": (self.material_rate, SHORT_MATERIAL),
+            "normal_rate": (self.normal_rate, SHORT_NORMAL),
+        }
+        long = how_long(self.steps)
+        return {name: between(short, PAPER_RATE, long) if own is None else own for name, (own, short) in stated.items()}
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
@@ -135,7 +163,7 @@ class GaussianShaderRecipe(SplatRecipe):
         from ringlight.methods.assembly import Course
 
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
-        held = self.rates.at_length(self.steps).held
+        held, of_light = self.rates.at_length(self.steps).held, self.light_rates
 
         def falling(rate: float) -> Adam:
             return Adam(Rate(rate, RATE_FALL * rate))
@@ -144,10 +172,10 @@ class GaussianShaderRecipe(SplatRecipe):
             groups={
                 "columns.sh_dc": Adam(held(of_dc)),
                 "columns.sh_rest": Adam(held(of_rest)),
-                "columns.tint_logits": falling(self.material_rate),
-                "columns.roughness_logits": falling(self.material_rate),
-                "columns.normal_residuals": falling(self.normal_rate),
-                "color.light.texels": falling(self.environment_rate),
+                "columns.tint_logits": falling(of_light["material_rate"]),
+                "columns.roughness_logits": falling(of_light["material_rate"]),
+                "columns.normal_residuals": falling(of_light["normal_rate"]),
+                "color.light.texels": falling(of_light["environment_rate"]),
             },
             unlocks={"color.harmonic.active_degree": degrees_by_step(self.sh_every, self.steps, self.sh_degree)},
             surface_opacity=self.start.opacity,
