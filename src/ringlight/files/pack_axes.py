@@ -8,9 +8,10 @@ from torch import Tensor
 
 SCALES, QUATS = "columns.log_scales", "columns.quats"
 
-AXES_PLAN = ((SCALES, "fixed12"), (QUATS, "fixed12"))
-"""What mirrors by normals need: with 10 bits each a chrome toaster of 3dgs-dr was 53.7 dB from the model, with these
-58.7."""
+AXES_PLAN = ((SCALES, "fixed12"), (QUATS, "fixed12"), ("columns.opacity_logits", "fixed12"))
+"""What mirrors by normals need: with 10 bits of scales and rotations a chrome toaster of 3dgs-dr was 53.7 dB from the
+model, with 12 58.7. Faint Gaussians show what lies behind them: a model of 60 steps was 52.5 dB away by 8 bits of its
+opacities alone, and is 73 with 12."""
 
 BITS = 12
 
