@@ -4,14 +4,13 @@ import pytest
 import torch
 
 from ringlight.core.want import Want
-from ringlight.errors import ModelFileError, RecipeError
-from ringlight.files.model_file import read_model_file, write_model_file
+from ringlight.errors import RecipeError
 from ringlight.fit.train import train
 from ringlight.methods import volume_training
 from ringlight.methods.putt import PuttRecipe
-from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import small
+from spoiled_volumes import assert_refused_without_its_end
 from tiny_scene import tiny_scene
 
 SCENE = tiny_scene(views=6, size=20)
@@ -107,16 +106,4 @@ def test_what_a_run_shows_is_much_the_same_after_its_grid_was_doubled():
     "name", ["field.density_train.cores.1", "field.appearance_train.cores.0", "field.density_train.cores.3", "occupied"]
 )
 def test_a_file_whose_cores_do_not_fit_each_other_is_refused(name: str, tmp_path):
-    training = built()
-    path = tmp_path / "model.safetensors"
-    header = model_header("putt", small("putt"), 0, scene_facts(SCENE))
-    save_model(path, training.model, header, [view.camera for view in SCENE.train])
-    stored = read_model_file(path)
-    whole = load_model(path, rasterizer_for("cpu")).model
-    camera = SCENE.test[0].camera
-    ours = training.model.render(camera, SCENE.background_color, Want.EXACT).color
-    assert torch.equal(whole.render(camera, SCENE.background_color, Want.EXACT).color, ours)
-    spoiled = stored.tensors[name][..., : 0 if name == "occupied" else -1].contiguous()
-    write_model_file(path, stored.tensors | {name: spoiled}, stored.header)
-    with pytest.raises(ModelFileError, match="do not fit"):
-        load_model(path, rasterizer_for("cpu"))
+    assert_refused_without_its_end("putt", built(), SCENE, name, tmp_path / "model.safetensors")

@@ -8,15 +8,14 @@ import torch
 from ringlight.core.scene import Scene
 from ringlight.core.want import Want
 from ringlight.data.rays import rays_of
-from ringlight.errors import ModelFileError, RecipeError
-from ringlight.files.model_file import read_model_file, write_model_file
+from ringlight.errors import RecipeError
 from ringlight.fit.train import train
 from ringlight.methods import volume_training
-from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.volume.occupancy import unpacked
 from small_recipes import small
+from spoiled_volumes import assert_refused_without_its_end
 from tiny_scene import tiny_scene
 
 SCENE = tiny_scene(views=6, size=20)
@@ -163,16 +162,4 @@ def test_variation_makes_planes_smoother():
 
 @pytest.mark.parametrize("name", ["field.density_factors.planes.1", "field.appearance_factors.lines.0", "occupied"])
 def test_a_file_whose_grids_do_not_fit_each_other_is_refused(name: str, tmp_path):
-    training = built()
-    path = tmp_path / "model.safetensors"
-    header = model_header("tensorf", small("tensorf"), 0, scene_facts(SCENE))
-    save_model(path, training.model, header, [view.camera for view in SCENE.train])
-    stored = read_model_file(path)
-    whole = load_model(path, rasterizer_for("cpu")).model
-    camera = SCENE.test[0].camera
-    ours = training.model.render(camera, SCENE.background_color, Want.EXACT).color
-    assert torch.equal(whole.render(camera, SCENE.background_color, Want.EXACT).color, ours)
-    spoiled = stored.tensors[name][..., : 0 if name == "occupied" else -1].contiguous()
-    write_model_file(path, stored.tensors | {name: spoiled}, stored.header)
-    with pytest.raises(ModelFileError, match="do not fit"):
-        load_model(path, rasterizer_for("cpu"))
+    assert_refused_without_its_end("tensorf", built(), SCENE, name, tmp_path / "model.safetensors")

@@ -2,43 +2,30 @@
 import { Colors } from "./colors.js";
 import { borderedFaces } from "./cubemap.js";
 import { inTexels, numbered, programOf } from "./gl.js";
-import { harmonicsOf } from "./splat_kind.js";
+import { ColoredKind, harmonicsOf } from "./splat_kind.js";
 
 const SMOOTHEST = 0.08; // roughness whose logit is far below zero
 
-export class ShadedKind {
+export class ShadedKind extends ColoredKind {
   constructor(gl, shaders, model) {
-    const { tensors, facts } = model,
-      rows = facts.gaussians,
-      { textures, wholes } = harmonicsOf(gl, model);
-    this.normals = numbered(gl, "rgba32f", 2 * rows, sidesOf(model));
-    const means = numbered(gl, "rgba32f", rows, inTexels(tensors.get("columns.means").values, 3)),
-      surfaces = numbered(gl, "rgba32f", 2 * rows, surfacesOf(model)),
-      { values, shape } = tensors.get("shares"),
-      light = { ...lightOf(gl, model), shares: numbered(gl, "rgba32f", shape[0], inTexels(values, 2)) };
-    const recolor = ["numbered.glsl", "harmonics.glsl", "cubemap.glsl", "shaded_main.glsl"];
-    this.colored = new Colors(gl, programOf(gl, shaders, recolor, facts.sizes), rows, {
-      textures: { means, ...textures, normals: this.normals, surfaces, ...light },
-      wholes,
-    });
-    const picture = [
-      "numbered.glsl",
-      "layers.glsl",
-      "blend_head.glsl",
-      "shaded_color.glsl",
-      "blend.glsl",
-      "splat_main.glsl",
-    ];
-    this.program = programOf(gl, shaders, picture);
+    const normals = numbered(gl, "rgba32f", 2 * model.facts.gaussians, sidesOf(model));
+    super(gl, shaders, coloredOf(gl, shaders, model, normals), normals, "shaded_color.glsl");
   }
+}
 
-  prepare(view, residual, some) {
-    return this.colored.prepare(view, residual, some);
-  }
-
-  bound(lists) {
-    return this.program.use().textures({ ...lists, colors: this.colored.colors, normals: this.normals });
-  }
+function coloredOf(gl, shaders, model, normals) {
+  const { tensors, facts } = model,
+    rows = facts.gaussians,
+    { textures, wholes } = harmonicsOf(gl, model),
+    means = numbered(gl, "rgba32f", rows, inTexels(tensors.get("columns.means").values, 3)),
+    surfaces = numbered(gl, "rgba32f", 2 * rows, surfacesOf(model)),
+    { values, shape } = tensors.get("shares"),
+    light = { ...lightOf(gl, model), shares: numbered(gl, "rgba32f", shape[0], inTexels(values, 2)) };
+  const recolor = ["numbered.glsl", "harmonics.glsl", "cubemap.glsl", "shaded_main.glsl"];
+  return new Colors(gl, programOf(gl, shaders, recolor, facts.sizes), rows, {
+    textures: { means, ...textures, normals, surfaces, ...light },
+    wholes,
+  });
 }
 
 // Normals where the shortest axis looks towards the camera as it is stored, and where it is turned round.

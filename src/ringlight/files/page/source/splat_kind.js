@@ -5,25 +5,12 @@ import { axisTable, viewTable } from "./heads.js";
 import { illuminatedOf } from "./illuminated.js";
 import { inFours, layersOf } from "./networks.js";
 
-export class SplatKind {
-  constructor(gl, shaders, model) {
-    const { tensors, facts } = model,
-      means = tensors.get("columns.means").values;
-    const rows = facts.gaussians,
-      shared = { means: numbered(gl, "rgba32f", rows, inTexels(means, 3)) };
-    this.normals = numbered(gl, "rgba32f", rows, inTexels(model.normals, 3));
-    const [sourceOf, ...code] = SOURCES[facts.kind] ?? [harmonicsOf, "harmonics.glsl", "harmonics_main.glsl"];
-    const source = sourceOf(gl, model);
-    const recolor = programOf(gl, shaders, ["numbered.glsl", ...code], { ...facts.sizes, ...source.sizes });
-    this.colored = new Colors(gl, recolor, rows, { ...source, textures: { ...shared, ...source.textures } });
-    const picture = [
-      "numbered.glsl",
-      "layers.glsl",
-      "blend_head.glsl",
-      "splat_color.glsl",
-      "blend.glsl",
-      "splat_main.glsl",
-    ];
+// Gaussians with one colour each, made by `colored`, seen through the shaders' file `code`; rows of `normals`.
+export class ColoredKind {
+  constructor(gl, shaders, colored, normals, code) {
+    this.colored = colored;
+    this.normals = normals;
+    const picture = ["numbered.glsl", "layers.glsl", "blend_head.glsl", code, "blend.glsl", "splat_main.glsl"];
     this.program = programOf(gl, shaders, picture);
   }
 
@@ -36,6 +23,23 @@ export class SplatKind {
   bound(lists) {
     return this.program.use().textures({ ...lists, colors: this.colored.colors, normals: this.normals });
   }
+}
+
+export class SplatKind extends ColoredKind {
+  constructor(gl, shaders, model) {
+    const rows = model.facts.gaussians,
+      normals = numbered(gl, "rgba32f", rows, inTexels(model.normals, 3));
+    super(gl, shaders, coloredOf(gl, shaders, model), normals, "splat_color.glsl");
+  }
+}
+
+function coloredOf(gl, shaders, model) {
+  const { tensors, facts } = model,
+    means = numbered(gl, "rgba32f", facts.gaussians, inTexels(tensors.get("columns.means").values, 3));
+  const [sourceOf, ...code] = SOURCES[facts.kind] ?? [harmonicsOf, "harmonics.glsl", "harmonics_main.glsl"];
+  const source = sourceOf(gl, model);
+  const recolor = programOf(gl, shaders, ["numbered.glsl", ...code], { ...facts.sizes, ...source.sizes });
+  return new Colors(gl, recolor, facts.gaussians, { ...source, textures: { means, ...source.textures } });
 }
 
 // Constant coefficients of each Gaussian, and what it has of the direction, as the file holds it.
