@@ -10,6 +10,7 @@ from ringlight.core.want import Want
 from ringlight.data.rays import RayBatch
 from ringlight.volume import kernels
 from ringlight.volume import model as of_model
+from ringlight.volume.occupancy import is_occupied
 from volume.volumes import BACKGROUND, rays, volume
 
 RAYS = 300
@@ -52,10 +53,13 @@ def test_they_equal_the_reference(halves: bool, tolerance: tuple[float, float], 
         assert (found[name] - gradient).norm() < of_gradients * gradient.norm(), name
 
 
-def test_the_density_of_places_is_the_fields():
+def test_the_density_of_places_is_the_fields_and_none_where_it_is_empty():
     model = volume()
     places = torch.rand(1003, 3, generator=torch.Generator().manual_seed(3)) * 1.2 - 0.1
-    torch.testing.assert_close(model.density_values(places), model.density(places).detach(), rtol=1e-4, atol=1e-4)
+    there = is_occupied(model.occupied, places)
+    assert 0.5 < there.float().mean() < 0.9
+    wanted = torch.where(there, model.density(places).detach(), 0)
+    torch.testing.assert_close(model.density_values(places), wanted, rtol=1e-4, atol=1e-4)
 
 
 def test_a_ray_meets_something_where_the_reference_says_so(monkeypatch: pytest.MonkeyPatch):

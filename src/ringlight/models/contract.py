@@ -45,7 +45,7 @@ class Solid(Protocol):
         ...
 
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
-        """Per unit of length of its own."""
+        """Per unit of length of its own; none where it is known to be empty."""
         ...
 
     def color(self, places: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:

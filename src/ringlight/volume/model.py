@@ -103,10 +103,14 @@ class VolumeModel(nn.Module):
         return torch.nn.functional.softplus(self.field.density(places) + SHIFT)
 
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
-        """The same without a graph, by the kernel where it applies."""
+        """The same without a graph, by the kernel where it applies; none in cells that rays skip."""
         if isinstance(self.field, FactoredField) and self._is_native:
-            return torch.nn.functional.softplus(density_at(self.field.density_factors, places) + SHIFT)
-        return self.density(places).detach()
+            found = torch.nn.functional.softplus(density_at(self.field.density_factors, places) + SHIFT)
+        else:
+            found = self.density(places).detach()
+        low, high = self.occupied_box
+        of_cells = (self.box[0] - low + places * (self.box[1] - self.box[0])) / (high - low)
+        return torch.where(is_occupied(self.occupied, of_cells), found, 0)
 
     def meets_something(self, rays: Rays) -> Bool[Tensor, "R"]:
         """Whether rays pass through a cell that is not known to be empty; on the CPU."""
@@ -255,12 +259,10 @@ class VolumeModel(nn.Module):
         step = self.space().step / self.unit.item()
         places = centers(cells).to(self.box)
         thickness = [step * self.density_values(part) for part in places.split(PLACES_AT_ONCE)]
-        full = -torch.expm1(-torch.cat(thickness)) >= EMPTY
-        low, high = self.occupied_box
-        full &= is_occupied(self.occupied, (self.box[0] - low + places * (self.box[1] - self.box[0])) / (high - low))
+        full = (-torch.expm1(-torch.cat(thickness)) >= EMPTY).view(cells)
         if not full.any():
             return self.box.clone()
-        wide = widened(full.view(cells))
+        wide = widened(full)
         self.skip_all_but(wide)
         of_cells = torch.tensor(cells).to(self.box)
         at = wide.nonzero()
