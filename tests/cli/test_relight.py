@@ -100,7 +100,7 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(
     apart = Path(shutil.copytree(evening, tmp_path / "scenes" / "apart"))
     edit_json(apart / "transforms_train.json", _moved)
     before = snapshot(tmp_path)
-    refused(ringlight("relight", trained["3dgs"], evening, out, *STEPS), 1, "harmonics", "train")
+    refused(ringlight("relight", trained["3dgs"], evening, out, *STEPS), 1, "light of 3dgs does not lie in", "train")
     refused(ringlight("relight", run, larger, out, *STEPS), 1, "24 x 24", "20 x 20")
     refused(ringlight("relight", run, apart, out, *STEPS), 1, apart, "same world")
     refused(ringlight("relight", run, tmp_path / "nothing", out, *STEPS), 1, "nothing")
