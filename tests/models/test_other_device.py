@@ -72,7 +72,7 @@ def rasterizer_elsewhere() -> CudaRasterizer:
 
 CHANGED = DensifySettings(threshold=1e-5, begin=4, every=5, stop=1.0, reset_every=7)
 KEPT, KEEPING = DensifySettings(begin=0, stop=0.0, latest=0, reset_every=0), {"gaussian-shader"}
-"""Without density control: a Gaussian a pixel, the bound, is reached at once, and the last bit says which are copied."""
+"""No density control: a Gaussian a pixel, the bound, is reached at once, and the last bit says which are copied."""
 
 
 def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
