@@ -37,6 +37,7 @@ def main() -> None:
     """Print a line for each resolution."""
     torch.set_num_threads(1)
     _kernels.set_threads(1)
+    _kernels.keep_freed_memory()
     model, looked_at, recipe = ball(), batch(), PuttRecipe()
     for levels in range(FIRST_LEVELS, LAST_LEVELS + 1):
         begin = time.process_time()

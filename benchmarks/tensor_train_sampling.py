@@ -13,7 +13,6 @@ from torch import Tensor
 
 from ringlight.core.directions import normalize
 from ringlight.volume.tensor_train_field import TensorTrain
-from ringlight.volume.tt_corners import corners_of
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
 
 RANKS = {1: 200, 27: 280}
@@ -48,12 +47,12 @@ def main() -> None:
         points = shell(POINTS[payload])
         for levels in range(4, 9):
             train = TensorTrain(payload, levels, levels, rank, torch.Generator().manual_seed(0))
-            cores, corners, half = train.reached, corners_of(points, levels), levels // 2
-            ways = {"points": partial(from_points, cores, corners, half)}
+            cores, half = train.reached, levels // 2
+            ways = {"points": partial(from_points, cores, points, half)}
             if payload == 1 or levels < 8:
-                ways["blocks"] = partial(from_blocks, cores, corners, half)
+                ways["blocks"] = partial(from_blocks, cores, points, half)
             if levels <= LARGEST_DENSE[payload]:
-                ways["grid"] = partial(from_grid, cores, corners)
+                ways["grid"] = partial(from_grid, cores, points)
             spent = {name: milliseconds(way, cores) for name, way in ways.items()}
             sys.stdout.write(f"payload {payload}, {2**levels} cubed, {len(points):,} points: {spent} ms\n")
 

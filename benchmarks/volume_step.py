@@ -35,6 +35,7 @@ def main() -> None:
     """Print milliseconds of forward, backward, Adam and all, the least of a few steps each."""
     torch.set_num_threads(1)
     _kernels.set_threads(1)
+    _kernels.keep_freed_memory()
     model, looked_at, recipe = ball(), batch(), TensorfRecipe()
     optimizer = Optimizer(model, recipe.groups(), recipe.steps)
     for way in ("kernels", "reference"):

@@ -30,11 +30,15 @@ settings.load_profile("untimed")
 
 @pytest.fixture
 def all_cores_afterwards() -> Iterator[None]:
-    """For tests that set the kernels' threads."""
+    """For tests that set the threads of kernels or torch."""
+    import torch
+
+    before = torch.get_num_threads()
     yield
     from ringlight import _kernels
 
     _kernels.set_threads(0)
+    torch.set_num_threads(before)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

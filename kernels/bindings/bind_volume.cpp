@@ -1,34 +1,18 @@
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/optional.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
-
-#include <array>
-#include <optional>
-#include <tuple>
-#include <vector>
-
-#include "bindings/arrays.hpp"
-#include "bindings/bindings.hpp"
+#include "bindings/volume_inputs.hpp"
 #include "simd/dispatch.hpp"
-#include "volume/volume.hpp"
 
 namespace ringlight {
 namespace {
 
-using Points = Tensor<const float, -1, 3>;
 using Bits = Tensor<const std::int8_t, -1, -1, -1>;
 using Counts = Tensor<std::int32_t, -1>;
-using Numbers = Tensor<const std::int32_t, -1>;
 using Offsets = Tensor<const std::int64_t, -1>;
-using Inputs = std::vector<Input>;
-using Arrays = std::vector<Array>;
 // Origins, directions, jitter.
 using Rays = std::tuple<Points, Points, Tensor<const float, -1>>;
 // The box's corners and the cells', x y z each; bits; step; most samples.
 using Space = std::tuple<std::array<float, 12>, Bits, float, int>;
 
-constexpr std::size_t LANES = 16, WIDEST = 4096, MOST = std::size_t{1} << 31;
+constexpr std::size_t MOST = std::size_t{1} << 31;
 
 VolumeRays rays_from(const Rays& rays) {
   const auto& [origins, directions, jitter] = rays;
@@ -45,40 +29,11 @@ VolumeSpace space_from(const Space& space) {
     made.cells_low[axis] = corners[6 + axis], made.cells_high[axis] = corners[9 + axis];
     require(made.low[axis] < made.high[axis] && made.cells_low[axis] < made.cells_high[axis],
             "volume: a box has no inside");
-    require(bits.shape(axis) > 0 && bits.shape(axis) <= WIDEST, "volume: no cells, or too many along an axis");
+    require(bits.shape(axis) > 0 && bits.shape(axis) <= VOLUME_WIDEST, "volume: no cells, or too many along an axis");
     made.cells[axis] = static_cast<int>(bits.shape(axis)) * (axis == 2 ? 8 : 1);
   }
   require(step > 0 && most >= 0 && most <= (1 << 20), "volume: a step must be positive, and a ray at most 2^20 long");
   made.bits = reinterpret_cast<const std::uint8_t*>(bits.data()), made.step = step, made.most = most;
-  return made;
-}
-
-// Three planes, then three lines.
-template <class Float, class Tensors>
-VolumeFactors<Float> factors_from(const Tensors& tensors) {
-  require(tensors.size() == 6, "volume: three planes and three lines");
-  VolumeFactors<Float> made{};
-  constexpr int axes[3][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
-  require(tensors[3].ndim() == 2, "volume: lines must be [S C]");
-  const std::size_t components = tensors[3].shape(1);
-  require(components > 0 && components <= WIDEST && components % LANES == 0,
-          "volume: components must be a multiple of 16");
-  made.components = static_cast<int>(components);
-  for (int pair = 0; pair < 3; pair++) {
-    const auto& line = tensors[3 + pair];
-    require(line.ndim() == 2 && line.shape(1) == components && line.shape(0) >= 2 && line.shape(0) <= WIDEST,
-            "volume: lines must be [S C] of 2 to 4096 nodes");
-    made.sides[axes[pair][2]] = static_cast<int>(line.shape(0));
-    made.lines[pair] = line.data();
-  }
-  for (int pair = 0; pair < 3; pair++) {
-    const auto& plane = tensors[pair];
-    require(plane.ndim() == 3 && plane.shape(2) == components &&
-                plane.shape(1) == static_cast<std::size_t>(made.sides[axes[pair][0]]) &&
-                plane.shape(0) == static_cast<std::size_t>(made.sides[axes[pair][1]]),
-            "volume: planes must be [S_b S_a C] of the lines' nodes");
-    made.planes[pair] = plane.data();
-  }
   return made;
 }
 
@@ -121,6 +76,28 @@ void march(const Rays& rays, const Space& space, const Inputs& factors, std::tup
   run(from, within, grid, {shift, optical, least, end}, offsets.data(), to, shown.data(), alpha.data(), depth.data());
 }
 
+void place(const Rays& rays, const Space& space, const Offsets& offsets, const Arrays& samples) {
+  const VolumeRays from = rays_from(rays);
+  const VolumeSpace within = space_from(space);
+  const VolumeSamples to = samples_from(samples);
+  require_offsets(offsets, from.count, samples[1].size());
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(volume_place)(from, within, offsets.data(), to);
+}
+
+void weigh(const Offsets& offsets, Input densities, std::tuple<float, float, float, float> optics,
+           const Arrays& samples, Counts shown, Array alpha, Array depth) {
+  const std::size_t rays = shown.size();
+  const VolumeSamples to = samples_from(samples);
+  require_offsets(offsets, rays, samples[1].size());
+  require(densities.size() == samples[1].size(), "volume: a density for each sample");
+  require(alpha.size() == rays && depth.size() == rays, "volume: shown, alpha and depth must be [R]");
+  const auto [shift, optical, least, end] = optics;
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(volume_weigh)(rays, offsets.data(), densities.data(), {shift, optical, least, end}, to,
+                                 shown.data(), alpha.data(), depth.data());
+}
+
 void density(const Inputs& factors, Points places, Array found) {
   const auto grid = factors_from<const float>(factors);
   require(found.size() == places.shape(0), "volume: a density for each place");
@@ -161,12 +138,6 @@ void unblend(const Offsets& offsets, const Offsets& shown, const Arrays& samples
                                    grad_density.data());
 }
 
-void require_numbers(const Numbers& numbers, std::size_t below) {
-  for (std::size_t i = 0; i < numbers.size(); i++)
-    require(numbers.data()[i] >= 0 && static_cast<std::size_t>(numbers.data()[i]) < below,
-            "volume: a number of a sample or ray is out of range");
-}
-
 void scatter(const Inputs& factors, Points places, const std::optional<Numbers>& samples, Input gradient,
              const Arrays& gradients) {
   const auto grid = factors_from<const float>(factors);
@@ -183,65 +154,6 @@ void scatter(const Inputs& factors, Points places, const std::optional<Numbers>&
                                    by_component, to);
 }
 
-// Basis, then weight and bias of three layers.
-template <class Float, class Tensors>
-VolumeNetwork<Float> network_from(const Tensors& tensors, std::size_t components, VolumeShape& shape) {
-  require(tensors.size() == 7 && tensors[0].ndim() == 2 && tensors[1].ndim() == 2,
-          "volume: a basis, and weight and bias of three layers");
-  const std::size_t features = tensors[0].shape(0), inputs = 5 * (features + 3), hidden = tensors[1].shape(0);
-  require(features > 0 && hidden > 0 && features <= WIDEST && hidden <= WIDEST, "volume: a width is 0 or above 4096");
-  const std::size_t widths[4] = {inputs, hidden, hidden, 3};
-  require(tensors[0].size() == features * components, "volume: the basis must be [F C]");
-  VolumeNetwork<Float> made{};
-  made.basis = tensors[0].data();
-  for (int layer = 0; layer < 3; layer++) {
-    require(tensors[1 + 2 * layer].size() == widths[layer] * widths[layer + 1] &&
-                tensors[2 + 2 * layer].size() == widths[layer + 1],
-            "volume: a layer has the wrong size");
-    made.weights[layer] = tensors[1 + 2 * layer].data();
-    made.biases[layer] = tensors[2 + 2 * layer].data();
-  }
-  shape = {static_cast<int>(features), static_cast<int>(hidden)};
-  return made;
-}
-
-VolumeRows rows_from(const Numbers& samples, const Numbers& rays, const Points& places, const Points& directions) {
-  require(samples.size() == rays.size(), "volume: a ray for each row");
-  require_numbers(samples, places.shape(0));
-  require_numbers(rays, directions.shape(0));
-  return {samples.data(), rays.data(), samples.size()};
-}
-
-void shade(const Inputs& factors, const Inputs& network, Numbers samples, Numbers rays, Points places,
-           Points directions, bool halves, Tensor<float, -1, 3> colors) {
-  const auto grid = factors_from<const float>(factors);
-  VolumeShape shape;
-  const auto layers = network_from<const float>(network, 3 * static_cast<std::size_t>(grid.components), shape);
-  const VolumeRows rows = rows_from(samples, rays, places, directions);
-  require(colors.shape(0) == rows.count, "volume: a colour for each row");
-  const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN_WITH_BF16(volume_shade)(shape, grid, layers, rows, places.data(), directions.data(), halves,
-                                           colors.data());
-}
-
-void shade_gradient(const Inputs& factors, const Inputs& network, Numbers samples, Numbers rays, Points places,
-                    Points directions, bool halves, Points grad_colors, Array grad_components,
-                    const Arrays& gradients) {
-  const auto grid = factors_from<const float>(factors);
-  const std::size_t components = 3 * static_cast<std::size_t>(grid.components);
-  VolumeShape shape, of_gradients;
-  const auto layers = network_from<const float>(network, components, shape);
-  const auto to = network_from<float>(gradients, components, of_gradients);
-  require(shape.features == of_gradients.features && shape.hidden == of_gradients.hidden,
-          "volume: gradients must have the network's sizes");
-  const VolumeRows rows = rows_from(samples, rays, places, directions);
-  require(grad_colors.shape(0) == rows.count && grad_components.size() == rows.count * components,
-          "volume: gradients must be of all rows");
-  const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN_WITH_BF16(volume_shade_gradient)(shape, grid, layers, rows, places.data(), directions.data(),
-                                                    halves, grad_colors.data(), grad_components.data(), to);
-}
-
 }  // namespace
 
 void bind_volume(nb::module_& module) {
@@ -251,6 +163,10 @@ void bind_volume(nb::module_& module) {
              "Fills samples (places, along, weights, left, slopes) and, by ray, how many are shown, alpha and depth. "
              "Optics are the shift of density, the thickness of a step, the least weight that is shown, and the light "
              "at which a ray ends.");
+  module.def("volume_place", &place, "rays"_a, "space"_a, "offsets"_a, "samples"_a,
+             "Fills samples' places and along.");
+  module.def("volume_weigh", &weigh, "offsets"_a, "densities"_a, "optics"_a, "samples"_a, "shown"_a, "alpha"_a,
+             "depth"_a, "The rest of what volume_march fills, of densities before softplus.");
   module.def("volume_density", &density, "factors"_a, "places"_a, "density"_a, "Sums of all components.");
   module.def("volume_blend", &blend, "offsets"_a, "shown"_a, "weights"_a, "least"_a, "colors"_a, "alpha"_a,
              "background"_a, "blended"_a, "Colours of rays over the background.");
@@ -259,11 +175,6 @@ void bind_volume(nb::module_& module) {
              "Gradients of the colours that are shown, and of what softplus is taken of.");
   module.def("volume_scatter", &scatter, "factors"_a, "places"_a, "samples"_a.none(), "gradient"_a, "gradients"_a,
              "Adds the gradients of planes and lines: of samples by number, or of all.");
-  module.def("volume_shade", &shade, "factors"_a, "network"_a, "samples"_a, "rays"_a, "places"_a, "directions"_a,
-             "halves"_a, "colors"_a, "Colours of the samples that are shown.");
-  module.def("volume_shade_gradient", &shade_gradient, "factors"_a, "network"_a, "samples"_a, "rays"_a, "places"_a,
-             "directions"_a, "halves"_a, "grad_colors"_a, "grad_components"_a, "gradients"_a,
-             "Gradients of basis and layers, and of each row's components.");
 }
 
 }  // namespace ringlight

@@ -21,7 +21,9 @@ void bind_planes(nb::module_& module);      // planes times lines
 void bind_encoding(nb::module_& module);    // of directions, for a network
 void bind_sh(nb::module_& module);          // colour from spherical harmonics
 void bind_loss(nb::module_& module);        // photometric loss and the blurs of its target
-void bind_volume(nb::module_& module);      // marching along rays through planes times lines
+void bind_volume(nb::module_& module);      // marching along rays through a volume
+void bind_volume_shading(nb::module_& module);  // the network that makes colours of a volume's features
+void bind_trains(nb::module_& module);      // nodes of tensor trains around points
 void bind_step(nb::module_& module);        // Adam, densification statistics
 
 }  // namespace ringlight

@@ -24,5 +24,7 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_sh(module);
   ringlight::bind_loss(module);
   ringlight::bind_volume(module);
+  ringlight::bind_volume_shading(module);
+  ringlight::bind_trains(module);
   ringlight::bind_step(module);
 }

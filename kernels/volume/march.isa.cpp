@@ -35,11 +35,11 @@ struct Light {
   int shown = 0;
 };
 
-// Up to sixteen samples in a row; returns how many of them come before the ray's end.
-int see(const VolumeFactors<const float>& factors, const VolumeOptics& optics, const VolumeSamples& to, std::size_t at,
-        int count, Light& light) {
+// Up to sixteen samples in a row, with the numbers that softplus is taken of; returns how many of them come before the
+// ray's end.
+int see(Vec densities, const VolumeOptics& optics, const VolumeSamples& to, std::size_t at, int count, Light& light) {
   alignas(64) float opaque[LANES], thick[LANES];
-  const Softplus density = softplus(densities_at(factors, to.places + 3 * at, count) + Vec(optics.shift));
+  const Softplus density = softplus(densities + Vec(optics.shift));
   const Vec thickness = density.value * Vec(optics.optical);
   store(thick, thickness);
   store(opaque, absorbed(thickness));
@@ -62,6 +62,22 @@ int see(const VolumeFactors<const float>& factors, const VolumeOptics& optics, c
   }
   light.thickness = total;
   return count;
+}
+
+// One ray, whose samples are those from `at` to `placed`; up to `last`, and behind its end, there is nothing.
+// `densities_of(at, count)` of up to sixteen samples is asked for in their order.
+template <class Densities>
+Light seen_along(const Densities& densities_of, const VolumeOptics& optics, const VolumeSamples& to, std::size_t at,
+                 std::size_t placed, std::size_t last) {
+  Light light;
+  while (at < placed) {
+    const int count = placed - at < LANES ? static_cast<int>(placed - at) : LANES;
+    const int seen = see(densities_of(at, count), optics, to, at, count, light);
+    at += seen;
+    if (seen < count) break;
+  }
+  for (; at < last; at++) to.weights[at] = to.left[at] = to.slopes[at] = 0.f;
+  return light;
 }
 
 // Writes the samples of one ray that are not empty, up to `last`; returns where they end.
@@ -99,19 +115,33 @@ void volume_count(const VolumeRays& rays, const VolumeSpace& space, std::int32_t
 void volume_march(const VolumeRays& rays, const VolumeSpace& space, const VolumeFactors<const float>& factors,
                   const VolumeOptics& optics, const std::int64_t* offsets, const VolumeSamples& to,
                   std::int32_t* shown, float* alpha, float* depth) {
+  const auto densities_of = [=](std::size_t at, int count) { return densities_at(factors, to.places + 3 * at, count); };
   parallel_ranges(rays.count, RAYS, [=](std::size_t begin, std::size_t end) {
     for (std::size_t ray = begin; ray < end; ray++) {
-      const std::size_t last = static_cast<std::size_t>(offsets[ray + 1]);
-      std::size_t at = static_cast<std::size_t>(offsets[ray]);
-      const std::size_t placed = place(Walk(rays, space, ray), space, to, at, last);
-      Light light;
-      while (at < placed) {
-        const int count = placed - at < LANES ? static_cast<int>(placed - at) : LANES;
-        const int seen = see(factors, optics, to, at, count, light);
-        at += seen;
-        if (seen < count) break;
-      }
-      for (; at < last; at++) to.weights[at] = to.left[at] = to.slopes[at] = 0.f;
+      const auto first = static_cast<std::size_t>(offsets[ray]), last = static_cast<std::size_t>(offsets[ray + 1]);
+      const std::size_t placed = place(Walk(rays, space, ray), space, to, first, last);
+      const Light light = seen_along(densities_of, optics, to, first, placed, last);
+      shown[ray] = light.shown, alpha[ray] = light.alpha, depth[ray] = light.depth;
+    }
+  });
+}
+
+void volume_place(const VolumeRays& rays, const VolumeSpace& space, const std::int64_t* offsets,
+                  const VolumeSamples& to) {
+  parallel_ranges(rays.count, RAYS, [=](std::size_t begin, std::size_t end) {
+    for (std::size_t ray = begin; ray < end; ray++)
+      place(Walk(rays, space, ray), space, to, static_cast<std::size_t>(offsets[ray]),
+            static_cast<std::size_t>(offsets[ray + 1]));
+  });
+}
+
+void volume_weigh(std::size_t rays, const std::int64_t* offsets, const float* densities, const VolumeOptics& optics,
+                  const VolumeSamples& to, std::int32_t* shown, float* alpha, float* depth) {
+  const auto densities_of = [=](std::size_t at, int count) { return load_first(densities + at, count); };
+  parallel_ranges(rays, RAYS, [=](std::size_t begin, std::size_t end) {
+    for (std::size_t ray = begin; ray < end; ray++) {
+      const auto first = static_cast<std::size_t>(offsets[ray]), last = static_cast<std::size_t>(offsets[ray + 1]);
+      const Light light = seen_along(densities_of, optics, to, first, last, last);
       shown[ray] = light.shown, alpha[ray] = light.alpha, depth[ray] = light.depth;
     }
   });

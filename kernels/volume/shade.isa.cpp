@@ -15,12 +15,13 @@ constexpr int LAYERS = 3, COLORS = 3, DIRECTION = 3, FREQUENCIES = 2;
 constexpr std::size_t PIECE = 8 * GROUP;  // rows that are shaded together
 constexpr int SHARDS = 16;                // of rows, whose gradients are summed by themselves
 
-// Inputs of the network: features, direction, sines and cosines of the features, then of the direction.
+// Inputs of the network: features, direction, sines and cosines of the features, then of the direction. Features that
+// are given have no components.
 struct Widths {
   int components, features, of[LAYERS + 1], widest;
 
-  Widths(const VolumeShape& shape, int components_of_pair)
-      : components(PAIRS * components_of_pair),
+  Widths(const VolumeShape& shape, const VolumeSeen& seen)
+      : components(seen.features ? 0 : PAIRS * seen.factors.components),
         features(shape.features),
         of{(shape.features + DIRECTION) * (1 + 2 * FREQUENCIES), shape.hidden, shape.hidden, COLORS} {
     widest = components;
@@ -40,9 +41,11 @@ struct NetworkPanels {
       : widths(of), memory(size(of) * sizeof(float)) {
     float* to = memory.floats();
     const int components = of.components, features = of.features;
-    basis = pack<Vec>(network.basis, components, 1, nullptr, features, components, to);
-    to += panel_floats<Vec>(features, components);
-    if (with_back) {
+    if (components) {
+      basis = pack<Vec>(network.basis, components, 1, nullptr, features, components, to);
+      to += panel_floats<Vec>(features, components);
+    }
+    if (components && with_back) {
       basis_back = pack<Vec>(network.basis, 1, components, nullptr, components, features, to);
       to += panel_floats<Vec>(components, features);
     }
@@ -84,18 +87,30 @@ struct Group {
   }
 };
 
-// What `count` rows of the network see: their components, and the network's input.
+// The features of `count` rows, at the begin of the network's input, and their components.
 template <class Terms>
-void look(const NetworkPanels<Terms>& panels, const VolumeFactors<const float>& factors, const VolumeRows& rows,
-          std::size_t first, int count, const float* places, const float* directions, const Group& group) {
+void look_up(const NetworkPanels<Terms>& panels, const VolumeSeen& seen, std::size_t first, int count,
+             const Group& group) {
   const Widths& widths = panels.widths;
+  if (seen.features) {
+    rows_to_lanes(seen.features + first * widths.features, count, widths.features, group.at[0]);
+    return;
+  }
   for (int i = 0; i < count; i++) {
-    const std::size_t sample = static_cast<std::size_t>(rows.samples[first + i]);
-    components_at(factors, places + 3 * sample, group.rows + static_cast<std::size_t>(i) * widths.components);
+    const float* place = seen.places + 3 * static_cast<std::size_t>(seen.samples[first + i]);
+    components_at(seen.factors, place, group.rows + static_cast<std::size_t>(i) * widths.components);
   }
   rows_to_lanes(group.rows, count, widths.components, group.components);
+  dense<Vec>(panels.basis, group.components, group.at[0]);
+}
+
+// What `count` rows of the network see.
+template <class Terms>
+void look(const NetworkPanels<Terms>& panels, const VolumeSeen& seen, const VolumeRows& rows, std::size_t first,
+          int count, const float* directions, const Group& group) {
+  const Widths& widths = panels.widths;
+  look_up(panels, seen, first, count, group);
   float *features = group.at[0], *direction = features + widths.features * GROUP;
-  dense<Vec>(panels.basis, group.components, features);
   for (int i = 0; i < GROUP; i++)
     for (int axis = 0; axis < DIRECTION; axis++)
       direction[axis * GROUP + i] = i < count ? directions[3 * static_cast<std::size_t>(rows.rays[first + i]) + axis]
@@ -130,17 +145,16 @@ void evaluate(const NetworkPanels<Terms>& panels, const Group& group) {
 }
 
 template <class Terms>
-void shade_rows(const VolumeShape& shape, const VolumeFactors<const float>& factors,
-                const VolumeNetwork<const float>& network, const VolumeRows& rows, const float* places,
-                const float* directions, float* colors) {
-  const NetworkPanels<Terms> panels(Widths(shape, factors.components), network, false);
+void shade_rows(const VolumeShape& shape, const VolumeSeen& seen, const VolumeNetwork<const float>& network,
+                const VolumeRows& rows, const float* directions, float* colors) {
+  const NetworkPanels<Terms> panels(Widths(shape, seen), network, false);
   parallel_ranges(rows.count, PIECE, [&](std::size_t begin, std::size_t end) {
     const Scratch memory(Group::size(panels.widths) * sizeof(float));
     const MatrixUnit unit;
     const Group group(memory.floats(), panels.widths);
     for (std::size_t first = begin; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
-      look(panels, factors, rows, first, count, places, directions, group);
+      look(panels, seen, rows, first, count, directions, group);
       evaluate(panels, group);
       for (int i = 0; i < count; i++)
         for (int c = 0; c < COLORS; c++) colors[COLORS * (first + i) + c] = group.at[LAYERS][c * GROUP + i];
@@ -189,7 +203,7 @@ void through_waves(const float* input, float* grad, int features) {
 }
 
 // Adds one group's gradients of the network; on entry grad.at[LAYERS] is that of the colours. Leaves that of the
-// components in grad.components.
+// features in grad.at[0], and that of the components, where there are any, in grad.components.
 template <class Terms>
 void go_back(const NetworkPanels<Terms>& panels, const Group& group, const Group& grad, const NetworkSums& sums) {
   const Widths& widths = panels.widths;
@@ -205,17 +219,18 @@ void go_back(const NetworkPanels<Terms>& panels, const Group& group, const Group
     if (layer) rectify_gradient(grad.at[layer], group.at[layer], widths.of[layer]);
   }
   through_waves(group.at[0], grad.at[0], widths.features);
+  if (!widths.components) return;
   to_rows<Vec>(group.components, widths.components, group.rows);
   add_layer_gradient<Vec>(sums.basis, grad.at[0], group.rows);
   dense<Vec>(panels.basis_back, grad.at[0], grad.components);
 }
 
 template <class Terms>
-void shade_rows_back(const VolumeShape& shape, const VolumeFactors<const float>& factors,
-                     const VolumeNetwork<const float>& network, const VolumeRows& rows, const float* places,
-                     const float* directions, const float* grad_colors, float* grad_components,
+void shade_rows_back(const VolumeShape& shape, const VolumeSeen& seen, const VolumeNetwork<const float>& network,
+                     const VolumeRows& rows, const float* directions, const float* grad_colors, float* grad_seen,
                      const VolumeNetwork<float>& gradients) {
-  const Widths widths(shape, factors.components);
+  const Widths widths(shape, seen);
+  const int width = widths.components ? widths.components : widths.features;
   const NetworkPanels<Terms> panels(widths, network, true);
   const std::size_t size = NetworkSums::size(widths);
   const Scratch sums(size * SHARDS * sizeof(float));
@@ -230,38 +245,37 @@ void shade_rows_back(const VolumeShape& shape, const VolumeFactors<const float>&
     const std::size_t end = (shard + 1) * share < rows.count ? (shard + 1) * share : rows.count;
     for (std::size_t first = shard * share; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
-      look(panels, factors, rows, first, count, places, directions, group);
+      look(panels, seen, rows, first, count, directions, group);
       evaluate(panels, group);
       for (int c = 0; c < COLORS; c++)
         for (int i = 0; i < GROUP; i++)
           grad.at[LAYERS][c * GROUP + i] = i < count ? grad_colors[COLORS * (first + i) + c] : 0.f;
       go_back(panels, group, grad, of_shard);
-      lanes_to_rows(grad.components, count, widths.components, grad.rows,
-                    grad_components + first * widths.components);
+      lanes_to_rows(widths.components ? grad.components : grad.at[0], count, width, grad.rows,
+                    grad_seen + first * width);
     }
   });
   const Shards all{sums.floats(), size, SHARDS};
   const NetworkSums of_first(sums.floats(), widths);
-  add_up_layer(all, of_first.basis, gradients.basis, nullptr);
+  if (widths.components) add_up_layer(all, of_first.basis, gradients.basis, nullptr);
   for (int layer = 0; layer < LAYERS; layer++)
     add_up_layer(all, of_first.layers[layer], gradients.weights[layer], gradients.biases[layer]);
 }
 
 }  // namespace
 
-void volume_shade(const VolumeShape& shape, const VolumeFactors<const float>& factors,
-                  const VolumeNetwork<const float>& network, const VolumeRows& rows, const float* places,
-                  const float* directions, bool halves, float* colors) {
+void volume_shade(const VolumeShape& shape, const VolumeSeen& seen, const VolumeNetwork<const float>& network,
+                  const VolumeRows& rows, const float* directions, bool halves, float* colors) {
   const auto run = halves ? shade_rows<LayerTerms> : shade_rows<Vec>;
-  run(shape, factors, network, rows, places, directions, colors);
+  run(shape, seen, network, rows, directions, colors);
 }
 
-void volume_shade_gradient(const VolumeShape& shape, const VolumeFactors<const float>& factors,
-                           const VolumeNetwork<const float>& network, const VolumeRows& rows, const float* places,
-                           const float* directions, bool halves, const float* grad_colors, float* grad_components,
+void volume_shade_gradient(const VolumeShape& shape, const VolumeSeen& seen,
+                           const VolumeNetwork<const float>& network, const VolumeRows& rows, const float* directions,
+                           bool halves, const float* grad_colors, float* grad_seen,
                            const VolumeNetwork<float>& gradients) {
   const auto run = halves ? shade_rows_back<LayerTerms> : shade_rows_back<Vec>;
-  run(shape, factors, network, rows, places, directions, grad_colors, grad_components, gradients);
+  run(shape, seen, network, rows, directions, grad_colors, grad_seen, gradients);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

@@ -43,7 +43,8 @@ struct VolumeOptics {
   float shift, optical, shown, end;  // of density before softplus; thickness of a step; least weight; light that ends
 };
 
-// Linear layers: basis [features components], then weight [outputs inputs] and bias of three layers.
+// Linear layers: basis [features components], null where features are given, then weight [outputs inputs] and bias of
+// three layers.
 template <class Float>
 struct VolumeNetwork {
   Float *basis, *weights[3], *biases[3];
@@ -53,10 +54,18 @@ struct VolumeShape {
   int features, hidden;
 };
 
-// What is shown: S samples, by their numbers, and the ray that each is of.
+// What is shown: S rows, by the ray that each is of.
 struct VolumeRows {
-  const std::int32_t *samples, *rays;
+  const std::int32_t* rays;
   std::size_t count;
+};
+
+// What the network sees of a row: `features` [S features], or the basis times the components at its sample's place.
+struct VolumeSeen {
+  const float* features;
+  VolumeFactors<const float> factors;
+  const float* places;
+  const std::int32_t* samples;
 };
 
 #define RINGLIGHT_VOLUME(isa) \
@@ -65,6 +74,9 @@ struct VolumeRows {
   void volume_march(const VolumeRays&, const VolumeSpace&, const VolumeFactors<const float>&, const VolumeOptics&, \
                     const std::int64_t* offsets, const VolumeSamples&, std::int32_t* shown, float* alpha, \
                     float* depth); \
+  void volume_place(const VolumeRays&, const VolumeSpace&, const std::int64_t* offsets, const VolumeSamples&); \
+  void volume_weigh(std::size_t rays, const std::int64_t* offsets, const float* densities, const VolumeOptics&, \
+                    const VolumeSamples&, std::int32_t* shown, float* alpha, float* depth); \
   void volume_density(const VolumeFactors<const float>&, const float* places, std::size_t count, float* density); \
   void volume_blend(std::size_t rays, const std::int64_t* offsets, const std::int64_t* shown_offsets, \
                     const float* weights, float least, const float* colors, const float* alpha, \
@@ -83,12 +95,11 @@ RINGLIGHT_EVERY_ISA(RINGLIGHT_VOLUME)
 // `halves`: products of the network's layers may be of bfloat16.
 #define RINGLIGHT_VOLUME_SHADING(isa) \
   namespace isa { \
-  void volume_shade(const VolumeShape&, const VolumeFactors<const float>&, const VolumeNetwork<const float>&, \
-                    const VolumeRows&, const float* places, const float* directions, bool halves, float* colors); \
-  void volume_shade_gradient(const VolumeShape&, const VolumeFactors<const float>&, \
-                             const VolumeNetwork<const float>&, const VolumeRows&, const float* places, \
-                             const float* directions, bool halves, const float* grad_colors, float* grad_components, \
-                             const VolumeNetwork<float>& gradients); \
+  void volume_shade(const VolumeShape&, const VolumeSeen&, const VolumeNetwork<const float>&, const VolumeRows&, \
+                    const float* directions, bool halves, float* colors); \
+  void volume_shade_gradient(const VolumeShape&, const VolumeSeen&, const VolumeNetwork<const float>&, \
+                             const VolumeRows&, const float* directions, bool halves, const float* grad_colors, \
+                             float* grad_seen, const VolumeNetwork<float>& gradients); \
   }
 RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_VOLUME_SHADING)
 #undef RINGLIGHT_VOLUME_SHADING

@@ -22,7 +22,8 @@ def points(count: int, seed: int = 0, dtype: torch.dtype = torch.float64) -> tor
     return places
 
 
-def by_single_entries(cores, corners) -> torch.Tensor:
+def by_single_entries(cores, places) -> torch.Tensor:
+    corners = corners_of(places, len(cores))
     entries = gathered(cores, corners.paths.flatten()).unflatten(0, (-1, 8))
     return (entries * corners.shares[..., None]).sum(1)
 
@@ -30,7 +31,7 @@ def by_single_entries(cores, corners) -> torch.Tensor:
 def with_gradients(way, cores, count: int):
     leaves = [core.clone().requires_grad_() for core in cores]
     places = points(count).requires_grad_()
-    values = way(leaves, corners_of(places, len(cores)))
+    values = way(leaves, places)
     weights = torch.randn(values.shape, generator=torch.Generator().manual_seed(1), dtype=values.dtype)
     found = torch.autograd.grad((values * weights).sum(), [*leaves, places])
     return [values.detach(), *found]
@@ -60,7 +61,7 @@ def test_values_are_those_of_the_grid_linear_between_its_nodes():
         weight = (share[0] if i else 1 - share[0]) * (share[1] if j else 1 - share[1])
         weight = weight * (share[2] if k else 1 - share[2])
         expected = expected + weight[:, None] * grid[x1 if i else x, y1 if j else y, z1 if k else z]
-    torch.testing.assert_close(from_grid(cores, corners_of(places, 3)), expected, **SAME)
+    torch.testing.assert_close(from_grid(cores, places), expected, **SAME)
 
 
 @pytest.mark.parametrize("payload", [1, 3])
@@ -68,10 +69,10 @@ def test_a_doubled_train_shows_the_same(payload: int):
     drawn = torch.Generator().manual_seed(0)
     train = TensorTrain(payload, 3, 5, 200, drawn).to(torch.float64)
     places = points(500)
-    before = from_grid(train.reached, corners_of(places, 3))
+    before = from_grid(train.reached, places)
     train.deepen()
     assert train.levels == 4
-    torch.testing.assert_close(from_grid(train.reached, corners_of(places, 4)), before, **SAME)
+    torch.testing.assert_close(from_grid(train.reached, places), before, **SAME)
 
 
 def test_levels_that_are_not_reached_change_no_entry():
@@ -92,8 +93,7 @@ def test_a_field_samples_by_ways_that_agree():
     """Blocks up to 64 cubed, points beyond."""
     field = TensorTrainField(7, 7, (12, 14), 5, torch.Generator().manual_seed(0))
     places = points(200, dtype=torch.float32)
-    corners = corners_of(places, 7)
     for train, values in ((field.density_train, field.density), (field.appearance_train, field.appearance)):
-        expected = from_blocks(train.reached, corners, 4)
+        expected = from_blocks(train.reached, places, 4)
         torch.testing.assert_close(values(places).view_as(expected), expected, rtol=1e-4, atol=1e-6)
         assert len(values(places[:0])) == 0

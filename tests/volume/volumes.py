@@ -10,6 +10,7 @@ from ringlight.volume.factors import Decomposition
 from ringlight.volume.model import VolumeModel
 from ringlight.volume.occupancy import packed
 from ringlight.volume.shading import FeatureShading
+from ringlight.volume.tensor_train_field import TensorTrainField
 
 BOX = torch.tensor([[-1.0, -0.9, -1.1], [1.0, 1.2, 0.9]])
 
@@ -24,6 +25,19 @@ def volume(kind: Decomposition = "vm", components: tuple[int, int] = (16, 48), h
         for parameter in field.appearance_factors.parameters():
             parameter.mul_(5 if kind == "vm" else 3)
     model = VolumeModel(field, FeatureShading(27, hidden, drawn), BOX)
+    model.occupied = packed(torch.rand(6, 7, 16, generator=drawn) > 0.3)
+    return model
+
+
+def volume_of_trains() -> VolumeModel:
+    """Of the same kind, as tensor trains."""
+    drawn = torch.Generator().manual_seed(1)
+    field = TensorTrainField(4, 4, (20, 30), 27, drawn)
+    with torch.no_grad():
+        for train, factor in ((field.density_train, 3.0), (field.appearance_train, 2.5)):
+            for core in train.cores:
+                core.mul_(factor)
+    model = VolumeModel(field, FeatureShading(27, 128, drawn), BOX)
     model.occupied = packed(torch.rand(6, 7, 16, generator=drawn) > 0.3)
     return model
 

@@ -18,14 +18,15 @@ from ringlight.core.want import Want
 from ringlight.data.rays import RayBatch, Rays, rays_of
 from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
-from ringlight.volume import kernels, looked_for
+from ringlight.volume import looked_for, native_march
 from ringlight.volume.contract import Sides, VolumeField
-from ringlight.volume.factored import FactoredField
+from ringlight.volume.factored_source import FactoredSource, density_at, has_kernels
 from ringlight.volume.grids import FEWEST_NODES
-from ringlight.volume.kernels import Marched, density_at, runs_native
 from ringlight.volume.marching import Space, marched, samples_of, weights_of
+from ringlight.volume.native_march import FieldSource, Marched, runs_native
 from ringlight.volume.occupancy import cells_of, centers, everything, is_occupied, packed, widened
 from ringlight.volume.shading import FeatureShading
+from ringlight.volume.torch_source import TorchSource
 
 SHIFT = -10.0
 """Added to the field's density before softplus: space begins all but empty (TensoRF)."""
@@ -104,7 +105,7 @@ class VolumeModel(nn.Module):
 
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """The same without a graph, by the kernel where it applies; none in cells that rays skip."""
-        if isinstance(self.field, FactoredField) and self._is_native:
+        if self._is_native and has_kernels(self.field):
             found = torch.nn.functional.softplus(density_at(self.field.density_factors, places) + SHIFT)
         else:
             found = self.density(places).detach()
@@ -114,7 +115,7 @@ class VolumeModel(nn.Module):
 
     def meets_something(self, rays: Rays) -> Bool[Tensor, "R"]:
         """Whether rays pass through a cell that is not known to be empty; on the CPU."""
-        look = kernels.meets_something if self._is_native else looked_for.meets_something
+        look = native_march.meets_something if self._is_native else looked_for.meets_something
         return look(rays.to(self.device), self.space())
 
     def color(self, places: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
@@ -289,9 +290,9 @@ class VolumeModel(nn.Module):
 
     def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want) -> Rendering:
         space = self.space()
-        if isinstance(self.field, FactoredField) and self._is_native:
-            shown = Marched(rays, space, SHIFT, self.field, self.shading, background)
-            return shown.rendering(with_way_back=want is Want.GRADIENTS)
+        if self._is_native:
+            with_way_back = want is Want.GRADIENTS
+            return Marched(rays, space, SHIFT, self._source(with_way_back), background).rendering(with_way_back)
         recorded = ByAutograd(
             lambda _: marched(rays, space, self.density, self.color, background), {}, dict(self.named_parameters())
         )
@@ -304,6 +305,11 @@ class VolumeModel(nn.Module):
             return Gradients(recorded.backward({"color": grad_color, **grad_buffers}))
 
         return Rendering(outputs["color"], outputs["alpha"], buffers, backward=backward)
+
+    def _source(self, with_way_back: bool) -> FieldSource:
+        if has_kernels(self.field):
+            return FactoredSource(self.field, self.shading)
+        return TorchSource(self.field, self.shading, with_way_back)
 
     def _normals(self, rays: Rays) -> Float[Tensor, "R 3"]:
         """Unit, or zero where there is nothing."""

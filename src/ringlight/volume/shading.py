@@ -35,6 +35,11 @@ class FeatureShading(nn.Module):
         return colors
 
 
+def named_layers(shading: FeatureShading) -> dict[str, Tensor]:
+    """Weight and bias of each layer, by their names in a model."""
+    return {f"shading.{name}": tensor for name, tensor in shading.named_parameters()}
+
+
 def waves(values: Float[Tensor, "N C"]) -> Float[Tensor, "N W"]:
     """Sines of each value at each frequency, then cosines."""
     scaled = torch.cat([values * 2**k for k in range(FREQUENCIES)], -1)

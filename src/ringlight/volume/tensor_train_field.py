@@ -8,7 +8,6 @@ from torch import Tensor, nn
 
 from ringlight.volume.contract import Sides
 from ringlight.volume.prolongation import prolonged
-from ringlight.volume.tt_corners import Corners, corners_of
 from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
 
@@ -80,11 +79,11 @@ class TensorTrainField(nn.Module):
 
     def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
-        return self._sampled(self.density_train, points)[:, 0]
+        return sampled(self.density_train, points)[:, 0]
 
     def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
-        return self._sampled(self.appearance_train, points)
+        return sampled(self.appearance_train, points)
 
     def outline(self, sides: Sides) -> dict[str, Tensor]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
@@ -112,21 +111,18 @@ class TensorTrainField(nn.Module):
     def crop(self, first: Sides, last: Sides) -> None:
         """Nothing: see :meth:`cuttable`."""
 
-    def _sampled(self, train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        return sampled(train, corners_of(points, train.levels))
 
-
-def sampled(train: TensorTrain, corners: Corners) -> Float[Tensor, "N C"]:
+def sampled(train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
     """By the way that is faster on a CPU."""
     cores = train.reached
-    if not len(corners.paths):
-        return corners.shares.new_zeros(0, train.payload)
+    if not len(points):
+        return points.new_zeros(0, train.payload)
     first = len(cores) // 2
     if train.payload == 1 and len(cores) <= LEVELS_OF_GRID:
-        return from_grid(cores, corners)
+        return from_grid(cores, points)
     if train.payload == 1 or len(cores) <= LEVELS_OF_BLOCKS:
-        return from_blocks(cores, corners, first)
-    return from_points(cores, corners, first)
+        return from_blocks(cores, points, first)
+    return from_points(cores, points, first)
 
 
 def _levels_of(sides: Sides) -> int:

@@ -8,10 +8,10 @@ from ringlight import _kernels
 from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
 from ringlight.data.rays import RayBatch
-from ringlight.volume import kernels
 from ringlight.volume import model as of_model
+from ringlight.volume import native_march
 from ringlight.volume.occupancy import is_occupied
-from volume.volumes import BACKGROUND, rays, volume
+from volume.volumes import BACKGROUND, rays, volume, volume_of_trains
 
 RAYS = 300
 
@@ -35,10 +35,21 @@ def gradients(shown: Rendering) -> dict[str, Tensor]:
     return dict(shown.backward(color, {"alpha": alpha, "depth": depth}))
 
 
+VOLUMES = {
+    "planes times lines": volume,
+    "lines": lambda: volume("cp", (96, 288)),
+    "planes times lines of no sixteen components": lambda: volume("vm", (12, 20)),
+    "tensor trains": volume_of_trains,
+}
+
+
 @pytest.mark.parametrize(("halves", "tolerance"), [(False, EXACT), (True, HALVED)])
-def test_they_equal_the_reference(halves: bool, tolerance: tuple[float, float], monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(kernels, "HALVES", halves)
-    model = volume()
+@pytest.mark.parametrize("kind", VOLUMES)
+def test_they_equal_the_reference(
+    kind: str, halves: bool, tolerance: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(native_march, "HALVES", halves)
+    model = VOLUMES[kind]()
     ours, reference = (predicted(model, native, monkeypatch) for native in (True, False))
     assert 0.2 < reference.alpha.mean() < 0.8
     assert reference.alpha.min() == 0
@@ -71,8 +82,10 @@ def test_a_ray_meets_something_where_the_reference_says_so(monkeypatch: pytest.M
 
 
 @pytest.mark.usefixtures("all_cores_afterwards")
-def test_bits_are_the_same_for_any_number_of_threads(monkeypatch: pytest.MonkeyPatch):
-    model = volume()
+@pytest.mark.parametrize("kind", VOLUMES)
+def test_bits_are_the_same_for_any_number_of_threads(kind: str, monkeypatch: pytest.MonkeyPatch):
+    model = VOLUMES[kind]()
+    torch.set_num_threads(1)  # as commands do
     states = []
     for threads in (1, 2, 4):
         _kernels.set_threads(threads)
@@ -82,8 +95,9 @@ def test_bits_are_the_same_for_any_number_of_threads(monkeypatch: pytest.MonkeyP
         assert all(torch.equal(one, other) for one, other in zip(states[0], others, strict=True))
 
 
-def test_rays_that_meet_nothing_show_the_background():
-    model, through = volume(), rays(5)
+@pytest.mark.parametrize("kind", VOLUMES)
+def test_rays_that_meet_nothing_show_the_background(kind: str):
+    model, through = VOLUMES[kind](), rays(5)
     model.occupied = torch.zeros(1, 1, 1, dtype=torch.uint8)
     batch = RayBatch(through, torch.zeros(5, 3), BACKGROUND)
     shown = model.predict(batch, Want.GRADIENTS)
@@ -92,9 +106,8 @@ def test_rays_that_meet_nothing_show_the_background():
     assert not any(gradient.any() for gradient in found.values())
 
 
-@pytest.mark.parametrize(("kind", "components"), [("cp", (96, 288)), ("vm", (8, 48)), ("vm", (16, 20))])
-def test_what_they_do_not_take_is_shown_by_the_reference(kind, components):
-    model = volume(kind, components)
+def test_what_they_do_not_take_is_shown_by_the_reference():
+    model = volume().double()
     assert model.renderer == "ray marcher in torch"
     batch = RayBatch(rays(20), torch.zeros(20, 3), BACKGROUND)
     assert model.predict(batch, Want.EXACT).color.isfinite().all()

@@ -1,0 +1,62 @@
+// What bindings of volumes take.
+#pragma once
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <tuple>
+#include <vector>
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "volume/volume.hpp"
+
+namespace ringlight {
+
+using Points = Tensor<const float, -1, 3>;
+using Numbers = Tensor<const std::int32_t, -1>;
+using Inputs = std::vector<Input>;
+using Arrays = std::vector<Array>;
+
+constexpr std::size_t VOLUME_LANES = 16, VOLUME_WIDEST = 4096;
+
+// Three planes, then three lines.
+template <class Float, class Tensors>
+inline VolumeFactors<Float> factors_from(const Tensors& tensors) {
+  require(tensors.size() == 6, "volume: three planes and three lines");
+  VolumeFactors<Float> made{};
+  constexpr int axes[3][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
+  require(tensors[3].ndim() == 2, "volume: lines must be [S C]");
+  const std::size_t components = tensors[3].shape(1);
+  require(components > 0 && components <= VOLUME_WIDEST && components % VOLUME_LANES == 0,
+          "volume: components must be a multiple of 16");
+  made.components = static_cast<int>(components);
+  for (int pair = 0; pair < 3; pair++) {
+    const auto& line = tensors[3 + pair];
+    require(line.ndim() == 2 && line.shape(1) == components && line.shape(0) >= 2 && line.shape(0) <= VOLUME_WIDEST,
+            "volume: lines must be [S C] of 2 to 4096 nodes");
+    made.sides[axes[pair][2]] = static_cast<int>(line.shape(0));
+    made.lines[pair] = line.data();
+  }
+  for (int pair = 0; pair < 3; pair++) {
+    const auto& plane = tensors[pair];
+    require(plane.ndim() == 3 && plane.shape(2) == components &&
+                plane.shape(1) == static_cast<std::size_t>(made.sides[axes[pair][0]]) &&
+                plane.shape(0) == static_cast<std::size_t>(made.sides[axes[pair][1]]),
+            "volume: planes must be [S_b S_a C] of the lines' nodes");
+    made.planes[pair] = plane.data();
+  }
+  return made;
+}
+
+inline void require_numbers(const Numbers& numbers, std::size_t below) {
+  for (std::size_t i = 0; i < numbers.size(); i++)
+    require(numbers.data()[i] >= 0 && static_cast<std::size_t>(numbers.data()[i]) < below,
+            "volume: a number of a sample or ray is out of range");
+}
+
+}  // namespace ringlight

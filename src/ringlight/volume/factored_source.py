@@ -1,0 +1,89 @@
+"""Planes times lines in the kernels: no more densities than a ray sees, and components that are never all in memory."""
+
+from collections.abc import Mapping
+from typing import TypeGuard
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.volume import native_march
+from ringlight.volume.factored import FactoredField
+from ringlight.volume.factors import Factors
+from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space
+from ringlight.volume.shading import FeatureShading, named_layers
+
+LANES = 16
+"""Components of which a kernel takes whole multiples."""
+
+
+def has_kernels(field: object) -> TypeGuard[FactoredField]:
+    """Whether a field is of the form that these kernels take."""
+    if not isinstance(field, FactoredField):
+        return False
+    return all(
+        each.kind == "vm" and each.components % LANES == 0 for each in (field.density_factors, field.appearance_factors)
+    )
+
+
+def density_at(factors: Factors, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+    """Sums of all components."""
+    found = places.new_empty(len(places))
+    _kernels.volume_density(_tensors(factors), places.contiguous(), found)
+    return found
+
+
+class FactoredSource:
+    """A :class:`ringlight.volume.native_march.FieldSource`."""
+
+    def __init__(self, field: FactoredField, shading: FeatureShading):
+        self.field = field
+        self.network = {"field.basis": field.basis, **named_layers(shading)}
+
+    def march(self, through: MarchedRays) -> None:
+        self.through = through
+        _kernels.volume_march(
+            native_rays(through.rays), native_space(through.space), _tensors(self.field.density_factors),
+            through.optics, through.offsets, list(through.samples), through.shown, through.alpha, through.depth,
+        )  # fmt: skip
+
+    def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
+        self.shown = shown
+        colors = torch.empty(len(shown.samples), 3)
+        _kernels.volume_shade(*self._looked_at(), native_march.HALVES, colors)
+        return colors
+
+    def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
+        return _scattered(self.field.density_factors, self.through.places, None, grad_density, "field.density_factors.")
+
+    def color_gradients(self, grad_colors: Float[Tensor, "S 3"]) -> Mapping[str, Tensor]:
+        appearance, shown = self.field.appearance_factors, self.shown
+        found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
+        components = torch.empty(len(shown.samples), appearance.width)
+        _kernels.volume_shade_gradient(
+            *self._looked_at(), native_march.HALVES, grad_colors, components, list(found.values())
+        )
+        prefix = "field.appearance_factors."
+        return found | _scattered(appearance, self.through.places, shown.samples, components, prefix)
+
+    def _looked_at(self) -> tuple[tuple[list[Tensor], Tensor, Tensor], list[Tensor], Tensor, Tensor]:
+        sampled = (_tensors(self.field.appearance_factors), self.through.places, self.shown.samples)
+        return sampled, list(self.network.values()), self.shown.rays, self.through.rays.directions.contiguous()
+
+
+def _scattered(
+    factors: Factors,
+    places: Float[Tensor, "M 3"],
+    samples: Int[Tensor, "S"] | None,
+    gradient: Tensor,
+    prefix: str,
+) -> dict[str, Tensor]:
+    found = [torch.zeros_like(tensor, requires_grad=False) for tensor in _tensors(factors)]
+    _kernels.volume_scatter(_tensors(factors), places, samples, gradient, found)
+    names = [f"{prefix}{kind}.{k}" for kind in ("planes", "lines") for k in range(3)]
+    return dict(zip(names, found, strict=True))
+
+
+def _tensors(factors: Factors) -> list[Tensor]:
+    return [*factors.planes.parameters(), *factors.lines.parameters()]

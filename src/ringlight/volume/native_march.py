@@ -1,0 +1,170 @@
+"""Rays through a volume by the kernels, and their way back; compared with ``marching``.
+
+They take float32 on the CPU and a network of three layers. Products of its layers may be of bfloat16. A
+:class:`FieldSource` says what densities and features are.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.gradients import Gradients
+from ringlight.core.rendering import Rendering
+from ringlight.data.rays import Rays
+from ringlight.volume.contract import VolumeField
+from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
+from ringlight.volume.shading import FeatureShading
+
+HALVES = True
+"""Whether products of the network's layers may be of bfloat16, where the processor multiplies those faster."""
+
+
+@dataclass(frozen=True)
+class MarchedRays:
+    """A lot of rays as the kernels know it: see kernels/volume/volume.hpp. ``samples`` are places, along, weights,
+    left, slopes; ray r has those from ``offsets[r]`` to ``offsets[r + 1]``. ``shown`` counts those of a ray that have a
+    colour. A source fills all but ``offsets``."""
+
+    rays: Rays
+    space: Space
+    shift: float
+    offsets: Int[Tensor, "O"]
+    samples: tuple[Tensor, ...]
+    shown: Int[Tensor, "R"]
+    alpha: Float[Tensor, "R"]
+    depth: Float[Tensor, "R"]
+
+    @staticmethod
+    def of(rays: Rays, space: Space, shift: float) -> "MarchedRays":
+        """With room for all samples that are not known to be empty."""
+        count, offsets = len(rays), _ends(_counted(rays, space))
+        total = int(offsets[-1])
+        samples = (torch.empty(total, 3), *(torch.empty(total) for _ in range(4)))
+        shown = torch.empty(count, dtype=torch.int32)
+        return MarchedRays(rays, space, shift, offsets, samples, shown, torch.empty(count), torch.empty(count))
+
+    @property
+    def optics(self) -> tuple[float, float, float, float]:
+        """As the kernels take them."""
+        return self.shift, self.space.optical, SHOWN_WEIGHT, END
+
+    @property
+    def places(self) -> Float[Tensor, "M 3"]:
+        """Of samples, in the box's [0, 1]^3."""
+        return self.samples[0]
+
+    @property
+    def weights(self) -> Float[Tensor, "M"]:
+        """Of samples, of what is seen."""
+        return self.samples[2]
+
+
+@dataclass(frozen=True)
+class ShownSamples:
+    """Numbers of the samples that have a colour, and of their rays."""
+
+    samples: Int[Tensor, "S"]
+    rays: Int[Tensor, "S"]
+
+
+@runtime_checkable
+class FieldSource(Protocol):
+    """A field for one lot of rays. Its methods are called in this order, the last two at most once."""
+
+    def march(self, through: MarchedRays) -> None:
+        """Fill what is empty in it."""
+        ...
+
+    def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
+        """Colours of what is shown."""
+        ...
+
+    def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
+        """By the model's names, from those of what softplus is taken of."""
+        ...
+
+    def color_gradients(self, grad_colors: Float[Tensor, "S 3"]) -> Mapping[str, Tensor]:
+        """By the model's names, the network's among them."""
+        ...
+
+
+def runs_native(field: VolumeField, shading: FeatureShading) -> bool:
+    """Whether the kernels take a field and its network, as these are now."""
+    parameters = [parameter for _, parameter in field.named_parameters()] + list(shading.parameters())
+    return all(p.is_cpu and p.dtype == torch.float32 and p.is_contiguous() for p in parameters)
+
+
+def meets_something(rays: Rays, space: Space) -> Bool[Tensor, "R"]:
+    """Whether a sample of a ray lies in a cell that is not empty."""
+    return _counted(rays, space) > 0
+
+
+class Marched:
+    """One lot of rays through a field, in a space."""
+
+    def __init__(self, rays: Rays, space: Space, shift: float, source: FieldSource, background: Float[Tensor, "3"]):
+        self.source, self.background = source, background.contiguous()
+        self.through = MarchedRays.of(rays, space, shift)
+        source.march(self.through)
+        self.shown_offsets = _ends(self.through.shown)
+        self.colors = source.shade(self.through, self._shown())
+        self.color = torch.empty(len(rays), 3)
+        of = self.through
+        _kernels.volume_blend(
+            of.offsets, self.shown_offsets, of.weights, SHOWN_WEIGHT, self.colors, of.alpha, self.background, self.color
+        )
+
+    def rendering(self, with_way_back: bool) -> Rendering:
+        """As a record."""
+        buffers = {"alpha": self.through.alpha[:, None], "depth": self.through.depth[:, None]}
+        if not with_way_back:
+            return Rendering(self.color, buffers["alpha"], buffers)
+        return Rendering(self.color, buffers["alpha"], buffers, backward=self._backward)
+
+    def _shown(self) -> ShownSamples:
+        samples = (self.through.weights > SHOWN_WEIGHT).nonzero()[:, 0].int()
+        numbers = torch.arange(len(self.through.rays), dtype=torch.int32)
+        return ShownSamples(samples, torch.repeat_interleave(numbers, self.shown_offsets.diff()))
+
+    def _backward(self, grad_color: Tensor, grad_buffers: Mapping[str, Tensor]) -> Gradients:
+        of = self.through
+        grad_colors, grad_density = torch.empty_like(self.colors), torch.empty_like(of.weights)
+        of_alpha, of_depth = (
+            None if (found := grad_buffers.get(name)) is None else found.contiguous() for name in ("alpha", "depth")
+        )
+        _kernels.volume_unblend(
+            of.offsets, self.shown_offsets, list(of.samples), SHOWN_WEIGHT, self.colors, self.background,
+            grad_color.contiguous(), of_alpha, of_depth, grad_colors, grad_density,
+        )  # fmt: skip
+        gradients = Gradients()
+        gradients.add_all(self.source.density_gradients(grad_density))
+        gradients.add_all(self.source.color_gradients(grad_colors))
+        return gradients
+
+
+def native_rays(rays: Rays) -> tuple[Tensor, Tensor, Tensor]:
+    """As the kernels take them."""
+    return rays.origins.contiguous(), rays.directions.contiguous(), rays.jitter.contiguous()
+
+
+def native_space(space: Space) -> tuple[list[float], Tensor, float, int]:
+    """As the kernels take it."""
+    corners = [*space.box.flatten().tolist(), *space.occupied_box.flatten().tolist()]
+    return corners, space.occupied.contiguous().view(torch.int8), space.step, space.most
+
+
+def _counted(rays: Rays, space: Space) -> Int[Tensor, "R"]:
+    counts = torch.empty(len(rays), dtype=torch.int32)
+    _kernels.volume_count(native_rays(rays), native_space(space), counts)
+    return counts
+
+
+def _ends(counts: Int[Tensor, "R"]) -> Int[Tensor, "O"]:
+    ends = torch.zeros(len(counts) + 1, dtype=torch.int64)
+    torch.cumsum(counts, 0, out=ends[1:])
+    return ends

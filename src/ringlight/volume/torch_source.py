@@ -1,0 +1,57 @@
+"""Any field, by torch, between kernels: they place samples, blend them, and make colours of features."""
+
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.by_autograd import ByAutograd
+from ringlight.volume import native_march
+from ringlight.volume.contract import VolumeField
+from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space
+from ringlight.volume.shading import FeatureShading, named_layers
+
+
+class TorchSource:
+    """A :class:`ringlight.volume.native_march.FieldSource`. The graph of each half lasts until its way back."""
+
+    def __init__(self, field: VolumeField, shading: FeatureShading, with_way_back: bool):
+        self.field, self.with_way_back = field, with_way_back
+        self.ways_back: dict[str, ByAutograd] = {}
+        self.parameters = {f"field.{name}": tensor for name, tensor in field.named_parameters()}
+        self.network = named_layers(shading)
+
+    def march(self, through: MarchedRays) -> None:
+        rays, samples = native_rays(through.rays), list(through.samples)
+        _kernels.volume_place(rays, native_space(through.space), through.offsets, samples)
+        density = self._asked("density", through.places)
+        _kernels.volume_weigh(
+            through.offsets, density, through.optics, samples, through.shown, through.alpha, through.depth
+        )
+
+    def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
+        features = self._asked("appearance", through.places[shown.samples.long()])
+        directions = through.rays.directions.contiguous()
+        self.looked_at = (features, list(self.network.values()), shown.rays, directions, native_march.HALVES)
+        colors = torch.empty(len(shown.samples), 3)
+        _kernels.volume_shade(*self.looked_at, colors)
+        return colors
+
+    def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
+        return self.ways_back["density"].backward({"density": grad_density})
+
+    def color_gradients(self, grad_colors: Float[Tensor, "S 3"]) -> Mapping[str, Tensor]:
+        found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
+        features = torch.empty_like(self.looked_at[0])
+        _kernels.volume_shade_gradient(*self.looked_at, grad_colors, features, list(found.values()))
+        return found | self.ways_back["appearance"].backward({"appearance": features})
+
+    def _asked(self, name: str, places: Float[Tensor, "N 3"]) -> Tensor:
+        ask = {"density": self.field.density, "appearance": self.field.appearance}[name]
+        if not self.with_way_back:
+            with torch.no_grad():
+                return ask(places).contiguous()
+        self.ways_back[name] = ByAutograd(lambda _: {name: ask(places)}, {}, self.parameters)
+        return self.ways_back[name].outputs[name].contiguous()
