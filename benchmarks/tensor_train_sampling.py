@@ -11,6 +11,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from ringlight import _kernels
 from ringlight.core.directions import normalize
 from ringlight.volume.tensor_train_field import TensorTrain
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
@@ -43,6 +44,8 @@ def milliseconds(way: Callable[[], Tensor], leaves: list[Tensor]) -> int:
 def main() -> None:
     """Print a line for each payload and resolution."""
     torch.set_num_threads(1)
+    _kernels.set_threads(1)
+    _kernels.keep_freed_memory()
     for payload, rank in RANKS.items():
         points = shell(POINTS[payload])
         for levels in range(4, 9):

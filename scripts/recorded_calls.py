@@ -124,6 +124,7 @@ def _train_all() -> None:
     from ringlight.fit.train import train
     from ringlight.methods.table import METHODS
     from ringlight.rasterize.choose import rasterizer_for
+    from ringlight.volume.tensor_train_field import TensorTrainField
 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
     from tiny_scene import tiny_scene
@@ -142,6 +143,9 @@ def _train_all() -> None:
         drawn = training.model.render(camera, background, Want.GRADIENTS)
         for gradient in drawn.backward(torch.ones_like(drawn.color), {}).values():
             dense(gradient)
+    # Fine tensor trains have a way of their own, and so few steps leave them empty.
+    field = TensorTrainField(7, 7, (4, 6), 5, torch.Generator().manual_seed(0))
+    field.appearance(torch.rand(300, 3)).sum().backward()
 
 
 def replay(path: Path, module: Path) -> int:

@@ -14,14 +14,14 @@ from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
 FIRST_DEVIATION = 0.1
 """Standard deviation of a grid's entries at the start."""
 
-LEVELS_OF_GRID = 7
-"""Of density: up to this resolution, 128 cubed, all entries are contracted."""
+LEVELS_OF_GRID = 5
+"""Up to this resolution, 32 cubed, all entries are contracted (docs/methods/putt.md, as are the others)."""
 
 FEWEST_LEVELS = 2
 """One for blocks and one for nodes in them."""
 
 LEVELS_OF_BLOCKS = 6
-"""Of appearance: up to this resolution, 64 cubed, entries of blocks are written down (docs/methods/putt.md)."""
+"""Of appearance: up to this resolution, 64 cubed, entries of blocks are written down."""
 
 
 class TensorTrain(nn.Module):
@@ -118,7 +118,7 @@ def sampled(train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "
     if not len(points):
         return points.new_zeros(0, train.payload)
     first = len(cores) // 2
-    if train.payload == 1 and len(cores) <= LEVELS_OF_GRID:
+    if len(cores) <= LEVELS_OF_GRID:
         return from_grid(cores, points)
     if train.payload == 1 or len(cores) <= LEVELS_OF_BLOCKS:
         return from_blocks(cores, points, first)
