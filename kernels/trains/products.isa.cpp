@@ -45,19 +45,25 @@ struct Group {
   }
 };
 
-void look_up(const TrainBlocks& blocks, const Sizes& sizes, std::size_t first, int count, const Group& group) {
+// Of parts by number.
+void look_up(const TrainBlocks& blocks, const Sizes& sizes, const std::size_t* parts, int count, const Group& group) {
   for (int i = 0; i < count; i++)
-    sum_rows(blocks.bags, first + i, blocks.width, blocks.rows, group.rows + i * blocks.width);
+    sum_rows(blocks.bags, parts[i], blocks.width, blocks.rows, group.rows + i * blocks.width);
   rows_to_lanes(group.rows, count, sizes.width, group.lanes);
 }
 
-// Calls body(first, count) for the points of a block, up to GROUP at once.
-template <class Body>
-void each_group(const TrainBlocks& blocks, std::size_t block, const Body& body) {
-  const auto begin = static_cast<std::size_t>(blocks.ends[block]);
+// Calls body(parts, count) for the parts of a block that are `wanted`, up to GROUP at once, in their order.
+template <class Wanted, class Body>
+void each_group(const TrainBlocks& blocks, std::size_t block, const Wanted& wanted, const Body& body) {
+  std::size_t parts[GROUP];
+  int count = 0;
   const auto end = static_cast<std::size_t>(blocks.ends[block + 1]);
-  for (std::size_t first = begin; first < end; first += GROUP)
-    body(first, end - first < GROUP ? static_cast<int>(end - first) : GROUP);
+  for (auto part = static_cast<std::size_t>(blocks.ends[block]); part < end; part++) {
+    if (!wanted(part)) continue;
+    parts[count++] = part;
+    if (count == GROUP) body(parts, count), count = 0;
+  }
+  if (count) body(parts, count);
 }
 
 template <class Float>
@@ -71,18 +77,24 @@ void go_back(const TrainBlocks& blocks, const Sizes& sizes, std::size_t block, c
   const float* matrix = blocks.matrices + block * sizes.of_matrix;
   const Panels back = pack<Vec>(matrix, 1, sizes.width, nullptr, sizes.width, sizes.outputs, grad.panels);
   std::memset(sums, 0, weight_sums(sizes.outputs, sizes.width) * sizeof(float));
-  each_group(blocks, block, [&](std::size_t first, int count) {
-    look_up(blocks, sizes, first, count, group);
+  const auto has_gradient = [&](std::size_t part) {
+    const float* from = of_point(blocks, gradient, part);
+    bool any = false;
+    for (std::size_t i = 0; i < blocks.outputs; i++) any |= from[i] != 0.f;
+    return any;
+  };
+  each_group(blocks, block, has_gradient, [&](const std::size_t* parts, int count) {
+    look_up(blocks, sizes, parts, count, group);
     to_rows<Vec>(group.lanes, sizes.width, group.blocks);
     for (int i = 0; i < count; i++) {
-      const float* from = of_point(blocks, gradient, first + i);
+      const float* from = of_point(blocks, gradient, parts[i]);
       std::memcpy(grad.rows + i * blocks.outputs, from, blocks.outputs * sizeof(float));
     }
     rows_to_lanes(grad.rows, count, sizes.outputs, grad.results);
     add_layer_gradient<Vec>({sums, nullptr, sizes.outputs, sizes.width}, grad.results, group.blocks);
     dense<Vec>(back, grad.results, grad.lanes);
     lanes_to_rows(grad.lanes, count, sizes.width, grad.blocks, grad.rows);
-    for (int i = 0; i < count; i++) add_rows(blocks.bags, first + i, blocks.width, grad.rows + i * blocks.width, to);
+    for (int i = 0; i < count; i++) add_rows(blocks.bags, parts[i], blocks.width, grad.rows + i * blocks.width, to);
   });
   for (int o = 0; o < sizes.outputs; o++)
     std::memcpy(grad_matrix + static_cast<std::size_t>(o) * blocks.width,
@@ -100,11 +112,12 @@ void train_products(const TrainBlocks& blocks, float* found) {
     const Group group(sizes, memory.floats());
     const float* matrix = blocks.matrices + block * sizes.of_matrix;
     const Panels panels = pack<Vec>(matrix, sizes.width, 1, nullptr, sizes.outputs, sizes.width, group.panels);
-    each_group(blocks, block, [&](std::size_t first, int count) {
-      look_up(blocks, sizes, first, count, group);
+    const auto all = [](std::size_t) { return true; };
+    each_group(blocks, block, all, [&](const std::size_t* numbers, int count) {
+      look_up(blocks, sizes, numbers, count, group);
       dense<Vec>(panels, group.lanes, group.results);
       lanes_to_rows(group.results, count, sizes.outputs, group.blocks,
-                    parts.floats() + first * blocks.outputs);
+                    parts.floats() + numbers[0] * blocks.outputs);
     });
   });
   // In the order of parts, by one thread: few numbers, and a point has up to eight.

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, ClassVar
 from ringlight.core.words import MEGABYTE
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
-from ringlight.methods.volume_recipe import BETAS, EPSILON, MOST_RAYS, MOST_UNITS, Bounds, VolumeRecipe
+from ringlight.methods.volume_recipe import (
+    BETAS,
+    COLOR_LOT,
+    EPSILON,
+    MOST_RAYS,
+    MOST_UNITS,
+    Bounds,
+    VolumeRecipe,
+)
 from ringlight.volume.tt_ranks import numbers_of
 
 if TYPE_CHECKING:
@@ -83,6 +91,9 @@ class PuttRecipe(VolumeRecipe):
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
     carve: bool = True
     """Begin with what masks, or an even background, leave of the box; without, as in the paper, with all of it."""
+    color_lot: float = COLOR_LOT
+    """Samples that weigh less in their pixel pass the gradient of their colour on by lot, the rarer the less they
+    weigh, and then count as if they weighed this; 0, as in the paper: all do."""
     rate: float | None = None
     """Learning rate of the trains; it falls to 0.07 of that over a run, and is set back when the grid is refined. By
     default the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is; at most
@@ -116,6 +127,7 @@ class PuttRecipe(VolumeRecipe):
         if not 0 <= self.l1 < math.inf:
             raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
         self.refuse_bounds()
+        self.refuse_color_lot()
         self._refuse_size()
 
     def _refuse_size(self) -> None:

@@ -25,6 +25,9 @@ BETAS, EPSILON = (0.9, 0.99), 1e-8
 MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
+COLOR_LOT = 0.01
+"""Nearly two thirds of the samples that have a colour weigh less, three hundredths of all they weigh together."""
+
 Bounds = tuple[float, float, float, float, float, float]
 """Lowest and highest corner of a box, world units: x y z x y z."""
 
@@ -46,6 +49,7 @@ class VolumeRecipe(ABC):
     rays: int
     bounds: Bounds | None
     carve: bool
+    color_lot: float
 
     @property
     @abstractmethod
@@ -142,6 +146,11 @@ class VolumeRecipe(ABC):
             value = self.__dict__[name]
             if value is not None and not least <= value <= most:
                 raise RecipeError(f"{name} is {value}; give {least} to {most}")
+
+    def refuse_color_lot(self) -> None:
+        """Raise RecipeError for what is no weight."""
+        if not 0 <= self.color_lot <= 1:
+            raise RecipeError(f"color_lot is {self.color_lot:g}; give 0 (all samples) to 1")
 
     def refuse_bounds(self) -> None:
         """Raise RecipeError for a box without an inside."""

@@ -51,25 +51,27 @@ class FactoredSource:
     def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
         self.shown = shown
         colors = torch.empty(len(shown.samples), 3)
-        _kernels.volume_shade(*self._looked_at(), native_march.HALVES, colors)
+        _kernels.volume_shade(*self._looked_at(shown), native_march.HALVES, colors)
         return colors
 
     def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
         return _scattered(self.field.density_factors, self.through.places, None, grad_density, "field.density_factors.")
 
-    def color_gradients(self, grad_colors: Float[Tensor, "S 3"]) -> Mapping[str, Tensor]:
-        appearance, shown = self.field.appearance_factors, self.shown
+    def color_gradients(self, rows: Int[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
+        appearance, shown = self.field.appearance_factors, self.shown.some(rows)
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
         components = torch.empty(len(shown.samples), appearance.width)
         _kernels.volume_shade_gradient(
-            *self._looked_at(), native_march.HALVES, grad_colors, components, list(found.values())
+            *self._looked_at(shown), native_march.HALVES, grad_colors, components, list(found.values())
         )
         prefix = "field.appearance_factors."
         return found | _scattered(appearance, self.through.places, shown.samples, components, prefix)
 
-    def _looked_at(self) -> tuple[tuple[list[Tensor], Tensor, Tensor], list[Tensor], Tensor, Tensor]:
-        sampled = (_tensors(self.field.appearance_factors), self.through.places, self.shown.samples)
-        return sampled, list(self.network.values()), self.shown.rays, self.through.rays.directions.contiguous()
+    def _looked_at(
+        self, shown: ShownSamples
+    ) -> tuple[tuple[list[Tensor], Tensor, Tensor], list[Tensor], Tensor, Tensor]:
+        sampled = (_tensors(self.field.appearance_factors), self.through.places, shown.samples)
+        return sampled, list(self.network.values()), shown.rays, self.through.rays.directions.contiguous()
 
 
 def _scattered(

@@ -65,6 +65,8 @@ class VolumeModel(nn.Module):
     row_prefixes: tuple[str, ...] = ()
     resized_prefixes: tuple[str, ...] = ("field.", "occupied")
     note: str | None = None
+    color_lot: float = 0.0
+    """In :meth:`predict` samples that weigh less pass the gradient of their colour on by lot (``color_lot``)."""
 
     def __init__(self, field: VolumeField, shading: FeatureShading, box: Float[Tensor, "2 3"]):
         super().__init__()
@@ -125,7 +127,7 @@ class VolumeModel(nn.Module):
 
     def predict(self, batch: RayBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
         """See :class:`ringlight.models.contract.Model`."""
-        return self._rendered(batch.rays.to(self.device), batch.background.to(self.box), want)
+        return self._rendered(batch.rays.to(self.device), batch.background.to(self.box), want, self.color_lot)
 
     def render(
         self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
@@ -288,13 +290,14 @@ class VolumeModel(nn.Module):
         self.box = low + ends / last * (high - low)
         return True
 
-    def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want) -> Rendering:
+    def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want, lot: float = 0.0) -> Rendering:
         space = self.space()
         if self._is_native:
             with_way_back = want is Want.GRADIENTS
-            return Marched(rays, space, SHIFT, self._source(with_way_back), background).rendering(with_way_back)
+            shown = Marched(rays, space, SHIFT, self._source(with_way_back), background, lot)
+            return shown.rendering(with_way_back)
         recorded = ByAutograd(
-            lambda _: marched(rays, space, self.density, self.color, background), {}, dict(self.named_parameters())
+            lambda _: marched(rays, space, self.density, self.color, background, lot), {}, dict(self.named_parameters())
         )
         outputs = recorded.outputs
         buffers = {name: outputs[name] for name in BUFFERS}

@@ -16,6 +16,7 @@ from ringlight import _kernels
 from ringlight.core.gradients import Gradients
 from ringlight.core.rendering import Rendering
 from ringlight.data.rays import Rays
+from ringlight.volume.color_lot import chosen_by_lot
 from ringlight.volume.contract import VolumeField
 from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
 from ringlight.volume.shading import FeatureShading
@@ -71,6 +72,10 @@ class ShownSamples:
     samples: Int[Tensor, "S"]
     rays: Int[Tensor, "S"]
 
+    def some(self, rows: Int[Tensor, "C"]) -> "ShownSamples":
+        """Those of these numbers."""
+        return ShownSamples(self.samples[rows], self.rays[rows])
+
 
 @runtime_checkable
 class FieldSource(Protocol):
@@ -88,8 +93,8 @@ class FieldSource(Protocol):
         """By the model's names, from those of what softplus is taken of."""
         ...
 
-    def color_gradients(self, grad_colors: Float[Tensor, "S 3"]) -> Mapping[str, Tensor]:
-        """By the model's names, the network's among them."""
+    def color_gradients(self, rows: Int[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
+        """By the model's names, the network's among them, from those of some of the colours, by their numbers."""
         ...
 
 
@@ -105,14 +110,24 @@ def meets_something(rays: Rays, space: Space) -> Bool[Tensor, "R"]:
 
 
 class Marched:
-    """One lot of rays through a field, in a space."""
+    """One lot of rays through a field, in a space. Samples that weigh less than ``lot`` pass the gradient of their
+    colour on by lot (``color_lot``)."""
 
-    def __init__(self, rays: Rays, space: Space, shift: float, source: FieldSource, background: Float[Tensor, "3"]):
-        self.source, self.background = source, background.contiguous()
+    def __init__(
+        self,
+        rays: Rays,
+        space: Space,
+        shift: float,
+        source: FieldSource,
+        background: Float[Tensor, "3"],
+        lot: float = 0.0,
+    ):
+        self.source, self.background, self.lot = source, background.contiguous(), lot
         self.through = MarchedRays.of(rays, space, shift)
         source.march(self.through)
         self.shown_offsets = _ends(self.through.shown)
-        self.colors = source.shade(self.through, self._shown())
+        self.shown = self._shown()
+        self.colors = source.shade(self.through, self.shown)
         self.color = torch.empty(len(rays), 3)
         of = self.through
         _kernels.volume_blend(
@@ -143,7 +158,8 @@ class Marched:
         )  # fmt: skip
         gradients = Gradients()
         gradients.add_all(self.source.density_gradients(grad_density))
-        gradients.add_all(self.source.color_gradients(grad_colors))
+        rows, factors = chosen_by_lot(of.weights[self.shown.samples.long()], self.lot, of.rays.jitter)
+        gradients.add_all(self.source.color_gradients(rows, grad_colors[rows] * factors[:, None]))
         return gradients
 
 

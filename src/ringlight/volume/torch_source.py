@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from ringlight import _kernels
@@ -32,21 +32,26 @@ class TorchSource:
         )
 
     def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
-        features = self._asked("appearance", through.places[shown.samples.long()])
-        directions = through.rays.directions.contiguous()
-        self.looked_at = (features, list(self.network.values()), shown.rays, directions, native_march.HALVES)
+        self.features = self._asked("appearance", through.places[shown.samples.long()])
+        self.rays, self.directions = shown.rays, through.rays.directions.contiguous()
         colors = torch.empty(len(shown.samples), 3)
-        _kernels.volume_shade(*self.looked_at, colors)
+        _kernels.volume_shade(self.features, *self._seen_along(self.rays), colors)
         return colors
 
     def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
         return self.ways_back["density"].backward({"density": grad_density})
 
-    def color_gradients(self, grad_colors: Float[Tensor, "S 3"]) -> Mapping[str, Tensor]:
+    def color_gradients(self, rows: Int[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
-        features = torch.empty_like(self.looked_at[0])
-        _kernels.volume_shade_gradient(*self.looked_at, grad_colors, features, list(found.values()))
+        of_rows = torch.empty(len(rows), self.features.shape[1])
+        _kernels.volume_shade_gradient(
+            self.features[rows], *self._seen_along(self.rays[rows]), grad_colors, of_rows, list(found.values())
+        )
+        features = torch.zeros_like(self.features).index_copy_(0, rows, of_rows)
         return found | self.ways_back["appearance"].backward({"appearance": features})
+
+    def _seen_along(self, rays: Int[Tensor, "C"]) -> tuple[list[Tensor], Tensor, Tensor, bool]:
+        return list(self.network.values()), rays, self.directions, native_march.HALVES
 
     def _asked(self, name: str, places: Float[Tensor, "N 3"]) -> Tensor:
         ask = {"density": self.field.density, "appearance": self.field.appearance}[name]
