@@ -43,7 +43,7 @@ def main() -> int:
     parser.add_argument(
         "--methods",
         nargs="+",
-        default=["3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror", "tensorf"],
+        default=["3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror", "tensorf", "putt"],
         choices=METHODS,
     )
     parser.add_argument("--record", type=Path, help="JSON file to write")
