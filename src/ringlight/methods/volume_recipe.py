@@ -26,7 +26,7 @@ MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
 COLOR_LOT = 0.01
-"""Nearly two thirds of the samples that have a colour weigh less, and make 3 % of all weight (docs/methods/tensorf.md)."""
+"""Nearly two thirds of the samples with a colour weigh less, and make 3 % of all weight (docs/methods/tensorf.md)."""
 
 Bounds = tuple[float, float, float, float, float, float]
 """Lowest and highest corner of a box, world units: x y z x y z."""
