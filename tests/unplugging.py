@@ -38,13 +38,19 @@ from ringlight.runs.verify import digest_of
 SAVING = ("--save-every", "0.00001")
 """A checkpoint after every step: most moments of such a run are moments of saving."""
 
-VOLUME = (*flags(steps=40, first_side=10, last_side=16, rays=64), "--quiet", "--lpips")
+LEAN = ("--quiet", "--lpips")
+
+VOLUME = (*flags(steps=40, first_side=10, last_side=16, rays=64), *LEAN)
 """Its grid is refined five times, empty space found twice, and rays are left out."""
+
+TRAINS = (*flags(steps=40, coarsest=8, finest=32, density_rank=8, appearance_rank=10, rays=64), *LEAN)
+"""They double twice, and empty space is found twice."""
 
 WORDS: dict[str, tuple[str, ...]] = {
     "3dgs": (*QUICK, *SAVING),
     "ringlight-ring": (*QUICK, *SAVING, *SMALL_LIGHT),
     "tensorf": (*VOLUME, *SAVING),
+    "putt": (*TRAINS, *SAVING),
 }
 
 TIMED = {"fps", "fps_note", "train_seconds", "train_cpu_seconds", "saving_seconds", "steps_per_second"}
