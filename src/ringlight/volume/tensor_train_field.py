@@ -117,12 +117,13 @@ def sampled(train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "
     cores = train.reached
     if not len(points):
         return points.new_zeros(0, train.payload)
-    first = len(cores) // 2
     if len(cores) <= LEVELS_OF_GRID:
         return from_grid(cores, points)
-    if train.payload == 1 or len(cores) <= LEVELS_OF_BLOCKS:
-        return from_blocks(cores, points, first)
-    return from_points(cores, points, first)
+    # Blocks of one number an entry may be smaller: their matrices cost next to nothing.
+    if train.payload == 1:
+        return from_blocks(cores, points, (len(cores) + 1) // 2)
+    way = from_blocks if len(cores) <= LEVELS_OF_BLOCKS else from_points
+    return way(cores, points, len(cores) // 2)
 
 
 def _levels_of(sides: Sides) -> int:
