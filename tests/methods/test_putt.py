@@ -79,6 +79,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"size": float("nan")}, "size is nan"),
         ({"size": 1e9}, "give one of these, such as 12"),
         ({"size": 12.0, "density_rank": 100}, "size and density_rank are given"),
+        ({"color_lot": float("nan")}, "color_lot is nan"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),
