@@ -6,15 +6,14 @@ All three give the same numbers, of one point or more. ``from_grid`` contracts e
 meets the matrix of the first ones after that.
 """
 
-import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.volume.tensor_train import Cores, contracted, suffixes
 from ringlight.volume.tt_bags import bag_sums
 from ringlight.volume.tt_blocks import blocks_of, corner_bags, parts_of, whole
+from ringlight.volume.tt_prefixes import some_prefixes
 from ringlight.volume.tt_products import part_products
-from ringlight.volume.tt_ranks import AXES, OCTANTS
 
 
 def from_grid(cores: Cores, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
@@ -39,15 +38,3 @@ def from_points(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float
     parts = parts_of(points, blocks)
     before, after = some_prefixes(cores[:first], blocks.paths), suffixes(cores[first:]).T
     return part_products(parts, before, after)
-
-
-def some_prefixes(cores: Cores, paths: Int[Tensor, "B"]) -> Float[Tensor, "B C s"]:
-    """Products of the matrices along these paths, which rise, through all of these cores."""
-    if len(cores) == 1:
-        return cores[0][:, paths.long()].transpose(0, 1)
-    parents, place = torch.unique_consecutive(paths >> AXES, return_inverse=True)
-    above = some_prefixes(cores[:-1], parents)
-    octants = paths & (OCTANTS - 1)
-    chosen = [(octants == octant).nonzero()[:, 0] for octant in range(OCTANTS)]
-    products = [above[place[rows]] @ cores[-1][:, octant] for octant, rows in enumerate(chosen)]
-    return torch.cat(products)[torch.argsort(torch.cat(chosen))]

@@ -1,0 +1,50 @@
+"""What the first cores of a train make of some of its blocks: a matrix each."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ringlight.volume.tensor_train import Cores
+from ringlight.volume.tt_ranks import AXES, OCTANTS
+
+
+def some_prefixes(cores: Cores, paths: Int[Tensor, "B"]) -> Float[Tensor, "B C s"]:
+    """Products of the matrices along these paths, which rise, through all of these cores."""
+    if len(cores) == 1:
+        return cores[0][:, paths.long()].transpose(0, 1)
+    parents, place = torch.unique_consecutive(paths >> AXES, return_inverse=True)
+    found: Tensor = _Children.apply(some_prefixes(cores[:-1], parents), cores[-1], place, paths & (OCTANTS - 1))
+    return found
+
+
+class _Children(torch.autograd.Function):
+    """Matrix ``place[b]`` of those above, times the core's at octant ``octants[b]``. One node of the graph: autograd
+    would copy all matrices three times more."""
+
+    @staticmethod
+    def forward(ctx: Any, above: Tensor, core: Tensor, place: Tensor, octants: Tensor) -> Tensor:
+        ctx.save_for_backward(above, core, place, octants)
+        found = above.new_empty(len(place), above.shape[1], core.shape[-1])
+        for octant, rows in _by_octant(octants):
+            found.index_copy_(0, rows, above.index_select(0, place[rows]) @ core[:, octant])
+        return found
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor, None, None]:
+        above, core, place, octants = ctx.saved_tensors
+        of_above, of_core = torch.zeros_like(above), torch.zeros_like(core)
+        for octant, rows in _by_octant(octants):
+            parents = place[rows]
+            gradient = gradients[0].index_select(0, rows)
+            of_core[:, octant] = above.index_select(0, parents).flatten(0, 1).T @ gradient.flatten(0, 1)
+            of_above.index_add_(0, parents, gradient @ core[:, octant].T)
+        return of_above, of_core, None, None
+
+
+def _by_octant(octants: Int[Tensor, "B"]) -> Iterator[tuple[int, Int[Tensor, "N"]]]:
+    """Each octant with the numbers of its blocks."""
+    for octant in range(OCTANTS):
+        yield octant, (octants == octant).nonzero()[:, 0]
