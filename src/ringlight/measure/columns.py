@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
 from ringlight.core.words import MEGABYTE, numbered
 from ringlight.measure.report import Report
+
+Better = Literal["more", "less", ""]
 
 Value = float | int | None
 """What a run measured; None if it did not."""
@@ -30,15 +32,21 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Column:
-    """``rank``: 0 is never left out, the largest goes first on a narrow terminal. ``always``: shown though empty."""
+class Heading:
+    """``rank``: 0 is never left out, the largest goes first on a narrow terminal."""
 
     title: str
     rank: int
+    is_name: bool = field(default=False, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Column(Heading):
+    """Of a report. ``always``: shown though empty."""
+
     write: Callable[[Row], str]
     measure: Measure | None = None
-    better: Literal["more", "less", ""] = ""
-    is_name: bool = False
+    better: Better = ""
     always: bool = True
 
 
@@ -96,26 +104,26 @@ def cells(shown: Sequence[Column], rows: Sequence[Row]) -> list[list[Cell]]:
 
 
 def _column_cells(column: Column, rows: Sequence[Row]) -> list[Cell]:
-    texts = [column.write(row) for row in rows]
     values = [column.measure(row.report) if column.measure else None for row in rows]
+    return marked([column.write(row) for row in rows], values, column.better)
+
+
+def marked(texts: Sequence[str], values: Sequence[Value], better: Better) -> list[Cell]:
+    """The cells of one column, the best of them marked where there is more than one to choose from."""
     known = [value for value in values if value is not None and not math.isnan(value)]
-    if len(known) < 2 or not column.better:
+    if len(known) < 2 or not better:
         return [Cell(text) for text in texts]
-    best = max(known) if column.better == "more" else min(known)
+    best = max(known) if better == "more" else min(known)
     # What reads the same is equally good: the digits beyond are noise. Where all read the same, nothing is best.
     winner = texts[values.index(best)]
     return [Cell(text, best=text == winner and len(set(texts)) > 1) for text in texts]
 
 
-def _measured(
-    title: str, rank: int, measure: Measure, better: Literal["more", "less", ""], write: Callable[[Value], str]
-) -> Column:
+def _measured(title: str, rank: int, measure: Measure, better: Better, write: Callable[[Value], str]) -> Column:
     return Column(title, rank, lambda row: write(measure(row.report)), measure, better)
 
 
-def _optional(
-    title: str, rank: int, measure: Measure, better: Literal["more", "less", ""], write: Callable[[Value], str]
-) -> Column:
+def _optional(title: str, rank: int, measure: Measure, better: Better, write: Callable[[Value], str]) -> Column:
     """Left out where no run has it."""
     return replace(_measured(title, rank, measure, better, write), always=False)
 

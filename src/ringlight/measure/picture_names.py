@@ -19,5 +19,10 @@ def picture_name(view: str) -> str:
 
     No two views share a file, unless their names differ in nothing but a ".png" at the end.
     """
-    name = ESCAPED.sub(lambda match: f"%{ord(match.group()):02X}", view).replace("/", FOLDER_MARK)
+    name = folder_name(view)
     return name if name.endswith(".png") else f"{name}.png"
+
+
+def folder_name(label: str) -> str:
+    """The same without an ending, for a folder; no two labels share one."""
+    return ESCAPED.sub(lambda match: f"%{ord(match.group()):02X}", label).replace("/", FOLDER_MARK)

@@ -8,7 +8,7 @@ from rich.console import Console, ConsoleOptions
 from rich.table import Table
 from rich.text import Text
 
-from ringlight.measure.columns import LPIPS_NETS, MISSING, Cell, Column, Row, cells, columns, lpips
+from ringlight.measure.columns import LPIPS_NETS, MISSING, Cell, Heading, Row, cells, columns, lpips
 from ringlight.measure.report import Report
 
 MIN_NAME_WIDTH = 16
@@ -100,7 +100,7 @@ class ResultsTable:
 class Grid:
     """Written cells: columns, and for each scene its rows."""
 
-    columns: Sequence[Column]
+    columns: Sequence[Heading]
     scenes: Sequence[Sequence[Sequence[Cell]]]
 
     def rows(self) -> list[Sequence[Cell]]:

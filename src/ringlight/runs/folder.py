@@ -87,19 +87,20 @@ class RunFolder:
         return RunFolder(path)
 
 
-def empty_folder(path: Path) -> Path:
-    """``path`` as an empty folder, made if need be. Raises RunError if it holds anything: nothing is overwritten."""
+def empty_folder(path: Path, flag: str = "--out") -> Path:
+    """``path``, which ``flag`` named, as an empty folder, made if need be. Raises RunError if it holds anything:
+    nothing is overwritten."""
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise RunError(f"{path}: is not an empty folder; give another one with --out")
-    return make_folder(path)
+        raise RunError(f"{path}: is not an empty folder; give another one with {flag}")
+    return make_folder(path, flag)
 
 
-def make_folder(path: Path) -> Path:
+def make_folder(path: Path, flag: str = "--out") -> Path:
     """``path`` as a folder, with the folders above it. Raises RunError if it cannot be made."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        give = what_helps(error, "give another folder with --out")
+        give = what_helps(error, f"give another folder with {flag}")
         raise RunError(f"{path}: cannot be made ({error.strerror}); {give}") from None
     return path
 
