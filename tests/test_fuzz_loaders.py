@@ -10,7 +10,7 @@ RUN = Path(__file__).parent / "fuzzing" / "run.py"
 
 LOADERS = (
     ("gaussian_ply", "ply_points", "tensor_file", "checkpoint", "recipe", "demo_plan", "report", "colmap"),
-    ("model", "scene_json", "image"),
+    ("model", "scene_json", "image", "true_normals"),
     ("volume", "volume_checkpoint"),
 )
 """A process each."""

@@ -9,6 +9,8 @@ from cli_session import flags
 from command import Command
 
 from ringlight.cli.main import VERBS
+from ringlight.data.load import load_scene
+from true_normals_file import write_truth
 
 SHORT = flags(steps=3, initial_points=100)
 
@@ -21,6 +23,7 @@ LINES = {
     "eval": ("eval", "{run}", "--lpips"),
     "compare": ("compare", "{run}", "{other}"),
     "compare --sheet": ("compare", "{run}", "{other}", "--sheet", "{new}.png"),
+    "normals": ("normals", "{run}", "{other}", "--truth", "{truth}"),
     "report": ("report", "{run}", "{other}", "{new}.html"),
     "share": ("share", "{run}", "{new}.html"),
     "study": ("study", "rank", "{scene}", *flags(steps=2, seeds=1), "--lpips", "--only", "rank-4", "--out", "{new}"),
@@ -47,7 +50,8 @@ def test_standard_output_is_one_document(
     ply = trained["3dgs"].parent / "3dgs.ply"
     if not ply.exists():
         assert ringlight("export", trained["3dgs"], ply).code == 0
-    places = {"ply": ply, "scene": tiny, "run": run, "other": trained["3dgs"], "new": tmp_path / "new"}
+    truth = write_truth(tmp_path / "truth.npz", load_scene(tiny))
+    places = {"ply": ply, "truth": truth, "scene": tiny, "run": run, "other": trained["3dgs"], "new": tmp_path / "new"}
     done = ringlight(*(word.format(**places) for word in LINES[name]), "--json")
     assert done.code in (0, 1) if name == "doctor" else done.code == 0, done.err
     assert isinstance(json.loads(done.out), dict)

@@ -22,12 +22,14 @@ from samples import sample_report
 from scene_folders import write_blender, write_colmap, write_nerfstudio
 
 from ringlight.core.gaussians import Gaussians
+from ringlight.core.scene import Scene
 from ringlight.data import colmap_binary, colmap_text
 from ringlight.data.image_files import BROKEN_IMAGE, PIXELS_A_BYTE, PIXELS_A_BYTE_OF, read_header
 from ringlight.data.images import Photograph
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.data.ply_points import read_ply_points
+from ringlight.data.true_normals import read_true_normals, refuse_turned_away, views_of
 from ringlight.errors import RinglightError
 from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
 from ringlight.files.tensor_file import read_tensors, write_tensors
@@ -44,6 +46,7 @@ from ringlight.runs.opened import Opened, recorded_scene
 from ringlight.runs.record import RECORD_NAME, RunRecord
 from small_recipes import with_settings
 from tiny_scene import tiny_scene
+from true_normals_file import arrays_of
 
 REFUSALS = RinglightError
 
@@ -289,10 +292,32 @@ def image() -> Target:
     return Target(seeds, _reading("photograph", decode), large, four_bytes_a_pixel)
 
 
+def true_normals() -> Target:
+    scenes = [tiny_scene(views=4, size=size) for size in (6, 300)]
+
+    def reader(scene: Scene) -> Callable[[Path], None]:
+        def read(path: Path) -> None:
+            truth = read_true_normals(path)
+            views = views_of(truth, scene)
+            for view, normals in zip(views, truth.views(), strict=True):
+                refuse_turned_away(normals, view, truth)
+
+        return read
+
+    def content(save: Callable[..., None], scene: Scene) -> bytes:
+        buffer = io.BytesIO()
+        save(buffer, **arrays_of(scene))
+        return buffer.getvalue()
+
+    seeds = [(0, content(save, scenes[0])) for save in (np.savez, np.savez_compressed)]
+    large = [(1, content(save, scenes[1])) for save in (np.savez, np.savez_compressed)]
+    return Target(seeds, _reading("truth.npz", *map(reader, scenes)), large)
+
+
 TARGETS: dict[str, Callable[[], Target]] = {
     maker.__name__: maker
     for maker in (
         gaussian_ply, ply_points, tensor_file, model, volume, checkpoint, volume_checkpoint, recipe, demo_plan, report,
-        colmap, scene_json, image,
+        colmap, scene_json, image, true_normals,
     )
 }  # fmt: skip

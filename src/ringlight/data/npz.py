@@ -2,7 +2,8 @@
 
 An NPZ file is a ZIP archive with a member ``NAME.npy`` for each array (NumPy's ``numpy.lib.format``). NumPy's own
 reader makes a whole array of whatever the head says; here a head is held against the size of the archive first, and
-whoever reads takes as many bytes as a view needs. Arrays of objects, which are pickled, have no type that is known here.
+whoever reads takes as many bytes as a view needs. Arrays of objects, which are pickled, have no type that is known
+here.
 """
 
 import ast
@@ -16,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import Protocol, runtime_checkable
 
 from ringlight.core.lost_disk import what_helps
 from ringlight.errors import SceneError
@@ -43,13 +44,22 @@ DAMAGED = (
 REMEDY = "make it again with numpy.savez_compressed"
 
 
+@runtime_checkable
+class Stream(Protocol):
+    """A member of the archive while it is read."""
+
+    def read(self, count: int, /) -> bytes:
+        """The next ``count`` bytes, fewer at the end."""
+        ...
+
+
 @dataclass(frozen=True)
 class Array:
     """``type`` as NumPy writes it ("<i2"), ``shape``, and the stream of its bytes in C order."""
 
     type: str
     shape: tuple[int, ...]
-    stream: IO[bytes]
+    stream: Stream
 
     def read(self, count: int) -> bytes:
         """The next ``count`` bytes. Raises EOFError where there are fewer."""
@@ -108,7 +118,7 @@ def _refuse_false_sizes(archive: zipfile.ZipFile, member: zipfile.ZipInfo, name:
         raise ValueError(f"array {name!r} says it is larger than the file can hold")
 
 
-def _head(stream: IO[bytes], name: str) -> tuple[str, tuple[int, ...], int]:
+def _head(stream: Stream, name: str) -> tuple[str, tuple[int, ...], int]:
     """Type and shape of the array behind it, and the bytes of the head."""
     first = stream.read(len(MAGIC) + 2)
     form = LENGTHS.get(first[-2]) if len(first) == len(MAGIC) + 2 and first.startswith(MAGIC) else None

@@ -17,7 +17,7 @@ from ringlight.measure import metrics
 from ringlight.measure.colormap import ember
 from ringlight.measure.disagreement import Box, Pictures, choose_box, choose_views, difference_map, pixels
 from ringlight.measure.sheet_layout import GAP, INNER_GAP, MARGIN, PAPER, Panel, box_size, panel
-from ringlight.measure.sheet_text import drawable, wrapped
+from ringlight.measure.sheet_text import cut, wrapped
 
 INK, FAINT, FRAME = "#1c1f26", "#7a808c", "#d5d8de"
 BEST = "#0b7a4b"
@@ -174,11 +174,7 @@ class _Pen:
 
     def text(self, corner: tuple[int, int], text: str, size: int, color: str, width: int) -> None:
         """One line from its top left corner, cut to ``width``."""
-        font = ImageFont.load_default(size)
-        cut = drawable(text)
-        while len(cut) > 1 and font.getlength(cut) > width:
-            cut = f"{cut.removesuffix('..')[:-1]}.."
-        self.draw.text(corner, cut, fill=color, font=font)
+        self.draw.text(corner, cut(text, size, width), fill=color, font=ImageFont.load_default(size))
 
     def picture(self, corner: tuple[int, int], picture: Image.Image, frame: str) -> None:
         self.sheet.paste(picture, corner)

@@ -6,8 +6,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ringlight.measure.colormap import ember
 from ringlight.measure.normal_error import COVERED, ComparedNormals, NormalScore
-from ringlight.measure.sheet_layout import GAP, MARGIN, PAPER, Panel, panel
-from ringlight.measure.sheet_text import drawable, wrapped
+from ringlight.measure.sheet_layout import GAP, MARGIN, PAPER, panel
+from ringlight.measure.sheet_text import cut
 
 TOP = 45.0
 """Degrees where the scale ends, in every picture, so that pictures of several models can be compared. Twice this error
@@ -28,10 +28,13 @@ TEXT_SIZE, SMALL_SIZE = 16, 13
 LINE = 1.6
 """Height of a line of text over the size of its letters."""
 
+NARROWEST = 260
+"""Pixels of a column: room for the texts above and below a picture that is narrower."""
+
 BAR = 14
 """Pixels: height of the scale."""
 
-LACKING_NOTE = "blue: the model shows no surface"
+SCALE_NOTE = "degrees; blue: the model shows no surface"
 
 
 def normal_picture(view: ComparedNormals, name: str, score: NormalScore) -> Image.Image:
@@ -42,22 +45,22 @@ def normal_picture(view: ComparedNormals, name: str, score: NormalScore) -> Imag
     """
     height, width = view.angles.shape
     shown = panel(width, height, 3)
-    covered = np.squeeze(view.alpha, -1) >= COVERED
-    own = _directions(view.normals, np.logical_and(covered, np.isfinite(view.normals).all(-1)))
-    panels = (own, _directions(view.truth, view.truth.any(-1)), _angles(view))
+    own = _directions(view.normals, _covered(view))
+    panels = (own, _directions(view.truth, np.linalg.norm(view.truth, axis=-1) > 0), _angles(view))
     titles = (f"model: {name}", "true normals", f"angle: {_summary(score)}")
     caption, small = round(LINE * TEXT_SIZE), round(LINE * SMALL_SIZE)
-    size = (2 * MARGIN + 3 * shown.width + 2 * GAP, 2 * MARGIN + caption + shown.height + GAP + BAR + 2 * small)
+    pitch = max(shown.width, NARROWEST) + GAP
+    size = (2 * MARGIN + 3 * pitch - GAP, 2 * MARGIN + caption + shown.height + GAP + BAR + 2 * small)
     sheet = Image.new("RGB", size, PAPER)
     pen = ImageDraw.Draw(sheet)
     for index, (pixels, title) in enumerate(zip(panels, titles, strict=True)):
-        x = MARGIN + index * (shown.width + GAP)
-        line = wrapped(drawable(title), TEXT_SIZE, shown.width)[0]
+        x = MARGIN + index * pitch
+        line = cut(title, TEXT_SIZE, pitch - GAP)
         pen.text((x, MARGIN), line, fill=INK, font=ImageFont.load_default(TEXT_SIZE))
         y = MARGIN + caption
         pen.rectangle((x - 1, y - 1, x + shown.width, y + shown.height), outline=FRAME)
         sheet.paste(Image.fromarray(pixels).resize((shown.width, shown.height), Image.Resampling.NEAREST), (x, y))
-    _draw_scale(sheet, shown, (MARGIN + 2 * (shown.width + GAP), MARGIN + caption + shown.height + GAP))
+    _draw_scale(sheet, (MARGIN + 2 * pitch, MARGIN + caption + shown.height + GAP), pitch - GAP)
     return sheet
 
 
@@ -65,6 +68,11 @@ def _summary(score: NormalScore) -> str:
     if score.mean is None:
         return "nothing to compare"
     return f"mean {score.mean:.1f}, median {score.median:.1f} deg"
+
+
+def _covered(view: ComparedNormals) -> Bool[np.ndarray, "H W"]:
+    covered: np.ndarray = (view.alpha[..., 0] >= COVERED) & np.isfinite(view.normals).all(-1)
+    return covered
 
 
 def _directions(normals: Float[np.ndarray, "H W 3"], there: Bool[np.ndarray, "H W"]) -> UInt8[np.ndarray, "H W 3"]:
@@ -79,15 +87,15 @@ def _angles(view: ComparedNormals) -> UInt8[np.ndarray, "H W 3"]:
     return colors
 
 
-def _draw_scale(sheet: Image.Image, shown: Panel, corner: tuple[int, int]) -> None:
+def _draw_scale(sheet: Image.Image, corner: tuple[int, int], width: int) -> None:
     """Under the angles: a bar with degrees, and what the blue means."""
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(SMALL_SIZE)
     x, y = corner
-    ramp = np.linspace(0, 1, shown.width)[None].repeat(BAR, 0)
+    ramp = np.linspace(0, 1, width)[None].repeat(BAR, 0)
     sheet.paste(Image.fromarray(ember(ramp)), corner)
-    pen.rectangle((x - 1, y - 1, x + shown.width, y + BAR), outline=FRAME)
+    pen.rectangle((x - 1, y - 1, x + width, y + BAR), outline=FRAME)
     for degrees in TICKS:
-        text = f"{degrees}" if degrees < TOP else f"{degrees} deg or more"
-        at = (shown.width - font.getlength(text)) if degrees == TOP else degrees / TOP * shown.width
+        text = f"{degrees}" if degrees < TOP else f"{degrees}+"
+        at = (width - font.getlength(text)) if degrees == TOP else degrees / TOP * width
         pen.text((x + at, y + BAR + 4), text, fill=FAINT, font=font)
-    pen.text((x, y + BAR + 4 + round(LINE * SMALL_SIZE)), LACKING_NOTE, fill=FAINT, font=font)
+    pen.text((x, y + BAR + 4 + round(LINE * SMALL_SIZE)), SCALE_NOTE, fill=FAINT, font=font)

@@ -22,6 +22,14 @@ def wrapped(text: str, size: int, width: int) -> list[str]:
     return lines
 
 
+def cut(text: str, size: int, width: int) -> str:
+    """One drawable line of at most ``width`` pixels, in letters of ``size``."""
+    font, line = ImageFont.load_default(size), drawable(text)
+    while len(line) > 1 and font.getlength(line) > width:
+        line = f"{line.removesuffix('..')[:-1]}.."
+    return line
+
+
 def _letter(letter: str) -> str:
     plain = unicodedata.normalize("NFKD", letter)
     plain = "".join(part for part in plain if not unicodedata.combining(part))
