@@ -10,8 +10,8 @@ from ringlight.measure.sheet_layout import GAP, MARGIN, PAPER, panel
 from ringlight.measure.sheet_text import cut
 
 TOP = 45.0
-"""Degrees where the scale ends, in every picture, so that pictures of several models can be compared. Twice this error
-would be that of normals that know nothing."""
+"""Degrees where the scale ends, in every picture, so that pictures of several models can be compared. What is farther
+off is plainly wrong."""
 
 TICKS = (0, 15, 30, 45)
 """Degrees that the scale names."""
