@@ -57,7 +57,8 @@ SharedBasis as_basis(const Harmonics& table, const Matrix& weights, const Rest& 
 }
 
 void basis_colors(const Points& means, const Points& constant, const Matrix& weights, const Rest& basis,
-                  const Camera& camera, int degree, const PointsOut& out, const std::optional<Array>& slopes) {
+                  const Camera& camera, int degree, const PointsOut& out, const std::optional<Array>& slopes,
+                  bool by_logits) {
   Harmonics table = as_table(means, SH_REST / 3, camera, degree);
   const SharedBasis mixed = as_basis(table, weights, basis);
   require(constant.shape(0) == table.count && out.shape(0) == table.count,
@@ -65,6 +66,7 @@ void basis_colors(const Points& means, const Points& constant, const Matrix& wei
   require(!slopes || slopes->size() >= slope_count(table.count),
           "sh_basis_colors: slopes must hold sh_slopes(rows) floats");
   table.constant = constant.data();
+  table.by_logits = by_logits;
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN(sh_basis_colors)(table, mixed, out.data(), slopes ? slopes->data() : nullptr);
 }
@@ -164,8 +166,9 @@ void bind_sh(nb::module_& module) {
              "add"_a,
              "Fill by_constant with the gradient of sh_colors; by_means too, or add to it.");
   module.def("sh_basis_colors", &basis_colors, "means"_a, "constant"_a, "weights"_a, "basis"_a, "camera"_a, "degree"_a,
-             "colors"_a, "slopes"_a.none() = nb::none(),
-             "sh_colors of rest = weights basis, which is never written: weights [N K], basis [K 15 3].");
+             "colors"_a, "slopes"_a.none() = nb::none(), "by_logits"_a = false,
+             "sh_colors of rest = weights basis, which is never written: weights [N K], basis [K 15 3]. With by_logits "
+             "`constant` holds logits of the colour that harmonics are added to.");
   module.def("sh_basis_gradient", &basis_gradient, "means"_a, "camera"_a, "degree"_a, "by_constant"_a, "weights"_a,
              "basis"_a, "by_weights"_a, "by_basis"_a,
              "Fill by_weights and by_basis from what sh_gradient left in by_constant.");

@@ -127,15 +127,22 @@ RINGLIGHT_INLINE Sample sample(const Ellipse& e, const Workplace& place, int blo
   return {along, across, keep(ge(log2_alpha, Vec(LOG2_MIN_ALPHA)), min(exp2_fast(log2_alpha), e.strongest))};
 }
 
-// v . channels for one block.
+// v . channels for one block; adds weight v to the sums. One after the other for each channel: of ten that were loaded
+// for the one and kept for the other, half would push sums out of the registers.
 template <int C>
-RINGLIGHT_INLINE Vec upstream_dot(const float* upstream, const float* channels, int width) {
-  if constexpr (C != WIDE) {
-    Vec dot = load(upstream) * Vec(channels[0]);
-#pragma GCC unroll 8
-    for (int c = 1; c < C; c++) dot = fma(load(upstream + c * LANES), Vec(channels[c]), dot);
-    return dot;
+RINGLIGHT_INLINE Vec add_upstream(const float* upstream, const float* channels, Vec weight, Vec* sums) {
+  Vec dot(0.f);
+#pragma GCC unroll 16
+  for (int c = 0; c < C; c++) {
+    const Vec v = load(upstream + c * LANES);
+    dot = c ? fma(v, Vec(channels[c]), dot) : v * Vec(channels[c]);
+    sums[c] = fma(weight, v, sums[c]);
   }
+  return dot;
+}
+
+// v . channels for one block of any width.
+RINGLIGHT_INLINE Vec upstream_dot(const float* upstream, const float* channels, int width) {
   Vec even(0.f), odd(0.f);  // two sums, since each waits for itself
   for (int c = 0; c < width; c += CHANNEL_GROUP)
 #pragma GCC unroll 8
@@ -159,7 +166,13 @@ RINGLIGHT_INLINE bool add_block(const Ellipse& e, const Sample& at, const float*
   const Vec weight = keep(drawn, at.alpha * running);
   store(state + RUNNING, behind);
 
-  const Vec dot = upstream_dot<C>(state + UPSTREAM, channels, width);
+  Vec dot;
+  if constexpr (C == WIDE) {
+    dot = upstream_dot(state + UPSTREAM, channels, width);
+    store(place.weights + block * LANES, weight);
+  } else {
+    dot = add_upstream<C>(state + UPSTREAM, channels, weight, sums + moments);
+  }
   const Vec own = weight * dot, rest = rest_before - own;
   store(state + REST, rest);
   // A clamped alpha does not move with the geometry; its channels still do.
@@ -176,13 +189,6 @@ RINGLIGHT_INLINE bool add_block(const Ellipse& e, const Sample& at, const float*
   if constexpr (Absolute) {
     sums[ABSOLUTE_X] += abs(g_along);
     sums[ABSOLUTE_Y] += abs(fma(e.along_y, g_along, e.across_y * g_across));
-  }
-  if constexpr (C == WIDE) {
-    store(place.weights + block * LANES, weight);
-  } else {
-#pragma GCC unroll 16
-    for (int c = 0; c < C; c++)
-      sums[moments + c] = fma(weight, load(state + UPSTREAM + c * LANES), sums[moments + c]);
   }
   return any(drawn);
 }

@@ -20,13 +20,21 @@ struct MirrorView {
   float smallest_length;  // of a normal that has a direction
 };
 
+// What harmonics make of the base colours, as sh_colors leaves it (step/sh.hpp), and where dL/d(a colour's constant
+// coefficient) goes, [N 3], from which that of the harmonics is made; null where base colours have no harmonics.
+struct VaryingColors {
+  const float *colors, *slopes;
+  float* by_constant;
+};
+
 struct MirrorScene : MirrorView {
   std::size_t count;
   int latents;
+  VaryingColors varying;
 };
 
-// channels [N 7 + latents]. The backward pass returns whether any depth had a gradient; `to.means` is that of the
-// depths alone.
+// channels [N 7 + latents]. The backward pass returns whether any depth had a gradient, or base colours have harmonics;
+// `to.means` is that of the depths and of the harmonics.
 #define RINGLIGHT_MIRROR(isa) \
   namespace isa { \
   void mirror_channels(const MirrorScene&, const MirrorColumns<const float>&, float* channels); \

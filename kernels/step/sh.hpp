@@ -21,6 +21,7 @@ struct Harmonics {
   std::size_t count;
   float position[3];      // the camera, world units
   int degree;
+  bool by_logits = false;  // whether `constant` holds logits of the colour that harmonics are added to
 };
 
 // Coefficients that are not stored, but mixed of a few that all Gaussians share: rest = weights basis.

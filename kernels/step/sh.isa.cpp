@@ -20,7 +20,9 @@ void sum_harmonics(const Harmonics& table, const Block& block, const Lanes* coef
   load_triples(table.constant, block, constant);
   for (int c = 0; c < 3; c++) {
     Lanes sum;
-    for (int i = 0; i < LANES; i++) sum[i] = GREY + C0 * constant[c][i];
+    if (table.by_logits) store(sum, sigmoid(load(constant[c])));
+    else
+      for (int i = 0; i < LANES; i++) sum[i] = GREY + C0 * constant[c][i];
     for (int k = 0; k < block.count; k++)
       for (int i = 0; i < LANES; i++) sum[i] += block.basis[k][i] * coefficients[3 * k + c][i];
     for (int i = 0; i < LANES; i++) sums[c][i] = sum[i];

@@ -1,6 +1,6 @@
 """What Gaussians emit for deferred reflection shading: a base colour, a normal, latents and a depth."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import torch
 from jaxtyping import Bool, Float
@@ -63,14 +63,18 @@ class Mirror(nn.Module):
         if list(names) == ["rgb"]:
             return _base_emission(gaussians.appearance[BASE], want)
         columns = {"means": gaussians.means} | {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS)}
-        kinds = {(column.dtype, column.device.type) for column in columns.values()}
-        if kinds == {(torch.float32, "cpu")} and self.latents <= MIRROR_MAX_LATENTS:
+        if self.runs_native(columns.values()):
             return _native_emission(columns, camera, self.emits, want)
 
         def channels(columns: dict[str, Tensor]) -> Channels:
             return mirror_channels_reference(columns, camera)
 
         return emitted_by_torch(channels, columns, {}, want)
+
+    def runs_native(self, tensors: Iterable[Tensor]) -> bool:
+        """Whether the kernels take them: float32 on the CPU, and no more latents than they know."""
+        kinds = {(tensor.dtype, tensor.device.type) for tensor in tensors}
+        return kinds == {(torch.float32, "cpu")} and self.latents <= MIRROR_MAX_LATENTS
 
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
@@ -104,7 +108,7 @@ def _base_emission(base: Float[Tensor, "N 3"], want: Want) -> Emission:
 
 @torch.no_grad()
 def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping[str, int], want: Want) -> Emission:
-    view = _kernels.MirrorView(camera=camera.native, flip_below=FLIP_BELOW, smallest_length=SMALLEST_LENGTH)
+    view = mirror_view(camera)
     tensors = [column.contiguous() for column in columns.values()]
     channels = tensors[0].new_empty(len(tensors[0]), sum(widths.values()))
     _kernels.mirror_channels(view, tensors, channels)
@@ -119,6 +123,11 @@ def _native_emission(columns: dict[str, Tensor], camera: Camera, widths: Mapping
                 into.add(COLUMNS + name, gradient)
 
     return Emission(widths, channels, backward=backward)
+
+
+def mirror_view(camera: Camera) -> _kernels.MirrorView:
+    """What the kernels are told of a view."""
+    return _kernels.MirrorView(camera=camera.native, flip_below=FLIP_BELOW, smallest_length=SMALLEST_LENGTH)
 
 
 def mirror_channels_reference(columns: dict[str, Tensor], camera: Camera) -> Channels:

@@ -5,15 +5,16 @@ it. What one ball shows of the next one is not. A few weights for each Gaussian,
 is left: smooth, and of its own place (``color/shared_basis.py``).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.color.mirror import Mirror
-from ringlight.color.ringlight import BASE
+from ringlight import _kernels
+from ringlight.color.mirror import NORMALS, Mirror, mirror_view
+from ringlight.color.ringlight import BASE, LATENTS
 from ringlight.color.shared_basis import BASIS, DC, WEIGHTS, SharedBasis
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
@@ -47,6 +48,11 @@ class VaryingMirror(Mirror):
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
         """See :meth:`Mirror.emit`; "rgb" may exceed 1."""
+        columns = {"means": gaussians.means}
+        columns |= {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS, WEIGHTS)}
+        basis = self.varying.basis
+        if list(names) != ["rgb"] and self.runs_native([*columns.values(), basis]):
+            return _native_emission(columns, basis, int(self.varying.active_degree), camera, self.emits, want)
         plain = super().emit(gaussians, camera, names, want)
         colors = self.varying.emit(self._on_basis(gaussians), camera, ("rgb",), want)
         channels = torch.cat([colors.channels, plain.channels[:, RGB:]], -1)
@@ -68,6 +74,39 @@ class VaryingMirror(Mirror):
         """The same rows as the shared basis knows them: the base colour as a constant coefficient."""
         base, weights = gaussians.appearance[BASE].sigmoid(), gaussians.appearance[WEIGHTS]
         return replace(gaussians, appearance={DC: sh_from_rgb(base), WEIGHTS: weights})
+
+
+@torch.no_grad()
+def _native_emission(
+    columns: dict[str, Tensor],
+    basis: Float[Tensor, "K 15 3"],
+    degree: int,
+    camera: Camera,
+    widths: Mapping[str, int],
+    want: Want,
+) -> Emission:
+    """The same with every channel by two kernels there and two back, none of which writes what another one copies."""
+    view, native, basis = mirror_view(camera), camera.native, basis.detach()
+    means, base, *others, weights = (column.contiguous() for column in columns.values())
+    plain, count = [means, base, *others], len(means)
+    colors, channels = torch.empty_like(means), means.new_empty(count, sum(widths.values()))
+    slopes = means.new_empty(_kernels.sh_slopes(count)) if want is Want.GRADIENTS else None
+    _kernels.sh_basis_colors(means, base, weights, basis, native, degree, colors, slopes, by_logits=True)
+    _kernels.mirror_channels(view, plain, channels, colors)
+    if slopes is None:
+        return Emission(widths, channels)
+
+    @torch.no_grad()
+    def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
+        gradients = [torch.empty_like(column) for column in plain]
+        by_constant, of_weights, of_basis = (torch.empty_like(tensor) for tensor in (colors, weights, basis))
+        _kernels.mirror_gradient(view, plain, grad_channels, gradients, (colors, slopes, by_constant))
+        _kernels.sh_basis_gradient(means, native, degree, by_constant, weights, basis, of_weights, of_basis)
+        found = dict(zip(columns, [*gradients, of_weights], strict=True))
+        into.add_all({COLUMNS + name: gradient for name, gradient in found.items()})
+        into.add(COLOR + VARYING + BASIS, of_basis)
+
+    return Emission(widths, channels, backward=backward)
 
 
 def _by_our_names(found: Gradients) -> Gradients:
