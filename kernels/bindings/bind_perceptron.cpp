@@ -1,36 +1,15 @@
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/vector.h>
 
 #include <optional>
-#include <vector>
 
-#include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
-#include "dense/perceptron.hpp"
+#include "bindings/perceptron_inputs.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
 namespace {
 
 using Stack = Tensor<const float, -1, -1, -1>;
-
-// Weight, bias, weight, bias, ...: [H inputs outputs] and [H 1 outputs].
-template <class Float, class Arrays>
-PerceptronLayers<Float> layers_from(const PerceptronShape& shape, const Arrays& arrays) {
-  require(arrays.size() == 6, "perceptron: three layers have six parameters");
-  const std::size_t widths[] = {static_cast<std::size_t>(shape.inputs), static_cast<std::size_t>(shape.hidden),
-                                static_cast<std::size_t>(shape.hidden), static_cast<std::size_t>(shape.outputs)};
-  PerceptronLayers<Float> layers;
-  for (int layer = 0; layer < 3; layer++) {
-    const auto &weight = arrays[2 * layer], &bias = arrays[2 * layer + 1];
-    require(weight.size() == shape.heads * widths[layer] * widths[layer + 1] &&
-                bias.size() == shape.heads * widths[layer + 1],
-            "perceptron: a parameter has the wrong size");
-    layers.weight[layer] = weight.data();
-    layers.bias[layer] = bias.data();
-  }
-  return layers;
-}
 
 PerceptronShape shape_from(const Stack& rows, const std::vector<Input>& parameters, std::size_t results) {
   constexpr std::size_t MOST_HEADS = 1 << 10, MOST_NODES = 1 << 20, WIDEST = 1 << 14;  // products fit an int

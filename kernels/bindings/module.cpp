@@ -21,6 +21,7 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_shaded(module);
   ringlight::bind_planes(module);
   ringlight::bind_encoding(module);
+  ringlight::bind_illuminated(module);
   ringlight::bind_sh(module);
   ringlight::bind_loss(module);
   ringlight::bind_volume(module);

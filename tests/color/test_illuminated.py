@@ -6,6 +6,7 @@ import torch
 from contracts.plugged import BOX, ILLUMINATION
 from ringlight import _kernels
 from ringlight.color.illuminated import FEATURES, ROUGHNESS, Illuminated
+from ringlight.color.illumination_settings import IlluminationSettings
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradients, dense
@@ -60,6 +61,43 @@ def test_kernels_equal_the_reference(camera: Camera, lit: bool):
     for name, judge in judges.items():
         off = (dense(gradients[name]).double() - dense(judge)).norm()
         assert off <= TOLERANCE * dense(judge).norm(), name
+
+
+@pytest.mark.parametrize(
+    ("count", "components", "features", "hidden", "share"),
+    [(1, 1, 3, 1, 1.0), (33, 16, 16, 12, 0.5), (70, 18, 5, 37, 0.5)],
+)
+def test_kernels_equal_the_reference_for_any_widths(
+    camera: Camera, count: int, components: int, features: int, hidden: int, share: float
+):
+    """Lanes and blocks that are not full; and a share draws the rows that the reference draws."""
+    settings = IlluminationSettings(side=7, components=components, features=features, hidden=hidden)
+    model = Illuminated(settings, BOX, 1, gradient_share=share)
+    with torch.no_grad():
+        for grids in (model.field.planes, model.field.lines):
+            grids.mul_(50)
+    gaussians = table(model, count)
+    colors, gradients = emitted(model, gaussians, camera)
+    exact = Gaussians.from_columns({name: column.double() for name, column in gaussians.columns().items()})
+    expected, judges = emitted(model.double(), exact, camera)
+    torch.testing.assert_close(colors.double(), expected, rtol=0, atol=NEAR)
+    assert set(gradients) == set(judges)
+    for name, judge in judges.items():
+        off = (dense(gradients[name]).double() - dense(judge)).norm()
+        assert off <= TOLERANCE * dense(judge).norm(), name
+
+
+def test_rows_that_nobody_sees_get_no_gradient(camera: Camera):
+    model = Illuminated(ILLUMINATION, BOX, 1)
+    gaussians = table(model, 40)
+    emission, into = model.emit(gaussians, camera, ["rgb"], Want.GRADIENTS), Gradients()
+    upstream = torch.zeros_like(emission.channels)
+    emission.backward(upstream, None, into)
+    assert set(into) == {"columns.base"}
+    upstream[7], into = 1.0, Gradients()
+    emission.backward(upstream, None, into)
+    for name in (FEATURES, ROUGHNESS):
+        assert dense(into["columns." + name]).reshape(40, -1).ne(0).any(-1).nonzero().flatten().tolist() == [7]
 
 
 def test_the_same_bits_for_any_number_of_threads(camera: Camera):

@@ -2,54 +2,43 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
 from ringlight.color.drawable import drawable_rows
 from ringlight.color.harmonics import runs_native
+from ringlight.color.illuminated_kernel import (
+    FEATURES,
+    ROUGHNESS,
+    ROUGHNESS_SHIFT,
+    LitView,
+    illuminated_gradients,
+    illuminated_specular,
+    lit_view,
+)
 from ringlight.color.illumination_settings import IlluminationSettings
 from ringlight.core.camera import Camera
 from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR, COLUMNS, Gradients
-from ringlight.core.importance_sampling import importance_sampled, importance_weights
+from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import sh_from_rgb
 from ringlight.core.want import Want
-from ringlight.fields.directional_encoding import (
-    CODE_WIDTH,
-    directional_encoding_reference,
-    fading,
-    write_directional_encoding,
-)
+from ringlight.fields.directional_encoding import CODE_WIDTH, directional_encoding_reference
 from ringlight.fields.illumination import Illumination
 from ringlight.fields.networks import PerceptronStack
-from ringlight.fields.perceptron_kernel import stack_at, stack_gradients
 
-BASE, ROUGHNESS, FEATURES = "base", "roughness", "features"
-
-ROUGHNESS_SHIFT = 1.0
-"""Roughness is softplus(stored - 1), as in Ref-NeRF and 3iGS."""
+BASE = "base"
 
 DARKEST = 0.25 / 255
 """The logit of pure black or white would be infinite; a quarter of an 8-bit step away still rounds to either."""
-
-
-class LitRows(NamedTuple):
-    """What the network is given of the Gaussians that a camera may see, and what that was made of."""
-
-    rows: Int[Tensor, "V"]
-    points: Float[Tensor, "V 3"]
-    products: Float[Tensor, "V J"]
-    inputs: Float[Tensor, "V W"]
 
 
 class Illuminated(nn.Module):
@@ -109,78 +98,45 @@ class Illuminated(nn.Module):
     @torch.no_grad()
     def _native_emission(self, gaussians: Gaussians, camera: Camera, want: Want) -> Emission:
         base = gaussians.appearance[BASE].sigmoid()
-        seen = self._lit_rows(gaussians, camera) if self.lit else None
-        if seen is None or not len(seen.rows):
+        light = self._lit(gaussians, camera) if self.lit else None
+        if light is None:
             return Emission(self.emits, base, backward=lambda grad, _, into: _add_base(grad, base, into))
-        specular = stack_at(self.network, seen.inputs[None])[0].tanh_()
-        whole = base[seen.rows] + specular
-        colors = base.index_copy(0, seen.rows, whole.clamp(0, 1))
+        specular = illuminated_specular(light)
+        whole = base[light.rows] + specular
+        colors = base.index_copy(0, light.rows, whole.clamp(0, 1))
         if want is not Want.GRADIENTS:
             return Emission(self.emits, colors)
         passing = (whole >= 0) & (whole <= 1)
 
         @torch.no_grad()
         def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
-            upstream = grad_channels[seen.rows] * passing
-            _add_base(grad_channels.index_copy(0, seen.rows, upstream), base, into)
-            self._add_light(gaussians, seen, upstream, specular, into)
+            upstream = grad_channels[light.rows] * passing
+            _add_base(grad_channels.index_copy(0, light.rows, upstream), base, into)
+            of_columns, of_color = illuminated_gradients(light, upstream, self._share)
+            into.add_all({COLUMNS + name: gradient for name, gradient in of_columns.items()})
+            into.add_all({COLOR + name: gradient for name, gradient in of_color.items()})
 
         return Emission(self.emits, colors, backward=backward)
 
-    def _add_light(
-        self,
-        gaussians: Gaussians,
-        seen: LitRows,
-        upstream: Float[Tensor, "V 3"],
-        specular: Float[Tensor, "V 3"],
-        into: Gradients,
-    ) -> None:
-        """Of all that the light is made of, by dL/d(specular); rows without a gradient cost nothing."""
-        if self._share < 1:
-            upstream = upstream * importance_weights(upstream, self._share)[:, None]
-        taken = upstream.ne(0).any(-1).nonzero()[:, 0]
-        if not len(taken):
-            return
-        count, inputs, products = self.settings.features, seen.inputs[taken], seen.products[taken]
-        of_results, of_inputs = upstream[taken] * (1 - specular[taken] ** 2), torch.empty_like(inputs)
-        of_network = stack_gradients(self.network, inputs[None], of_results[None], of_inputs[None])
-        # What the network was given behind a tanh: features of Gaussians, then of the field.
-        of_both = of_inputs[:, : 2 * count] * (1 - inputs[:, : 2 * count] ** 2)
-        of_field = self.field.gradients(seen.points[taken], products, of_both[:, count:])
-        faded = (of_inputs[:, -CODE_WIDTH:] * inputs[:, -CODE_WIDTH:]) @ -fading()
-        rows, stored = seen.rows[taken], gaussians.appearance[ROUGHNESS]
-        of_roughness = faded * (stored[rows] - ROUGHNESS_SHIFT).sigmoid()
-        of_features = torch.zeros_like(gaussians.appearance[FEATURES]).index_copy_(0, rows, of_both[:, :count])
-        into.add(COLUMNS + ROUGHNESS, torch.zeros_like(stored).index_copy_(0, rows, of_roughness))
-        into.add(COLUMNS + FEATURES, of_features)
-        into.add_all({f"{COLOR}network.{name}": gradient for name, gradient in of_network.items()})
-        into.add_all({f"{COLOR}field.{name}": gradient for name, gradient in of_field.items()})
-
-    def _lit_rows(self, gaussians: Gaussians, camera: Camera) -> LitRows:
-        numbers, count = drawable_rows(gaussians, camera), self.settings.features
-        rows = numbers.long()
-        means, appearance = gaussians.means.detach()[rows], gaussians.appearance
-        points, directions = self.unit_points(means), view_directions(means, camera.position.to(means))
-        products = self.field.products(points)
-        inputs = means.new_empty(len(rows), 2 * count + 3 + CODE_WIDTH)
-        if runs_native(means, appearance[FEATURES], products):
-            _kernels.tanh_rows(appearance[FEATURES], numbers, inputs, 0)
-            _kernels.tanh_rows(self.field.mixed(products), None, inputs, count)
-        else:
-            inputs[:, : 2 * count] = torch.cat([appearance[FEATURES][rows], self.field.mixed(products)], -1).tanh()
-        inputs[:, 2 * count : 2 * count + 3] = directions
-        write_directional_encoding(directions, roughness_of(appearance[ROUGHNESS][rows]), inputs, 2 * count + 3)
-        return LitRows(rows, points, products, inputs)
+    def _lit(self, gaussians: Gaussians, camera: Camera) -> LitView | None:
+        """The rows that the camera may see; None if there are none."""
+        rows = drawable_rows(gaussians, camera)
+        if not len(rows):
+            return None
+        return lit_view(self.field, self.network, gaussians, rows, camera, self.box)
 
     def specular_reference(self, gaussians: Gaussians, camera: Camera, rows: Int[Tensor, "V"]) -> Float[Tensor, "V 3"]:
         """What the kernels add to base colours, in torch and in any precision: slow, and their judge."""
+        result: Tensor = self.network(self._inputs(gaussians, camera, rows)[None])[0].tanh()
+        return result
+
+    def _inputs(self, gaussians: Gaussians, camera: Camera, rows: Int[Tensor, "V"]) -> Float[Tensor, "V W"]:
+        """What the network is given of these rows."""
         means, appearance = gaussians.means.detach()[rows], gaussians.appearance
         directions = view_directions(means, camera.position.to(means))
         light = self.field.reference(self.unit_points(means))
         code = directional_encoding_reference(directions, roughness_of(appearance[ROUGHNESS][rows]))
-        inputs = torch.cat([appearance[FEATURES][rows].tanh(), light.tanh(), directions, code], -1)
-        result: Tensor = self.network(inputs[None])[0].tanh()
-        return result
+        return torch.cat([appearance[FEATURES][rows].tanh(), light.tanh(), directions, code], -1)
 
     @torch.no_grad()
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
@@ -198,8 +154,8 @@ class Illuminated(nn.Module):
         """The field's, behind their tanh, at Gaussians in the picture; None during the warm-up."""
         if not self.lit:
             return None
-        seen, count = self._lit_rows(gaussians, camera), self.settings.features
-        inputs = seen.inputs[evenly(len(seen.rows)).to(seen.rows.device)]
+        rows, count = drawable_rows(gaussians, camera).long(), self.settings.features
+        inputs = self._inputs(gaussians, camera, rows[evenly(len(rows)).to(rows.device)])
         hidden, units = inputs, []
         for weights, biases in list(zip(self.network.weights, self.network.biases, strict=True))[:-1]:
             hidden = torch.relu(hidden @ weights[0] + biases[0])

@@ -43,7 +43,8 @@ def fading() -> Float[Tensor, "38"]:
 
 
 @functools.cache
-def _kernel_polynomials() -> Float[Tensor, "19 9"]:
+def kernel_polynomials() -> Float[Tensor, "19 9"]:
+    """The same as the kernels take them."""
     return harmonic_polynomials().float()
 
 
@@ -55,7 +56,7 @@ def write_directional_encoding(
     tensors = (directions, roughness, rows)
     if all(tensor.dtype == torch.float32 and tensor.is_cpu for tensor in tensors) and rows.is_contiguous():
         inputs = directions.contiguous(), roughness.contiguous()
-        _kernels.directional_encoding(*inputs, _kernel_polynomials(), rows, first)
+        _kernels.directional_encoding(*inputs, kernel_polynomials(), rows, first)
         return
     rows[:, first : first + CODE_WIDTH] = directional_encoding_reference(directions, roughness)
 

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight.fields.networks import fan_in_uniform
-from ringlight.fields.plane_products import PAIRS, plane_gradients, plane_products, plane_products_reference
+from ringlight.fields.plane_products import PAIRS, plane_products, plane_products_reference
 
 FIRST_DEVIATION = 0.01
 """Standard deviation of planes and lines at the start, as in 3iGS."""
@@ -35,16 +35,6 @@ class Illumination(nn.Module):
     def mixed(self, products: Float[Tensor, "N J"]) -> Float[Tensor, "N C"]:
         """The features."""
         return torch.addmm(self.offset, products, self.mix.T)
-
-    def gradients(
-        self, points: Float[Tensor, "N 3"], products: Float[Tensor, "N J"], grad_features: Float[Tensor, "N C"]
-    ) -> dict[str, Tensor]:
-        """The way back of both, by parameter name; none for the points."""
-        into = torch.empty_like(self.planes), torch.empty_like(self.lines)
-        grids = self.planes.unbind(), self.lines.unbind()
-        plane_gradients(points, *grids, grad_features @ self.mix, (into[0].unbind(), into[1].unbind()))
-        of_mix, of_offset = grad_features.T @ products, grad_features.sum(0)
-        return {"planes": into[0], "lines": into[1], "mix": of_mix, "offset": of_offset}
 
     def reference(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
         """The features within torch's graph, in any precision."""

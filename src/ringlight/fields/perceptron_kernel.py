@@ -19,7 +19,7 @@ def stack_at(stack: PerceptronStack, rows: Float[Tensor, "H K inputs"]) -> Float
     """``stack(rows)`` without a graph; by the kernel where it applies: three layers, float32, CPU."""
     if not _runs_native(stack, rows):
         return stack(rows)
-    parameters = _parameters(stack)
+    parameters = stack_parameters(stack)
     results = rows.new_empty(*rows.shape[:2], parameters[-1].shape[-1])
     _kernels.perceptron_forward(parameters, rows.contiguous(), results)
     return results
@@ -40,18 +40,23 @@ def stack_gradients(
         if of_rows is not None:
             of_rows.copy_(grad_rows)
         return found
-    parameters = _parameters(stack)
+    parameters = stack_parameters(stack)
     gradients = [torch.empty_like(parameter, requires_grad=False) for parameter in parameters]
     _kernels.perceptron_backward(parameters, rows.contiguous(), grad_results.contiguous(), gradients, of_rows)
-    names = [f"{kind}.{layer}" for layer in range(LAYERS) for kind in ("weights", "biases")]
-    return dict(zip(names, gradients, strict=True))
+    return dict(zip(stack_parameter_names(), gradients, strict=True))
 
 
 def _runs_native(stack: PerceptronStack, rows: Tensor) -> bool:
     return len(stack.weights) == LAYERS and rows.dtype == torch.float32 and rows.device.type == "cpu"
 
 
-def _parameters(stack: PerceptronStack) -> list[Tensor]:
+def stack_parameter_names() -> list[str]:
+    """In the kernels' order."""
+    return [f"{kind}.{layer}" for layer in range(LAYERS) for kind in ("weights", "biases")]
+
+
+def stack_parameters(stack: PerceptronStack) -> list[Tensor]:
+    """Weight and bias of each layer."""
     # Not by index: torch's list of parameters looks each number up as a name, four times over.
     layers = zip(stack.weights.parameters(False), stack.biases.parameters(False), strict=True)
     return [tensor.contiguous() for layer in layers for tensor in layer]
