@@ -8,6 +8,7 @@
 #include "machine/scratch.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
+namespace {  // a lambda of an inline constructor would be shared by object files otherwise
 
 constexpr int LAYERS = 3;
 
@@ -148,4 +149,5 @@ static inline void write_gradients(const Widths& widths, const float* sums, std:
   }
 }
 
+}  // namespace
 }  // namespace ringlight::RINGLIGHT_ISA

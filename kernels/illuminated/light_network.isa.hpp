@@ -4,6 +4,7 @@
 #include "illuminated/lit_group.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
+namespace {
 
 struct LightPanels {
   StackPanels network;
@@ -37,4 +38,5 @@ static inline void mix_group(const LightField& field, const LightPanels& panels,
   for (int i = 0; i < 2 * field.features * GROUP; i += LANES) store(inputs + i, tanh_fast(load(inputs + i)));
 }
 
+}  // namespace
 }  // namespace ringlight::RINGLIGHT_ISA
