@@ -85,6 +85,18 @@ def test_several_runs_are_rows_and_views_add_up(
     assert snapshot(*runs) == before
 
 
+def test_progress_counts_the_views_of_all_runs(
+    truth: Path, trained: dict[str, Path], ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ringlight.cli.stages.BETWEEN_SECONDS", 0.0)
+    monkeypatch.setattr("ringlight.cli.stages.LOG_SECONDS", 0.0)
+    done = ringlight("normals", trained["3dgs"], trained["ringlight-ring"], "--truth", truth)
+    said = done.err.splitlines()
+    assert said[:2] == [f"reading {truth}", f"reading {trained['3dgs']}"]
+    assert [line for line in said if line.startswith("comparing")] == [f"comparing normals: {i}/4" for i in range(1, 5)]
+    assert not ringlight("normals", trained["3dgs"], "--truth", truth, "--quiet").err
+
+
 def test_a_model_file_and_a_scene_that_moved(
     truth: Path, trained: dict[str, Path], scene_copy: Path, tmp_path: Path, ringlight: Command
 ) -> None:

@@ -293,25 +293,21 @@ def image() -> Target:
 
 
 def true_normals() -> Target:
-    scenes = [tiny_scene(views=4, size=size) for size in (6, 300)]
+    small, large = (tiny_scene(views=4, size=size) for size in (6, 300))
 
-    def reader(scene: Scene) -> Callable[[Path], None]:
-        def read(path: Path) -> None:
-            truth = read_true_normals(path)
-            views = views_of(truth, scene)
-            for view, normals in zip(views, truth.views(), strict=True):
-                refuse_turned_away(normals, view, truth)
+    def read(path: Path) -> None:
+        truth = read_true_normals(path)
+        views = views_of(truth, large if truth.width == 300 else small)
+        for view, normals in zip(views, truth.views(), strict=True):
+            refuse_turned_away(normals, view, truth)
 
-        return read
-
-    def content(save: Callable[..., None], scene: Scene) -> bytes:
+    def content(save: Callable[..., None], scene: Scene) -> tuple[int, bytes]:
         buffer = io.BytesIO()
         save(buffer, **arrays_of(scene))
-        return buffer.getvalue()
+        return 0, buffer.getvalue()
 
-    seeds = [(0, content(save, scenes[0])) for save in (np.savez, np.savez_compressed)]
-    large = [(1, content(save, scenes[1])) for save in (np.savez, np.savez_compressed)]
-    return Target(seeds, _reading("truth.npz", *map(reader, scenes)), large)
+    seeds, many = ([content(save, scene) for save in (np.savez, np.savez_compressed)] for scene in (small, large))
+    return Target(seeds, _reading("truth.npz", read), many)
 
 
 TARGETS: dict[str, Callable[[], Target]] = {

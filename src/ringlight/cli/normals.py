@@ -72,7 +72,7 @@ def main(arguments: list[str]) -> int:
         use_threads(asked.threads)
         tell_of_build(asked.device)
         labels = _labels(asked.runs)
-        measured = [_measured(asked, run, label, truth, line) for run, label in zip(asked.runs, labels, strict=True)]
+        measured = [_measured(asked, index, label, truth, line) for index, label in enumerate(labels)]
     _print(asked, labels, measured)
     return 0
 
@@ -84,19 +84,22 @@ def _labels(runs: Sequence[Path]) -> list[str]:
 
 
 def _measured(
-    asked: NormalsArguments, run: Path, label: str, truth: "TrueNormals", line: StageLine
+    asked: NormalsArguments, index: int, label: str, truth: "TrueNormals", line: StageLine
 ) -> "MeasuredNormals":
     from ringlight.measure.picture_names import folder_name
     from ringlight.runs.normals import measure_normals
     from ringlight.runs.opened import open_model
 
+    run, runs = asked.runs[index], len(asked.runs)
     line(f"reading {run}")
     opened = open_model(run, asked.device)
     scene = _scene(asked, run, opened)
-    several = asked.pictures is not None and len(asked.runs) > 1
-    pictures = asked.pictures / folder_name(label) if asked.pictures and several else asked.pictures
-    stage = f"comparing normals of {label}"
-    return measure_normals(opened, scene, truth, pictures, lambda done, total: line(stage, done, total))
+    pictures = asked.pictures / folder_name(label) if asked.pictures and runs > 1 else asked.pictures
+
+    def tell(done: int, views: int) -> None:
+        line("comparing normals", index * views + done, runs * views)
+
+    return measure_normals(opened, scene, truth, pictures, tell)
 
 
 def _scene(asked: NormalsArguments, run: Path, opened: "Opened") -> "Scene":
