@@ -76,7 +76,7 @@ bool is_image(const Array& array, const Camera& camera) {
 void forward(Workspace& workspace, const Table& table, const Camera& camera, const RasterSettings& settings,
              Out<-1, -1, -1> image, Out<-1, -1> alpha, Out<-1, 2> means2d, Out<-1, 2> radii,
              const LazyColors* lazy, const PictureShader* shader, std::optional<Out<-1, -1, -1>> blended,
-             std::optional<Out<-1, -1>> tiles, bool early_stop) {
+             std::optional<Out<-1, -1, LANES>> tiles, bool early_stop) {
   require(is_finite(camera), "rasterizer: the camera must be finite");
   require(std::min(camera.width, camera.height) >= 1 &&
               std::max(camera.width, camera.height) <= convention::MAX_IMAGE_SIDE,
@@ -90,8 +90,9 @@ void forward(Workspace& workspace, const Table& table, const Camera& camera, con
           "rasterizer: image must be [C H W], or [3 H W] with a shader, and alpha [H W]");
   require(!blended || (shader && blended->shape(0) == channels && is_image(*blended, camera)),
           "rasterizer: what was blended goes with a shader, and must be [C H W]");
-  require(!tiles || (shader && !blended && tiles->shape(0) == channels + 1 && tiles->shape(1) == tile_pixels(camera)),
-          "rasterizer: tiles go with a shader, in place of what was blended, and must be [C + 1 pixels]");
+  require(!tiles || (shader && !blended && tiles->shape(1) == channels + 1 &&
+                     tiles->shape(0) == tile_pixels(camera) / LANES),
+          "rasterizer: tiles go with a shader, in place of what was blended, and must be [blocks C + 1 16]");
   require(means2d.shape(0) == splats.count && radii.shape(0) == splats.count,
           "rasterizer: footprints need one row per Gaussian");
   const nb::gil_scoped_release unlocked;
@@ -149,22 +150,21 @@ void backward(Workspace& workspace, const Table& table, In<-1, -1, -1> image, In
       splats, {image.data(), image_gradient.data(), alpha_gradient ? alpha_gradient->data() : nullptr, nullptr, 0}, to);
 }
 
-void backward_of_tiles(Workspace& workspace, const Table& table, In<-1, -1> tiles, In<-1, -1> tile_gradients,
+void backward_of_tiles(Workspace& workspace, const Table& table, In<-1, -1, LANES> tiles, In<-1, -1, LANES> found,
                        Tensor<const std::int32_t, -1> drawn, const Gradients& gradients) {
   const Splats splats = table.splats();
   const View& view = workspace.view();
   require(workspace.complete() && splats.count == view.splats.count &&
               splats.channel_count == view.splats.channel_count,
           "rasterizer: backward needs the table of the last forward pass");
-  const std::size_t pixels = tile_pixels(view.camera), channels = table.channels.shape(1);
-  const std::size_t with_gradient = tile_gradients.shape(0) - 1;
-  require(tiles.shape(0) == channels + 1 && tiles.shape(1) == pixels && tile_gradients.shape(1) == pixels &&
-              RECORD_CHANNELS < with_gradient && with_gradient <= channels && drawn.shape(0) == pixels / LANES,
+  const std::size_t blocks = tile_pixels(view.camera) / LANES, channels = table.channels.shape(1);
+  const std::size_t with_gradient = found.shape(1) - 1;
+  require(tiles.shape(1) == channels + 1 && tiles.shape(0) == blocks && found.shape(0) == blocks &&
+              RECORD_CHANNELS < with_gradient && with_gradient <= channels && drawn.shape(0) == blocks,
           "rasterizer: tiles, their gradients and drawn are of other shapes than those of the last forward pass");
   const SplatGradients to = gradients.pointers(splats, view.settings.absgrad);
   const nb::gil_scoped_release unlocked;
-  workspace.backward(splats, {tiles.data(), tile_gradients.data(), tile_gradients.data() + with_gradient * pixels,
-                              drawn.data(), static_cast<int>(with_gradient)}, to);
+  workspace.backward(splats, {tiles.data(), found.data(), nullptr, drawn.data(), static_cast<int>(with_gradient)}, to);
 }
 
 std::pair<std::uint64_t, std::uint64_t> pairs(const Workspace& workspace) {
@@ -220,8 +220,8 @@ void bind_raster(nb::module_& module) {
            "Fill image [C H W], alpha [H W], means2d [N 2] and radii [N 2]. Lazy colours take the place of the table's "
            "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
            "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W], or tiles "
-           "[C + 1 pixels], is there to keep what the shader was given: tile by tile, alpha last, and channels only of "
-           "tiles in which there is anything. With early_stop the last 1/64 of a pixel's light may be what lies in "
+           "[blocks C + 1 16], is there to keep what the shader was given: block by block, alpha last, and channels "
+           "only of blocks in which there is anything. With early_stop the last 1/64 of a pixel's light may be what lies in "
            "front of it, with alpha 1, and there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a, "alpha_gradient"_a.none(), "gradients"_a,
            "Fill the gradients of the last forward pass.")

@@ -119,20 +119,21 @@ void forward(const ReflectionShape& shape, const std::vector<Input>& parameters,
   RINGLIGHT_CHOSEN_WITH_BF16(reflection_forward)(shape, weights, view, buffers, color.data());
 }
 
-// Planes that lie tile by tile, [channels + 1 pixels]: rgb, normal, latents, depth unless it is not there, and alpha.
+// Block by block, [blocks channels + 1 16]: rgb, normal, latents, depth unless it is not there, and alpha.
 template <class Float>
 ReflectionBuffers<Float> tiles_from(const ReflectionShape& shape, const ReflectionView& view,
-                                    const Tensor<Float, -1, -1>& tiles, bool with_depth) {
-  const std::size_t channels = 6 + static_cast<std::size_t>(shape.latents) + with_depth, plane = tiles.shape(1);
-  require(tiles.shape(0) == channels + 1 && plane == tile_pixels(view.camera),
+                                    const Tensor<Float, -1, -1, LANES>& tiles, bool with_depth) {
+  const std::size_t channels = 6 + static_cast<std::size_t>(shape.latents) + with_depth;
+  require(tiles.shape(1) == channels + 1 && tiles.shape(0) == tile_pixels(view.camera) / LANES,
           "reflection: tiles are of another shape, or of another camera");
-  const auto from = [&](std::size_t channel) { return tiles.data() + channel * plane; };
-  return {from(0), from(3), from(6), with_depth ? from(channels - 1) : nullptr, from(channels), plane};
+  const auto from = [&](std::size_t channel) { return tiles.data() + channel * LANES; };
+  return {from(0), from(3), from(6), with_depth ? from(channels - 1) : nullptr, from(channels), LANES,
+          (channels + 1) * LANES};
 }
 
 void backward(const ReflectionShape& shape, const std::vector<Input>& parameters, const ReflectionView& view,
-              const Tensor<const float, -1, -1>& tiles, ImageInput color_gradient, double share,
-              const std::vector<Array>& gradients, const Tensor<float, -1, -1>& tile_gradients,
+              const Tensor<const float, -1, -1, LANES>& tiles, ImageInput color_gradient, double share,
+              const std::vector<Array>& gradients, const Tensor<float, -1, -1, LANES>& tile_gradients,
               const Tensor<std::int32_t, -1>& drawn) {
   require(share > 0, "reflection: share must be above 0");
   require_picture(view, color_gradient);
@@ -140,7 +141,7 @@ void backward(const ReflectionShape& shape, const std::vector<Input>& parameters
   const auto sums = parameters_from<float>(shape, gradients);
   const auto buffers = tiles_from<const float>(shape, view, tiles, reads_depth(shape));
   const auto to = tiles_from<float>(shape, view, tile_gradients, shape.depth_gradient);
-  require(drawn.shape(0) == buffers.plane / LANES, "reflection: drawn needs one number for each block");
+  require(drawn.shape(0) == tiles.shape(0), "reflection: drawn needs one number for each block");
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(reflection_backward)
   (shape, weights, view, buffers, color_gradient.data(), share, sums, to, drawn.data());
@@ -184,7 +185,7 @@ void bind_reflection(nb::module_& module) {
              "Shades the pixels that are opaque enough; the others keep their rgb.");
   module.def("reflection_backward", &backward, "shape"_a, "parameters"_a, "view"_a, "tiles"_a, "color_gradient"_a,
              "share"_a, "gradients"_a, "tile_gradients"_a, "drawn"_a,
-             "Gradients of all parameters and of what was kept tile by tile; by a share of the pixels, "
+             "Gradients of all parameters and of what was kept block by block; by a share of the pixels, "
              "importance-sampled. drawn [blocks] are bits of those pixels; blocks without any get no gradients but "
              "those of rgb.");
   nb::class_<ReflectionPicture, PictureShader>(module, "ReflectionPicture",

@@ -71,20 +71,20 @@ RINGLIGHT_INLINE void open_tile(const View& view, const Tile& tile, const ImageG
 // only that of the colour.
 RINGLIGHT_INLINE void open_kept_tile(const View& view, const Tile& tile, const ImageGradients& from,
                                      Workplace& place) {
-  const std::size_t plane = static_cast<std::size_t>(view.tile_count) * TILE_PIXELS;
-  const std::size_t first = static_cast<std::size_t>(tile.number) * TILE_PIXELS;
   place_centers(tile, place);
   for (std::uint64_t left = tile.inside; left; left &= left - 1) {
-    const int block = __builtin_ctzll(left);
-    const std::size_t at = first + block * LANES;
-    const bool drawn = from.drawn[at / LANES] != 0;
+    const int block = __builtin_ctzll(left), with_gradient = view.gradient_channels;
+    const std::size_t number = static_cast<std::size_t>(tile.number) * BLOCKS + block;
+    const float* const image = from.image + number * (view.splats.channel_count + 1) * LANES;
+    const float* const gradient = from.image_gradient + number * (with_gradient + 1) * LANES;
+    const bool drawn = from.drawn[number] != 0;
     float* const state = state_of(place, block, place.width);
-    const int channels = drawn ? view.gradient_channels : SHADED_CHANNELS;
+    const int channels = drawn ? with_gradient : SHADED_CHANNELS;
     Vec rest(0.f);
-    if (drawn) rest = -(load(from.alpha_gradient + at) * load(view.final_transmittance + at));
+    if (drawn) rest = -(load(gradient + with_gradient * LANES) * load(view.final_transmittance + number * LANES));
     for (int c = 0; c < channels; c++) {
-      const Vec upstream = load(from.image_gradient + c * plane + at);
-      rest = fma(upstream, load(from.image + c * plane + at), rest);
+      const Vec upstream = load(gradient + c * LANES);
+      rest = fma(upstream, load(image + c * LANES), rest);
       store(state + UPSTREAM + c * LANES, upstream);
     }
     for (int c = channels; c < place.width; c++) store(state + UPSTREAM + c * LANES, Vec(0.f));

@@ -60,16 +60,17 @@ struct Images {
   float* alpha;              // [H W]
   const TileShader* shader;  // or null
   float* blended;            // [C H W] with a shader: what was blended stays here for a backward pass; or null
-  float* tiles;              // [C + 1 tile_plane] in place of `blended`: tile by tile, alpha last; or null
+  float* tiles;              // [T BLOCKS C + 1 LANES] in place of `blended`: block by block, alpha last; or null
   bool early_stop;           // blocks stop at EARLY_STOP: faster, not exact, no backward pass
 };
 
-// Where tiles were kept, planes are tile by tile as Images::tiles has them. Beyond the first SHADED_CHANNELS, and of
-// alpha, only those blocks have a gradient for which `drawn` is not 0; the others hold nothing there.
+// Where tiles were kept, `image` is Images::tiles, and `image_gradient` lies likewise, [T BLOCKS channels + 1 LANES].
+// Beyond the first SHADED_CHANNELS, and of alpha, only those blocks have a gradient for which `drawn` is not 0; the
+// others hold nothing there.
 struct ImageGradients {
   const float* image;           // [C H W] what the forward pass returned
   const float* image_gradient;  // [C H W]
-  const float* alpha_gradient;  // [H W], or null for 0
+  const float* alpha_gradient;  // [H W], or null for 0 and with `drawn`
   const std::int32_t* drawn;    // [T BLOCKS] pixels of the block, bits; or null: planes are those of a picture
   int channels;                 // of `drawn` gradients
 };

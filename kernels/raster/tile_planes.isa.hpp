@@ -60,15 +60,19 @@ RINGLIGHT_INLINE Mask inside_image(const View& view, const Tile& tile, int block
               lt(load(CENTERS_Y), Vec(static_cast<float>(view.camera.height - y))));
 }
 
-// All channels of finished blocks as they lie, and alpha: 0 outside the image.
+// Finished blocks as they lie, and alpha, 0 outside the image. Where nothing is in front of a block, nobody asks for
+// more of its channels than a shader leaves.
 RINGLIGHT_INLINE void keep_tile(const View& view, const Tile& tile, const float* states, int floats, float* tiles) {
-  const std::size_t plane = static_cast<std::size_t>(view.tile_count) * TILE_PIXELS;
-  float* to = tiles + static_cast<std::size_t>(tile.number) * TILE_PIXELS;
-  for (int c = 0; c < view.splats.channel_count; c++, to += plane)
-    for (int block = 0; block < BLOCKS; block++)
-      store(to + block * LANES, load(states + block * floats + COLOR + c * LANES));
-  for (int block = 0; block < BLOCKS; block++)
-    store(to + block * LANES, keep(inside_image(view, tile, block), load(states + block * floats + BLOCK_ALPHA)));
+  const int channels = view.splats.channel_count;
+  const std::size_t stride = static_cast<std::size_t>(channels + 1) * LANES;
+  float* to = tiles + static_cast<std::size_t>(tile.number) * BLOCKS * stride;
+  for (int block = 0; block < BLOCKS; block++, to += stride) {
+    const float* const state = states + block * floats;
+    const Vec alpha = keep(inside_image(view, tile, block), load(state + BLOCK_ALPHA));
+    const int kept = any(gt(alpha, Vec(0.f))) ? channels : SHADED_CHANNELS;
+    for (int c = 0; c < kept; c++) store(to + c * LANES, load(state + COLOR + c * LANES));
+    store(to + channels * LANES, alpha);
+  }
 }
 
 // What was blended, or what the shader makes of it.
@@ -105,8 +109,9 @@ static inline void write_background(const View& view, const Tile& tile, const Im
   fill_planes(images.image, images.shader ? SHADED_CHANNELS : view.splats.channel_count);
   if (images.blended) fill_planes(images.blended, view.splats.channel_count);
   if (images.tiles) {
-    const std::size_t before = static_cast<std::size_t>(view.splats.channel_count) * view.tile_count + tile.number;
-    for (int i = 0; i < TILE_PIXELS; i += LANES) store(images.tiles + before * TILE_PIXELS + i, Vec(0.f));
+    const std::size_t before = static_cast<std::size_t>(view.splats.channel_count) * LANES, stride = before + LANES;
+    float* const first = images.tiles + static_cast<std::size_t>(tile.number) * BLOCKS * stride + before;
+    for (int block = 0; block < BLOCKS; block++) store(first + block * stride, Vec(0.f));
   }
   view.tile_used[tile.number] = 0;
 }

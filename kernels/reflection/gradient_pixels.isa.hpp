@@ -5,17 +5,18 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-// Lists the pixels that are opaque enough and have a gradient, [3] planes, and its sizes as ColorGradient has them.
-// Returns how many these are; both lists have room for LANES more.
-static inline std::size_t list_with_gradient(const float* alpha, float faintest, const float* color_gradient,
-                                      std::size_t pixels, std::int32_t* list, float* sizes) {
+// Lists the pixels that are opaque enough and have a gradient, that of rgb in `color`, and its sizes as ColorGradient
+// has them. Returns how many these are; both lists have room for LANES more.
+static inline std::size_t list_with_gradient(const ReflectionBuffers<const float>& from, float faintest,
+                                      const ReflectionBuffers<float>& color, std::size_t blocks, std::int32_t* list,
+                                      float* sizes) {
   std::size_t count = 0;
   IVec numbers = load_ints(NUMBERS);
-  for (std::size_t i = 0; i < pixels; i += LANES, numbers = numbers + ivec(LANES)) {
-    unsigned on = covered_lanes(alpha, i, pixels, faintest);
+  for (std::size_t block = 0; block < blocks; block++, numbers = numbers + ivec(LANES)) {
+    unsigned on = bits(gt(load(from.alpha + block * from.block), Vec(faintest)));
     if (!on) continue;
     Vec size(0.f);
-    for (int c = 0; c < 3; c++) size = size + abs(load_step(color_gradient + c * pixels, i, pixels));
+    for (int c = 0; c < 3; c++) size = size + abs(load(color.rgb + block * color.block + c * color.plane));
     on &= ~bits(both(ge(size, Vec(0.f)), ge(Vec(0.f), size)));  // what is no number is not 0
     store(sizes + count, pack_lanes(size, on));
     store(list + count, pack_lanes(numbers, on));

@@ -39,6 +39,11 @@ class PackedPixels {
     }
   }
 
+  // Where the step begins that comes `ahead` steps later, or the last one.
+  std::size_t later(int step, int ahead) const {
+    return static_cast<std::size_t>(first_[step + ahead < steps_ ? step + ahead : steps_ - 1]);
+  }
+
  private:
   int count_ = 0, steps_ = 0;
   std::int32_t first_[MOST_PACKED];
@@ -87,13 +92,6 @@ static inline void pack(const float* plane, std::size_t size, const PackedPixels
 static inline void unpack(const float* row, const PackedPixels& pixels, float* plane) {
   pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
     store_lanes(plane + first, expand_lanes(load(row + place), on), on);
-  });
-}
-
-// The same to whole steps of a plane; 0 in their other pixels.
-static inline void unpack_steps(const float* row, const PackedPixels& pixels, float* plane) {
-  pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
-    store(plane + first, expand_lanes(load(row + place), on));
   });
 }
 

@@ -6,7 +6,7 @@
 // Nothing is kept between forward and backward: the backward pass recomputes, for a share of the pixels, above 0, that
 // is importance-sampled. All pixels hand on the gradient of rgb that does not go by the network.
 //
-// In the backward pass buffers and their gradients are tile by tile (raster.hpp), only color_gradient is a picture's.
+// In the backward pass buffers and their gradients are block by block (raster.hpp), only color_gradient is a picture's.
 // `drawn` gets which pixels of each block were drawn, bits; only blocks that have any get gradients beyond that of rgb.
 #pragma once
 #include <cstddef>
@@ -57,12 +57,13 @@ struct ReflectionParameters {
   } mlp[convention::REFLECTION_MAX_LAYERS];
 };
 
-// Planes one after another. Values, or where gradients go; depth may be null without spheres and axes, and its gradient
-// where it is not wanted.
+// Planes one after another, or blocks of sixteen pixels that have the channels of each side by side. Values, or where
+// gradients go; depth may be null without spheres and axes, and its gradient where it is not wanted.
 template <class Float>
 struct ReflectionBuffers {
   Float *rgb, *normal, *latents, *depth, *alpha;
-  std::size_t plane;  // from a plane to the next: floats
+  std::size_t plane;       // from a channel to the next: floats
+  std::size_t block = 16;  // from sixteen pixels to the next sixteen
 };
 
 // Lengths are in half sides of the scene's box.

@@ -26,7 +26,7 @@ Workplace lay_out_workplace(const ReflectionShape& shape, Arena& arena) {
 
 void shade(const ReflectionScene& scene, const ReflectionBuffers<const float>& buffers, const PackedPixels& pixels,
            Workplace& place, float* color) {
-  pack(scene.shape, scene.view, buffers, false, pixels, place.surfaces);
+  pack(scene.shape, scene.view, buffers, pixels, place.surfaces);
   const ReflectionBuffers<float>& values = place.surfaces.values;
   for (int first = 0; first < pixels.count(); first += GROUP) {
     evaluate<false>(scene, place.surfaces, first, place.batch);

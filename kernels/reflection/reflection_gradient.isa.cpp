@@ -77,7 +77,6 @@ struct Backward {
   const ReflectionScene& scene;
   const Transposed& transposed;
   const ReflectionBuffers<const float>& from;
-  const float* color_gradient;
   const std::int32_t* drawn;  // pixels
   const float* weights;       // what each counts
   const ReflectionBuffers<float>& to;
@@ -204,17 +203,17 @@ void backpropagate(const Backward& pass, const Workplace& place, int first, cons
   }
 }
 
-// The rows of the packed pixels to their planes. rgb holds the gradient of the colour already, as if what is added were
+// The rows of the packed pixels to their blocks. rgb holds the gradient of the colour already, as if what is added were
 // a constant: right for every pixel that is not shaded, and for those that were not drawn the part that does not go by
-// the network. Of the other planes only blocks with a drawn pixel are read.
+// the network. Of the other channels only blocks with a drawn pixel are read; 0 in their other pixels.
 void write_blocks(const Backward& pass, const Workplace& place) {
-  place.pixels.for_each_step([&](std::size_t first, unsigned on, int) {
+  const ChannelRows<float> to(pass.scene.shape, pass.to, place.of_values);
+  constexpr int BASE = 3;  // channels, the first
+  place.pixels.for_each_step([&](std::size_t first, unsigned on, int row) {
+    const std::size_t at = first / LANES * to.block;
     pass.blocks[first / LANES] = static_cast<std::int32_t>(on);
-  });
-  for_each_row(pass.scene.shape, pass.to, place.of_values, [&](float* plane, const float* row) {
-    const bool is_base = row >= place.of_values.rgb && row < place.of_values.rgb + 3 * place.of_values.plane;
-    if (is_base) unpack(row, place.pixels, plane);
-    else unpack_steps(row, place.pixels, plane);
+    for (int c = 0; c < BASE; c++) store_lanes(to.first[c] + at, expand_lanes(load(to.row[c] + row), on), on);
+    for (int c = BASE; c < to.count; c++) store(to.first[c] + at, expand_lanes(load(to.row[c] + row), on));
   });
 }
 
@@ -222,10 +221,13 @@ void write_blocks(const Backward& pass, const Workplace& place) {
 void differentiate(const Backward& pass, std::size_t begin, Workplace& place, const ParameterSums& sums) {
   const ReflectionScene& scene = pass.scene;
   const PackedPixels& pixels = place.pixels;
-  const std::size_t size = pass.from.plane;
-  pack(scene.shape, scene.view, pass.from, true, pixels, place.surfaces);
-  for (int c = 0; c < 3; c++)
-    pack(pass.color_gradient + c * size, size, pixels, place.of_colors + c * PACKED_ROW);
+  pack_blocks(scene.view, {scene.shape, pass.from, place.surfaces.values}, pixels, place.surfaces);
+  pixels.for_each_step([&](std::size_t first, unsigned on, int row) {
+    const float* const from = pass.to.rgb + first / LANES * pass.to.block;
+    for (int c = 0; c < 3; c++)
+      store(place.of_colors + c * PACKED_ROW + row, pack_lanes(load(from + c * pass.to.plane), on));
+  });
+  for (int c = 0; c < 3; c++) fill_up(pixels.count(), place.of_colors + c * PACKED_ROW);
   std::memcpy(place.weights, pass.weights + begin, pixels.count() * sizeof(float));
   std::memset(place.weights + pixels.count(), 0, GROUP * sizeof(float));
   for (int first = 0; first < pixels.count(); first += GROUP) {
@@ -234,19 +236,20 @@ void differentiate(const Backward& pass, std::size_t begin, Workplace& place, co
   }
 }
 
-// dL/dcolor of a picture to the planes of rgb that are tile by tile.
+// dL/dcolor of a picture to the rgb of blocks.
 void colors_to_tiles(const Camera& camera, const float* color_gradient, const ReflectionBuffers<float>& to) {
   const std::size_t stride = static_cast<std::size_t>(camera.width), size = stride * camera.height;
   const int across = (camera.width + convention::TILE - 1) / convention::TILE;
-  parallel_for(to.plane / TILE_PIXELS, [&](std::size_t number) {
+  const std::size_t tiles = tile_pixels(camera) / TILE_PIXELS;
+  parallel_for(tiles, [&](std::size_t number) {
     const int n = static_cast<int>(number);
     const Tile tile{n, n % across * convention::TILE, n / across * convention::TILE, 0, 0, 0};
     for (int c = 0; c < 3; c++)
       for_each_quartet(camera, tile, [&](const Quartet& quartet) {
         Vec blocks[QUARTET];
         load_quartet(color_gradient + c * size, stride, quartet, blocks);
-        float* const first = to.rgb + c * to.plane + number * TILE_PIXELS + quartet.first_block * LANES;
-        for (int k = 0; k < QUARTET; k++) store(first + k * LANES, blocks[k]);
+        float* const first = to.rgb + c * to.plane + (number * BLOCKS + quartet.first_block) * to.block;
+        for (int k = 0; k < QUARTET; k++) store(first + k * to.block, blocks[k]);
       });
   });
 }
@@ -301,15 +304,14 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
                          const ReflectionView& view, const ReflectionBuffers<const float>& buffers,
                          const float* color_gradient, double share, const ReflectionParameters<float>& gradients,
                          const ReflectionBuffers<float>& buffer_gradients, std::int32_t* blocks) {
-  const std::size_t pixels = buffers.plane;
+  const std::size_t pixels = tile_pixels(view.camera);
   colors_to_tiles(view.camera, color_gradient, buffer_gradients);
   std::memset(blocks, 0, pixels / LANES * sizeof *blocks);
-  color_gradient = buffer_gradients.rgb;
   const Scratch list((pixels + LANES) * sizeof(std::int32_t)), counts((pixels + LANES) * sizeof(float));
   auto* const drawn = static_cast<std::int32_t*>(list.data());
   float* const weights = counts.floats();
   const std::size_t with_gradient =
-      list_with_gradient(buffers.alpha, view.faintest, color_gradient, pixels, drawn, weights);
+      list_with_gradient(buffers, view.faintest, buffer_gradients, pixels / LANES, drawn, weights);
   const std::size_t count = sample_measured(share, with_gradient, drawn, weights);
   Arena counter{nullptr}, of_shard{nullptr};
   prepare(shape, parameters, counter);
@@ -322,7 +324,7 @@ void reflection_backward(const ReflectionShape& shape, const ReflectionParameter
   const Transposed transposed = transpose_layers(shape, parameters, arena);
   float* const sums = arena.take(of_shard.used * shards);
   const ReflectionScene scene{shape, parameters, view, tables};
-  const Backward pass{scene, transposed, buffers, color_gradient, drawn, weights, buffer_gradients, blocks};
+  const Backward pass{scene, transposed, buffers, drawn, weights, buffer_gradients, blocks};
   parallel_for(shards, [&](std::size_t shard) {
     run_shard(pass, range_of(drawn, count, shard, shards), sums + shard * of_shard.used);
   });

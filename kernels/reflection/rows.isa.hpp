@@ -39,14 +39,42 @@ static inline PackedSurfaces lay_out_surfaces(const ReflectionShape& shape, Aren
   return {x, y, lay_out_rows(shape, reads_depth(shape), arena)};
 }
 
-// Of planes that are a picture's, or tile by tile.
+// Of planes that are a picture's.
 static inline void pack(const ReflectionShape& shape, const ReflectionView& view,
-                        const ReflectionBuffers<const float>& planes, bool by_tile, const PackedPixels& pixels,
+                        const ReflectionBuffers<const float>& planes, const PackedPixels& pixels,
                         const PackedSurfaces& to) {
-  by_tile ? pack_tile_centers(view.camera.width, pixels, to.x, to.y)
-          : pack_centers(view.camera.width, pixels, to.x, to.y);
+  pack_centers(view.camera.width, pixels, to.x, to.y);
   for_each_row(shape, planes, to.values,
                [&](const float* plane, float* row) { pack(plane, planes.plane, pixels, row); });
+}
+
+// Where every channel lies in blocks and in rows.
+template <class Float>
+struct ChannelRows {
+  static constexpr int MOST = 3 + 3 + convention::REFLECTION_MAX_LATENTS + 2;
+  Float* first[MOST];  // in the first block
+  float* row[MOST];
+  int count = 0;
+  std::size_t block;
+
+  ChannelRows(const ReflectionShape& shape, const ReflectionBuffers<Float>& blocks,
+              const ReflectionBuffers<float>& rows) : block(blocks.block) {
+    for_each_row(shape, blocks, rows, [&](Float* channel, float* to) { first[count] = channel, row[count++] = to; });
+  }
+};
+
+// Of pixels that lie block by block: one run of memory for each block.
+static inline void pack_blocks(const ReflectionView& view, const ChannelRows<const float>& from,
+                               const PackedPixels& pixels, const PackedSurfaces& to) {
+  pack_tile_centers(view.camera.width, pixels, to.x, to.y);
+  constexpr int AHEAD = 6;  // blocks: about the latency of memory
+  int step = 0;
+  pixels.for_each_step([&](std::size_t first, unsigned on, int place) {
+    const std::size_t at = first / LANES * from.block, later = pixels.later(step++, AHEAD) / LANES * from.block;
+    for (int c = 0; c < from.count; c++) __builtin_prefetch(from.first[c] + later);
+    for (int c = 0; c < from.count; c++) store(from.row[c] + place, pack_lanes(load(from.first[c] + at), on));
+  });
+  for (int c = 0; c < from.count; c++) fill_up(pixels.count(), from.row[c]);
 }
 
 // Every row from `place` on.

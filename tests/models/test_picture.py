@@ -163,4 +163,4 @@ def test_a_shaded_picture_has_no_way_back():
     with pytest.raises(RuntimeError, match=r"Want\.GRADIENTS"):
         picture(model, view()).backward(torch.ones(96, 96, 3), {})
     with pytest.raises(ValueError, match="no forward pass"):
-        model.rasterize.spare[-1].count_pairs()
+        model.rasterize.spare[-1].workspace.count_pairs()

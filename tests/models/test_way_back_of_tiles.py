@@ -13,7 +13,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gradients import Gradients
 from ringlight.core.importance_sampling import importance_weights
 from ringlight.core.kernel_limits import BLOCK, TILE
-from ringlight.core.rendering import Raster, Rendering
+from ringlight.core.rendering import KeptTiles, Raster, Rendering
 from ringlight.core.scene import View
 from ringlight.core.want import Want
 from ringlight.data.batches import ImageBatch
@@ -67,7 +67,7 @@ def test_gradients_are_those_of_planes(kind: str, size: tuple[int, int]):
 
 def in_tile_order(planes: Tensor) -> Tensor:
     """[H W c] to [Q c], those beyond the image 0."""
-    return tiles_from_planes(planes.permute(2, 0, 1)).T
+    return tiles_from_planes(planes.permute(2, 0, 1)).transpose(1, 2).flatten(0, 1)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.4, 1.0])
@@ -79,7 +79,7 @@ def test_lots_are_laid_end_to_end_tile_by_tile(share: float):
     back = tiles.backward
     assert back is not None
 
-    def noted(kept: Tensor, grad_color: Tensor, into: Gradients) -> tuple[Tensor, Tensor]:
+    def noted(kept: KeptTiles, grad_color: Tensor, into: Gradients) -> tuple[Tensor, Tensor]:
         found = back(kept, grad_color, into)
         drawn.append(found[1])
         return found
@@ -127,16 +127,35 @@ def test_what_does_not_fit_is_refused():
     tiles = model.shader.tiles(camera, WHITE, Want.GRADIENTS)
     assert tiles is not None
     assert tiles.backward is not None
-    for shape in ((11, camera.native.tile_pixels), (12, camera.native.tile_pixels - TILE**2)):
+    blocks = camera.native.tile_pixels // BLOCK**2
+    for shape in ((blocks, 11, BLOCK**2), (blocks - (TILE // BLOCK) ** 2, 12, BLOCK**2)):
+        kept = KeptTiles(torch.zeros(shape), torch.zeros(12 * camera.native.tile_pixels))
         with pytest.raises(ValueError, match="tiles are of another shape"):
-            tiles.backward(torch.zeros(shape), upstream(camera), Gradients())
+            tiles.backward(kept, upstream(camera), Gradients())
     rasters: list[Raster] = []
     draw = model.rasterize.draw
     model.rasterize.draw = lambda *job: rasters.append(draw(*job)) or rasters[0]  # type: ignore
     predicted(model, camera)
-    kept = rasters[0].tiles
-    assert kept is not None
-    drawn = torch.zeros(kept.shape[1] // BLOCK**2, dtype=torch.int32)
-    for planes, blocks in ((kept[:4], drawn), (kept[:, TILE:].contiguous(), drawn), (kept, drawn[1:])):
+    assert rasters[0].tiles is not None
+    values = rasters[0].tiles.values
+    drawn = torch.zeros(len(values), dtype=torch.int32)
+    for found, bits in ((values[:, :4].contiguous(), drawn), (values[1:], drawn[1:])):
         with pytest.raises(ValueError, match="of other shapes than those of the last forward pass"):
-            rasters[0].backward(planes, blocks, Gradients())
+            rasters[0].backward(found, bits, Gradients())
+
+
+def test_two_views_that_are_drawn_before_either_goes_back_have_tiles_of_their_own():
+    model, cameras = mirror(), (view(70, 33), view(96, 90))
+    alone = [predicted(model, camera).backward(upstream(camera), {}) for camera in cameras]
+    together = [predicted(model, camera) for camera in cameras]
+    for camera, expected, rendering in zip(cameras, alone, together, strict=True):
+        found = rendering.backward(upstream(camera), {})
+        assert all(torch.equal(found[name], gradient) for name, gradient in expected.items())
+
+
+def test_what_a_larger_view_left_in_its_memory_reaches_no_gradient():
+    model, small, large = mirror(), view(40, 30), view(96, 96)
+    expected = predicted(model, small).backward(upstream(small), {})
+    predicted(model, large).backward(torch.full((96, 96, 3), float("nan")), {})
+    found = predicted(model, small).backward(upstream(small), {})
+    assert all(torch.equal(found[name], gradient) for name, gradient in expected.items())

@@ -14,7 +14,8 @@ sides = st.integers(1, 2 * TILE + 3)
 def test_there_and_back_nothing_is_lost(height: int, width: int):
     planes = torch.arange(2 * height * width, dtype=torch.float32).view(2, height, width)
     tiles = tiles_from_planes(planes)
-    assert tiles.shape[1] % TILE**2 == 0
+    assert tiles.shape[1:] == (2, BLOCK**2)
+    assert len(tiles) % (TILE // BLOCK) ** 2 == 0
     assert torch.equal(planes_from_tiles(tiles, height, width), planes)
     assert tiles.count_nonzero() == planes.count_nonzero()
 
@@ -27,15 +28,15 @@ def test_a_pixel_lies_in_its_block_of_its_tile(height: int, width: int, data: st
     tile = y // TILE * -(-width // TILE) + x // TILE
     block = y % TILE // BLOCK * (TILE // BLOCK) + x % TILE // BLOCK
     place = tile * TILE**2 + block * BLOCK**2 + y % BLOCK * BLOCK + x % BLOCK
-    assert tiles_from_planes(planes)[0].nonzero().flatten().tolist() == [place]
+    assert tiles_from_planes(planes).flatten().nonzero().flatten().tolist() == [place]
 
 
 @given(sides, sides, st.integers(0, 2**31))
 def test_numbers_of_pixels_are_sorted_as_tiles_hold_them(height: int, width: int, seed: int):
     some = torch.rand(height, width, generator=torch.Generator().manual_seed(seed)) < 0.5
     numbers = some.flatten().nonzero()[:, 0]
-    expected = tiles_from_planes(torch.arange(height * width).view(1, height, width) + 1)[0] - 1
-    expected = expected[tiles_from_planes(some[None].float())[0] > 0]
+    expected = tiles_from_planes(torch.arange(height * width).view(1, height, width) + 1).flatten() - 1
+    expected = expected[tiles_from_planes(some[None].float()).flatten() > 0]
     assert torch.equal(numbers[tile_by_tile(numbers, height, width)], expected)
 
 

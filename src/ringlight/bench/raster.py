@@ -103,8 +103,8 @@ def _row(size: Size, rasterize: Rasterizer, budget: Budget, seed: int) -> Raster
 
     def read_clock() -> None:
         """Of the round before."""
-        for workspace in cast(CpuRasterizer, rasterize).spare[-1:] if is_native else ():
-            for name, seconds in workspace.stage_seconds.items():
+        for place in cast(CpuRasterizer, rasterize).spare[-1:] if is_native else ():
+            for name, seconds in place.workspace.stage_seconds.items():
                 stages[name] = min(stages.get(name, math.inf), 1e3 * seconds)
 
     contestant = Contestant({FORWARD: view.forward, BACKWARD: view.backward}, prepare=read_clock)

@@ -24,9 +24,9 @@ Channels = dict[str, Float[Tensor, "..."]]
 EmissionGradients = tuple[Float[Tensor, "N C"], Float[Tensor, "N"] | None]
 """By the channels side by side, and by the opacity factor, if there was one."""
 
-TileGradients = tuple[Float[Tensor, "G Q"], Int32[Tensor, "B"]]
-"""G planes, of the first channels of kept tiles and, last, of alpha; and of each block which pixels have gradients
-beyond those of the first three channels, bits. Blocks without any hold nothing there."""
+TileGradients = tuple[Float[Tensor, "B G 16"], Int32[Tensor, "B"]]
+"""Of the first channels of kept tiles and, last, of alpha; and of each block which pixels have gradients beyond those
+of the first three channels, bits. Blocks without any hold nothing there."""
 
 ImageGradients = tuple[Float[Tensor, "H W C"], Float[Tensor, "H W 1"] | None]
 """By the blended channels side by side, and by alpha; None where it had no part."""
@@ -51,6 +51,20 @@ class LazyColors:
 
 
 @dataclass(frozen=True)
+class KeptTiles:
+    """What was blended, D - 1 channels and alpha, of the sixteen pixels of each of B blocks, tile by tile; those beyond
+    the image as well. Blocks in which there is nothing have the first three channels and alpha alone, tiles in which
+    there is nothing have alpha alone.
+
+    ``room`` holds as many floats, for the way back to put gradients in. Both are the rasterizer's, for one step: once
+    its way back has been gone they may be another view's.
+    """
+
+    values: Float[Tensor, "B D 16"]
+    room: Float[Tensor, "R"]
+
+
+@dataclass(frozen=True)
 class TileShading:
     """A hint for the compiled rasterizer: ``kernel`` shades tiles as soon as they are blended.
 
@@ -59,7 +73,7 @@ class TileShading:
     """
 
     kernel: "_kernels.PictureShader"
-    backward: Callable[[Tensor, Tensor, Gradients], TileGradients] | None = None
+    backward: Callable[[KeptTiles, Tensor, Gradients], TileGradients] | None = None
 
 
 class Emission:
@@ -122,9 +136,8 @@ class Raster:
     ``shaded`` are the colours of the shader that the rasterizer was handed, if it took the hint; ``image`` may then be
     without channels, C = 0, where a mere picture was wanted. ``backward(grad_image, grad_alpha, into)``.
 
-    ``tiles`` is what was blended where the hint has a way back: Q pixels tile by tile and block by block, those beyond
-    the image as well, and alpha last; tiles in which there is nothing have alpha alone. Then ``image`` has no channels
-    either, and ``backward`` takes :data:`TileGradients`.
+    ``tiles`` is what was blended where the hint has a way back. Then ``image`` has no channels either, and ``backward``
+    takes :data:`TileGradients`.
     """
 
     image: Float[Tensor, "H W C"]
@@ -132,7 +145,7 @@ class Raster:
     footprint: Footprint
     backward: Callable[[Tensor, Tensor | None, Gradients], EmissionGradients] = no_way_back
     shaded: Float[Tensor, "H W 3"] | None = None
-    tiles: Float[Tensor, "D Q"] | None = None
+    tiles: KeptTiles | None = None
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.gaussians import GEOMETRY, Gaussians
 from ringlight.core.gradients import COLUMNS, Gradients
 from ringlight.core.memory import machine_memory
-from ringlight.core.rendering import Emission, EmissionGradients, Raster, TileShading, no_way_back
+from ringlight.core.rendering import Emission, EmissionGradients, KeptTiles, Raster, TileShading, no_way_back
 from ringlight.core.want import Want
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.cpu_job import Job, Table, table_of
@@ -34,7 +34,7 @@ class CpuRasterizer:
 
     def __init__(self) -> None:
         _kernels.set_memory(machine_memory())
-        self.spare: list[_kernels.Workspace] = []
+        self.spare: list[Workplace] = []
 
     def draw(
         self,
@@ -71,10 +71,11 @@ class CpuRasterizer:
         keeps_tiles = tiles is not None and tiles.backward is not None and want is Want.GRADIENTS
         keeps_blended = tiles is not None and want is not Want.PICTURE and not keeps_tiles
         blended = job.background.new_empty(len(job.background), *job.size) if keeps_blended else None
-        kept = job.background.new_empty(len(job.background) + 1, job.tile_pixels) if keeps_tiles else None
+        kept = loan.place.tiles(len(job.background) + 1, job.tile_pixels) if keeps_tiles else None
         early_stop = is_hinted and want is Want.PICTURE
         try:
-            shown, alpha = job.draw(loan.workspace, table, lazy, tiles, blended, kept, early_stop)
+            values = None if kept is None else kept.values
+            shown, alpha = job.draw(loan.place.workspace, table, lazy, tiles, blended, values, early_stop)
         except BaseException:
             loan.give_back()  # who keeps the exception keeps this frame
             raise
@@ -83,23 +84,46 @@ class CpuRasterizer:
             image, shaded = shown[:0] if blended is None else blended, shown.permute(1, 2, 0)
         backward: Callable[..., EmissionGradients] = no_way_back
         if want is Want.GRADIENTS:
-            backward = _FromImage(job, table, image, loan) if kept is None else _FromTiles(job, table, kept, loan)
+            backward = _FromImage(job, table, image, loan)
+            if kept is not None:
+                backward = _FromTiles(job, table, kept.values, loan)
         return Raster(image.permute(1, 2, 0), alpha.unsqueeze(-1), job.footprint, backward, shaded, kept)
 
 
-class _Loan:
-    """A workspace out of the pool, to which it goes back once nobody holds the loan any more."""
+class Workplace:
+    """What a view has to itself: the kernels' workspace, and memory for kept tiles.
 
-    def __init__(self, spare: "list[_kernels.Workspace]") -> None:
+    Memory that is asked for anew each step comes from the system page by page: 15 MB of a picture of 400 x 400 pixels
+    would cost a fourth of a step of ``ringlight-mirror``.
+    """
+
+    def __init__(self) -> None:
+        self.workspace = _kernels.Workspace()
+        self._floats = torch.empty(0, dtype=torch.float32, device="cpu")
+
+    def tiles(self, depth: int, pixels: int) -> KeptTiles:
+        """For D numbers of so many pixels, and as much room."""
+        wanted = depth * pixels
+        if len(self._floats) < 2 * wanted:
+            self._floats = self._floats.new_empty(0)  # the old ones go first
+            self._floats = self._floats.new_empty(2 * wanted)
+        values = self._floats[:wanted].view(pixels // _kernels.BLOCK_PIXELS, depth, _kernels.BLOCK_PIXELS)
+        return KeptTiles(values, self._floats[wanted : 2 * wanted])
+
+
+class _Loan:
+    """A workplace out of the pool, to which it goes back once nobody holds the loan any more."""
+
+    def __init__(self, spare: list[Workplace]) -> None:
         self._spare, self._is_back = spare, True  # nothing to give back if there is no memory for a workspace
-        self.workspace = spare.pop() if spare else _kernels.Workspace()
+        self.place = spare.pop() if spare else Workplace()
         self._is_back = False
 
     def give_back(self) -> None:
-        """Let the next view have the workspace; once."""
+        """Let the next view have the workplace; once."""
         if not self._is_back:
             self._is_back = True
-            self._spare.append(self.workspace)
+            self._spare.append(self.place)
 
     def __del__(self) -> None:
         self.give_back()
@@ -124,7 +148,7 @@ class _WayBack:
             means2d=footprint.means2d_gradient,
             absolute=footprint.absolute_gradient,
         )
-        kernel(self._loan.workspace, job.native(self._table), gradients)
+        kernel(self._loan.place.workspace, job.native(self._table), gradients)
         self._loan = None
         for name in GEOMETRY:
             into.add(COLUMNS + name, found[name])  # type: ignore[arg-type]
@@ -149,10 +173,10 @@ class _FromImage(_WayBack):
 
 
 class _FromTiles(_WayBack):
-    """Where tiles were kept, [C + 1 Q]."""
+    """Where tiles were kept, [B C + 1 16]."""
 
     def __call__(
-        self, grad_tiles: Float[Tensor, "G Q"], drawn: Int32[Tensor, "B"], into: Gradients
+        self, grad_tiles: Float[Tensor, "B G 16"], drawn: Int32[Tensor, "B"], into: Gradients
     ) -> EmissionGradients:
         def kernel(workspace: _kernels.Workspace, table: _kernels.SplatTable, to: _kernels.SplatGradients) -> None:
             workspace.backward_of_tiles(table, self._blended, grad_tiles, drawn, to)

@@ -52,7 +52,7 @@ class Job:
         lazy: "_kernels.LazyColors | None" = None,
         shader: TileShading | None = None,
         blended: Float[Tensor, "C H W"] | None = None,
-        tiles: Float[Tensor, "D Q"] | None = None,
+        tiles: Float[Tensor, "B D 16"] | None = None,
         early_stop: bool = False,
     ) -> tuple[Float[Tensor, "P H W"], Float[Tensor, "H W"]]:
         """The planar image, or of a ``shader``'s colours, and alpha; fills in the footprint.

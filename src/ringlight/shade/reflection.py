@@ -18,7 +18,7 @@ from ringlight.core.gradients import SHADER, Gradients
 from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
-from ringlight.core.rendering import Channels, ImageGradients, Shaded, TileGradients, TileShading
+from ringlight.core.rendering import Channels, ImageGradients, KeptTiles, Shaded, TileGradients, TileShading
 from ringlight.core.want import Want
 from ringlight.fields.axis_factors import AxisFactors
 from ringlight.fields.diagonal_ring import DiagonalRing
@@ -109,7 +109,7 @@ class ReflectionShader(nn.Module):
         kernel = _kernels.ReflectionPicture(job.shape, parameters, job.view, want is not Want.PICTURE)
 
         @torch.no_grad()
-        def backward(tiles: Tensor, grad_color: Tensor, into: Gradients) -> TileGradients:
+        def backward(tiles: KeptTiles, grad_color: Tensor, into: Gradients) -> TileGradients:
             gradients = [torch.empty_like(parameter) for parameter in parameters]
             found = tile_gradients(job, tiles, parameters, grad_color, gradients)
             self._add(gradients, into)

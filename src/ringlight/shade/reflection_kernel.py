@@ -17,7 +17,7 @@ from ringlight.core.kernel_limits import (
     REFLECTION_MAX_SIDE,
     REFLECTION_QUAD,
 )
-from ringlight.core.rendering import TileGradients
+from ringlight.core.rendering import KeptTiles, TileGradients
 from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -108,19 +108,19 @@ def shaded_planes(job: ReflectionJob, planes: Planes, parameters: Sequence[Tenso
 
 def tile_gradients(
     job: ReflectionJob,
-    tiles: Float[Tensor, "D Q"],
+    tiles: KeptTiles,
     parameters: Sequence[Tensor],
     grad_color: Float[Tensor, "H W 3"],
     gradients: Sequence[Tensor],
 ) -> TileGradients:
-    """Gradients of kept tiles, see :class:`ringlight.core.rendering.Raster`; without the plane of depth where that has
-    no gradient. Fills in those of the parameters."""
-    without_gradient = job.depth and not job.depth_gradient
-    found = torch.empty_like(tiles[: len(tiles) - without_gradient])
-    drawn = torch.empty(tiles.shape[1] // _kernels.BLOCK_PIXELS, dtype=torch.int32)
+    """Gradients of kept tiles; without the depth where that has no gradient. Fills in those of the parameters."""
+    blocks, depth, pixels = tiles.values.shape
+    wanted = depth - (job.depth and not job.depth_gradient)
+    found = tiles.room[: blocks * wanted * pixels].view(blocks, wanted, pixels)
+    drawn = torch.empty(blocks, dtype=torch.int32)
     _kernels.reflection_backward(
-        job.shape, parameters, job.view, tiles, grad_color.permute(2, 0, 1).contiguous(), job.gradient_share, gradients,
-        found, drawn,
+        job.shape, parameters, job.view, tiles.values, grad_color.permute(2, 0, 1).contiguous(), job.gradient_share,
+        gradients, found, drawn,
     )  # fmt: skip
     return found, drawn
 
@@ -134,9 +134,10 @@ def plane_gradients(
     gradients: Sequence[Tensor],
 ) -> tuple[Float[Tensor, "C H W"], Float[Tensor, "1 H W"]]:
     """The same of a whole picture, with the same bits: of its channels side by side, and of alpha."""
-    tiles = tiles_from_planes(torch.cat([image, alpha], -1).permute(2, 0, 1))
+    values = tiles_from_planes(torch.cat([image, alpha], -1).permute(2, 0, 1))
+    tiles = KeptTiles(values, values.new_empty(values.numel()))
     found, drawn = tile_gradients(job, tiles, parameters, grad_color, gradients)
-    found[3:] = torch.where(in_drawn_blocks(drawn), found[3:], 0.0)
+    found[:, 3:] = torch.where(in_drawn_blocks(drawn), found[:, 3:], 0.0)
     planes = planes_from_tiles(found, *image.shape[:2])
     blended, grad_alpha = planes[:-1], planes[-1:]
     if job.depth and not job.depth_gradient:
