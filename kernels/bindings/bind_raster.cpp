@@ -221,8 +221,8 @@ void bind_raster(nb::module_& module) {
            "channels where these can be seen; there is no backward pass unless they are kept. A shader makes colours "
            "of what was blended, the image is [3 H W], and there is no backward pass unless blended [C H W], or tiles "
            "[blocks C + 1 16], is there to keep what the shader was given: block by block, alpha last, and channels "
-           "only of blocks in which there is anything. With early_stop the last 1/64 of a pixel's light may be what lies in "
-           "front of it, with alpha 1, and there is no backward pass.")
+           "only of blocks in which there is anything. With early_stop the last 1/64 of a pixel's light may be what "
+           "lies in front of it, with alpha 1, and there is no backward pass.")
       .def("backward", &backward, "table"_a, "image"_a, "image_gradient"_a, "alpha_gradient"_a.none(), "gradients"_a,
            "Fill the gradients of the last forward pass.")
       .def("backward_of_tiles", &backward_of_tiles, "table"_a, "tiles"_a, "tile_gradients"_a, "drawn"_a, "gradients"_a,

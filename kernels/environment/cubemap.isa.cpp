@@ -73,13 +73,23 @@ void cubemap_gradient(const CubemapSize& size, const CubemapBorder& border, cons
   for_each_row(size, [&](std::size_t row) {
     const std::size_t begin = inner_row(size, row);
     float* to = of_logits + row * size.side * 3;
-    for (int texel = 0; texel < size.side; texel++)
-      for (int c = 0; c < 3; c++) {
-        const std::size_t at = begin + texel * TEXEL + c;
-        float sum = shards[at];
-        for (int s = 1; s < TEXEL_SHARDS; s++) sum += shards[s * stride + at];
-        to[3 * texel + c] = sum * colors[at] * (1.f - colors[at]);
+    for (int first = 0; first < size.side; first += LANES) {
+      const int count = std::min(size.side - first, LANES);
+      float some[TEXEL * LANES] = {};
+      for (int i = 0; i < TEXEL * count; i += LANES) {
+        const int left = std::min(TEXEL * count - i, LANES);
+        const std::size_t at = begin + TEXEL * first + i;
+        Vec total = load_first(shards + at, left);
+        for (int s = 1; s < TEXEL_SHARDS; s++) total += load_first(shards + s * stride + at, left);
+        const Vec color = load_first(colors + at, left);
+        store(some + i, total * color * (Vec(1.f) - color));
       }
+      Vec columns[TEXEL];
+      load_columns(some, columns[0], columns[1], columns[2], columns[3]);
+      float* const place = count < LANES ? some : to + 3 * first;
+      store_columns(place, columns[0], columns[1], columns[2]);
+      if (count < LANES) std::copy_n(some, 3 * count, to + 3 * first);
+    }
   });
 }
 

@@ -126,6 +126,16 @@ static inline void look_gradient(const Looked& of, const Vec of_seen[3], Vec of_
   of_direction[2] = select(of.is_x, of_b, select(of.is_y, of_b, of_along));
 }
 
+// A texel is added as a whole: the next pixel usually reads what was just written, and waits for it several times as
+// long where that was written in other parts than it is read in.
+using TexelVec = float __attribute__((vector_size(16)));
+using TexelInMemory = float __attribute__((vector_size(16), aligned(4), may_alias));
+
+RINGLIGHT_INLINE void add_texel(float* to, const float* from) {
+  const TexelVec sum = *reinterpret_cast<const TexelInMemory*>(to) + *reinterpret_cast<const TexelInMemory*>(from);
+  *reinterpret_cast<TexelInMemory*>(to) = sum;
+}
+
 // Adds dL/d(what is seen), of the lanes whose bit of `on` is on, to those of the texels around.
 static inline void texel_gradient(const LaneFaces& faces, const Looked& of, const Vec of_seen[3], unsigned on,
                                   float* to) {
@@ -137,13 +147,15 @@ static inline void texel_gradient(const LaneFaces& faces, const Looked& of, cons
     rows[n * TEXEL + 3] = Vec(0.f);
   }
   transpose(rows);
+  alignas(64) float values[LANES][LANES];
+  for (int i = 0; i < LANES; i++) store(values[i], rows[i]);
   for (; on; on &= on - 1) {
     const int i = __builtin_ctz(on);
-    alignas(64) float row[LANES];
-    store(row, rows[i]);
     float *at = to + of.first[i], *under = at + faces.next_row[i];
-    for (int k = 0; k < 2 * TEXEL; k++) at[k] += row[k];
-    for (int k = 0; k < 2 * TEXEL; k++) under[k] += row[2 * TEXEL + k];
+    add_texel(at, values[i]);
+    add_texel(at + TEXEL, values[i] + TEXEL);
+    add_texel(under, values[i] + 2 * TEXEL);
+    add_texel(under + TEXEL, values[i] + 3 * TEXEL);
   }
 }
 

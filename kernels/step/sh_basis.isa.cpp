@@ -22,19 +22,20 @@ std::size_t shards_of(std::size_t blocks) {
 // dL/d(colour) of the block, planar, and the lanes that got any, lane i as bit i; what is not a number counts.
 unsigned find_gradient(const float* by_constant, const Block& block, Lanes* by_sum) {
   load_triples(by_constant, block, by_sum);
+  const unsigned rows = (1u << block.rows) - 1;  // surplus lanes repeat the last row
   unsigned lit = 0;
-  for (int c = 0; c < 3; c++)
-    for (int i = 0; i < LANES; i++) {
-      by_sum[c][i] *= 1 / C0;
-      if (i >= block.rows) by_sum[c][i] = 0;  // surplus lanes repeat the last row
-      lit |= static_cast<unsigned>(by_sum[c][i] != 0) << i;
-    }
+  for (int c = 0; c < 3; c++) {
+    const Vec sum = keep(mask_from_bits(rows), load(by_sum[c]) * Vec(1 / C0));
+    store(by_sum[c], sum);
+    lit |= ~bits(both(ge(sum, Vec(0.f)), ge(Vec(0.f), sum))) & rows;
+  }
   return lit;
 }
 
 // by_weights[j] = sum of basis[j][k][c] harmonics[k] by_sum[c].
 void weights_gradient(const SharedBasis& mixed, const Block& block, const Lanes* by_sum, float* by_weights) {
-  alignas(64) Lanes planar[convention::SH_MAX_BASIS];
+  Vec planar[LANES];
+  for (int j = mixed.count; j < LANES; j++) planar[j] = Vec(0.f);
   // Two at a time: a sum waits for the one before it, six do not wait for each other.
   for (int j = 0; j < mixed.count; j += 2) {
     const int other = j + 1 < mixed.count ? j + 1 : j;
@@ -51,12 +52,10 @@ void weights_gradient(const SharedBasis& mixed, const Block& block, const Lanes*
     for (int i = 0; i < 2; i++) {
       Vec sum = seen[i][0] * load(by_sum[0]);
       for (int c = 1; c < 3; c++) sum = fma(seen[i][c], load(by_sum[c]), sum);
-      store(planar[places[i]], sum);
+      planar[places[i]] = sum;
     }
   }
-  float* const rows = by_weights + static_cast<std::size_t>(mixed.count) * block.first;
-  for (int lane = 0; lane < block.rows; lane++)
-    for (int j = 0; j < mixed.count; j++) rows[mixed.count * lane + j] = planar[j][lane];
+  put_columns(by_weights + static_cast<std::size_t>(mixed.count) * block.first, mixed.count, block.rows, planar);
 }
 
 // sums[j][k][c][lane] += weights[j] harmonics[k] by_sum[c].

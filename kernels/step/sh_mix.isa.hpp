@@ -1,21 +1,21 @@
 // Coefficients of a block of Gaussians as a mix of shared ones.
 #pragma once
+#include "simd/row_columns.isa.hpp"
 #include "step/sh_block.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
+static_assert(convention::SH_MAX_BASIS <= LANES, "a row of weights is one Vec");
 constexpr int TOGETHER = 9;
 static_assert(SH_REST % TOGETHER == 0);
 
 // [K][LANES], the block's rows of weights[N][K].
 inline void load_weights(const SharedBasis& mixed, const Block& block, Lanes* weights) {
   const int count = mixed.count;
-  const float* const rows = mixed.weights + static_cast<std::size_t>(count) * block.first;
-  for (int lane = 0; lane < LANES; lane++) {
-    const int row = lane < block.rows ? lane : block.rows - 1;
-    for (int j = 0; j < count; j++) weights[j][lane] = rows[count * row + j];
-  }
+  Vec columns[LANES];
+  take_columns(mixed.weights + static_cast<std::size_t>(count) * block.first, count, block.rows, columns);
+  for (int j = 0; j < count; j++) store(weights[j], columns[j]);
 }
 
 // For the harmonics that are in use.
