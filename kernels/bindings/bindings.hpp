@@ -17,8 +17,6 @@ void bind_mirror(nb::module_& module);      // what Gaussians emit for deferred 
 void bind_reflection(nb::module_& module);  // deferred shading of reflections
 void bind_environment(nb::module_& module);  // deferred shading by a cubemap
 void bind_shaded(nb::module_& module);      // Gaussians that are shaded one by one
-void bind_planes(nb::module_& module);      // planes times lines
-void bind_encoding(nb::module_& module);    // of directions, for a network
 void bind_illuminated(nb::module_& module);  // what a field of light adds to Gaussians
 void bind_sh(nb::module_& module);          // colour from spherical harmonics
 void bind_loss(nb::module_& module);        // photometric loss and the blurs of its target

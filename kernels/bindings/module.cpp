@@ -19,8 +19,6 @@ NB_MODULE(_kernels, module) {
   ringlight::bind_reflection(module);
   ringlight::bind_environment(module);
   ringlight::bind_shaded(module);
-  ringlight::bind_planes(module);
-  ringlight::bind_encoding(module);
   ringlight::bind_illuminated(module);
   ringlight::bind_sh(module);
   ringlight::bind_loss(module);

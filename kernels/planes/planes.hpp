@@ -26,11 +26,9 @@ struct PlaneGrids {
   Float *planes[PLANE_PAIRS], *lines[PLANE_PAIRS];
 };
 
-// points [N 3] within [-1, 1], others are taken to the nearest; products and the gradient's upstream [N 3 channels].
+// Gradients of what products [N 3 channels] at points [N 3] pass back; points outside [-1, 1] are taken to the nearest.
 #define RINGLIGHT_PLANES(isa) \
   namespace isa { \
-  void plane_products(const PlaneShape&, const PlaneGrids<const float>&, std::size_t count, const float* points, \
-                      float* products); \
   void plane_gradient(const PlaneShape&, const PlaneGrids<const float>&, std::size_t count, const float* points, \
                       const float* upstream, const PlaneGrids<float>& gradients); \
   }

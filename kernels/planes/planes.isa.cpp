@@ -6,30 +6,11 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr std::size_t POINTS_PER_PIECE = 512;
-
 // The coordinates of sixteen points, or of the `count` that are left.
 int take_points(const float* points, std::size_t first, std::size_t end, Vec coordinates[LANES]) {
   const int count = end - first < LANES ? static_cast<int>(end - first) : LANES;
   take_columns(points + 3 * first, 3, count, coordinates);
   return count;
-}
-
-// Calls body(point, pair, corners) for every point of every piece, pair after pair for sixteen points at a time.
-template <class F>
-void for_each_point(const PlaneShape& shape, std::size_t count, const float* points, F&& body) {
-  parallel_ranges(count, POINTS_PER_PIECE, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t first = begin; first < end; first += LANES) {
-      Vec coordinates[LANES];
-      const int some = take_points(points, first, end, coordinates);
-      for (int pair = 0; pair < PLANE_PAIRS; pair++) {
-        Cells cells;
-        find_cells(shape.pairs[pair], pair, coordinates, cells);
-        for (int lane = 0; lane < some; lane++)
-          body(first + lane, pair, corners(shape.pairs[pair], shape.channels, cells, lane));
-      }
-    }
-  });
 }
 
 void clear_block(float* grid, std::size_t nodes, int channels, int width) {
@@ -59,19 +40,6 @@ void add_point(const Block& block, const Corners& at, Vec upstream) {
 }
 
 }  // namespace
-
-void plane_products(const PlaneShape& shape, const PlaneGrids<const float>& grids, std::size_t count,
-                    const float* points, float* products) {
-  const int channels = shape.channels;
-  for_each_point(shape, count, points, [&](std::size_t point, int pair, const Corners& at) {
-    float* to = products + (point * PLANE_PAIRS + pair) * channels;
-    for (int channel = 0; channel < channels; channel += LANES) {
-      const int width = block_width(channels, channel);
-      const Vec plane = plane_value(at, grids.planes[pair] + channel, width);
-      store_block(to + channel, plane * line_value(at, grids.lines[pair] + channel, width), width);
-    }
-  });
-}
 
 // Each piece owns a pair and a block of channels: nobody else writes there, and points come in their order.
 void plane_gradient(const PlaneShape& shape, const PlaneGrids<const float>& grids, std::size_t count,

@@ -2,10 +2,13 @@
 
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from contracts.plugged import BOX, ILLUMINATION
 from ringlight import _kernels
 from ringlight.color.illuminated import FEATURES, ROUGHNESS, Illuminated
+from ringlight.color.illuminated_kernel import lit_view
 from ringlight.color.illumination_settings import IlluminationSettings
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
@@ -15,8 +18,9 @@ from ringlight.core.want import Want
 from tiny_scene import tiny_scene
 
 BF16 = _kernels.isa() in ("avx512_bf16", "avx512_amx")
-TOLERANCE = 0.15 if BF16 else 1e-3
-"""Of a gradient's length; bfloat16 has eight bits, and hidden units near their kinks fall to either side."""
+TOLERANCE = 0.15 if BF16 else 5e-3
+"""Of a gradient's length. Hidden units near their kinks fall to either side: many in bfloat16, which has eight bits; in
+float32 perhaps one of 2,000 rows, which is two thousandths."""
 NEAR = 0.02 if BF16 else 1e-5
 """Of a colour."""
 
@@ -63,28 +67,77 @@ def test_kernels_equal_the_reference(camera: Camera, lit: bool):
         assert off <= TOLERANCE * dense(judge).norm(), name
 
 
-@pytest.mark.parametrize(
-    ("count", "components", "features", "hidden", "share"),
-    [(1, 1, 3, 1, 1.0), (33, 16, 16, 12, 0.5), (70, 18, 5, 37, 0.5)],
-)
-def test_kernels_equal_the_reference_for_any_widths(
-    camera: Camera, count: int, components: int, features: int, hidden: int, share: float
-):
-    """Lanes and blocks that are not full; and a share draws the rows that the reference draws."""
-    settings = IlluminationSettings(side=7, components=components, features=features, hidden=hidden)
+def near(settings: IlluminationSettings, gaussians: Gaussians, camera: Camera, share: float = 1.0) -> Gradients:
+    """Holds colours and gradients against torch in float64; returns the gradients."""
     model = Illuminated(settings, BOX, 1, gradient_share=share)
     with torch.no_grad():
         for grids in (model.field.planes, model.field.lines):
             grids.mul_(50)
-    gaussians = table(model, count)
     colors, gradients = emitted(model, gaussians, camera)
     exact = Gaussians.from_columns({name: column.double() for name, column in gaussians.columns().items()})
     expected, judges = emitted(model.double(), exact, camera)
     torch.testing.assert_close(colors.double(), expected, rtol=0, atol=NEAR)
-    assert set(gradients) == set(judges)
     for name, judge in judges.items():
-        off = (dense(gradients[name]).double() - dense(judge)).norm()
-        assert off <= TOLERANCE * dense(judge).norm(), name
+        found = dense(gradients[name]).double() if name in gradients else torch.zeros_like(dense(judge))
+        assert (found - dense(judge)).norm() <= TOLERANCE * dense(judge).norm(), name
+    return gradients
+
+
+@settings(max_examples=25, derandomize=True, deadline=None)
+@given(
+    count=st.integers(1, 70),
+    side=st.integers(2, 9),
+    components=st.integers(1, 37),
+    features=st.integers(3, 20),
+    hidden=st.integers(1, 40),
+    share=st.sampled_from([0.5, 1.0]),
+)
+def test_kernels_equal_the_reference_for_any_widths(
+    count: int, side: int, components: int, features: int, hidden: int, share: float
+):
+    """Lanes and blocks that are not full; and a share draws the rows that the reference draws."""
+    sizes = IlluminationSettings(side=side, components=components, features=features, hidden=hidden)
+    near(sizes, table(Illuminated(sizes, BOX, 1), count), tiny_scene().train[0].camera, share)
+
+
+def test_kernels_equal_the_reference_at_the_papers_size(camera: Camera):
+    sizes = IlluminationSettings()
+    near(sizes, table(Illuminated(sizes, BOX, 1), 2000), camera)
+
+
+def test_gaussians_outside_the_box_are_lit_at_its_border_and_other_nodes_get_zeros(camera: Camera):
+    sizes = IlluminationSettings(side=8, components=18, features=4, hidden=9)
+    gaussians = table(Illuminated(sizes, BOX, 1), 60)
+    low, high = BOX
+    gaussians.means[:] = low + (high - low) * torch.tensor([0.05, 0.05, 1.2])
+    gradients = near(sizes, gaussians, camera)
+    beyond = {"xy": (slice(2, None), slice(None)), "xz": (slice(None, 6), slice(None))}
+    planes, lines = dense(gradients["color.field.planes"]), dense(gradients["color.field.lines"])
+    assert planes[0][beyond["xy"]].count_nonzero() == 0
+    assert planes[1][beyond["xz"]].count_nonzero() == 0
+    assert planes[0][:2, :2].count_nonzero() > 0
+    assert lines[0][:6].count_nonzero() == 0
+    assert lines[1][2:].count_nonzero() == 0
+
+
+def test_grids_and_rows_that_do_not_fit_are_refused(camera: Camera):
+    model = Illuminated(ILLUMINATION, BOX, 1)
+    gaussians, rows = table(model, 5), torch.arange(5, dtype=torch.int32)
+
+    def view(of: Illuminated, rows: torch.Tensor = rows) -> object:
+        return lit_view(of.field, of.network, gaussians, rows, camera, of.box)
+
+    with pytest.raises(ValueError, match="not one of the columns'"):
+        view(model, rows=rows + 1)
+    for planes, lines, message in (
+        ((3, 6, 6, 2), (3, 6, 3), "same channels"),
+        ((3, 1, 6, 3), (3, 6, 3), "2 to 4096 nodes"),
+        ((2, 6, 6, 3), (2, 6, 3), "three planes"),
+    ):
+        other = Illuminated(ILLUMINATION, BOX, 1)
+        other.field.planes, other.field.lines = (torch.nn.Parameter(torch.zeros(size)) for size in (planes, lines))
+        with pytest.raises(ValueError, match=message):
+            view(other)
 
 
 def test_rows_that_nobody_sees_get_no_gradient(camera: Camera):

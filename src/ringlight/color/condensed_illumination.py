@@ -22,7 +22,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR, COLUMNS
 from ringlight.core.light_features import evenly
 from ringlight.core.randomness import generator
-from ringlight.fields.directional_encoding import directional_encoding_reference
+from ringlight.fields.directional_encoding import directional_encoding
 from ringlight.fields.illumination import Illumination
 
 CODED = COLUMNS + FEATURES
@@ -66,7 +66,7 @@ def condensed(color: Illuminated, gaussians: Gaussians) -> Condensed:
     """The same colours, but for rounding, of at most min(2F, H) components."""
     first, count = color.network.weights[0][0].double(), color.settings.features
     features = gaussians.appearance[FEATURES].double().tanh()
-    light = color.field.mixed(color.field.products(color.unit_points(gaussians.means))).double().tanh()
+    light = color.field(color.unit_points(gaussians.means)).double().tanh()
     sums = torch.cat([features, light], -1) @ first[: 2 * count]
     middle = sums.mean(0)
     shown, powers = _square_roots(_sensitivity(color, gaussians, sums))
@@ -110,7 +110,7 @@ def _sensitivity(color: Illuminated, gaussians: Gaussians, sums: Float[Tensor, "
     mean eigenvalue so that it can be inverted."""
     rows = evenly(len(sums), MOST_WATCHED).repeat_interleave(LOOKS)
     directions = normalize(torch.randn(len(rows), 3, generator=generator(0, 0, "looks"), dtype=sums.dtype))
-    code = directional_encoding_reference(directions, roughness_of(gaussians.appearance[ROUGHNESS][rows]).double())
+    code = directional_encoding(directions, roughness_of(gaussians.appearance[ROUGHNESS][rows]).double())
     (first, *weights), (bias, *biases) = (
         [parameter[0].detach().double() for parameter in layers]
         for layers in (color.network.weights, color.network.biases)

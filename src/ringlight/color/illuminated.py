@@ -31,7 +31,7 @@ from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import sh_from_rgb
 from ringlight.core.want import Want
-from ringlight.fields.directional_encoding import CODE_WIDTH, directional_encoding_reference
+from ringlight.fields.directional_encoding import CODE_WIDTH, directional_encoding
 from ringlight.fields.illumination import Illumination
 from ringlight.fields.networks import PerceptronStack
 
@@ -134,8 +134,8 @@ class Illuminated(nn.Module):
         """What the network is given of these rows."""
         means, appearance = gaussians.means.detach()[rows], gaussians.appearance
         directions = view_directions(means, camera.position.to(means))
-        light = self.field.reference(self.unit_points(means))
-        code = directional_encoding_reference(directions, roughness_of(appearance[ROUGHNESS][rows]))
+        light = self.field(self.unit_points(means))
+        code = directional_encoding(directions, roughness_of(appearance[ROUGHNESS][rows]))
         return torch.cat([appearance[FEATURES][rows].tanh(), light.tanh(), directions, code], -1)
 
     @torch.no_grad()

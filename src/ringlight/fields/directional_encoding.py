@@ -12,8 +12,6 @@ from jaxtyping import Float
 from numpy.polynomial import Legendre, Polynomial
 from torch import Tensor
 
-from ringlight import _kernels
-
 LEVELS = (1, 2, 4, 8)
 ORDERS = tuple((level, order) for level in LEVELS for order in range(level + 1))
 """Level and order of each of the 19 harmonics."""
@@ -48,23 +46,11 @@ def kernel_polynomials() -> Float[Tensor, "19 9"]:
     return harmonic_polynomials().float()
 
 
-def write_directional_encoding(
-    directions: Float[Tensor, "N 3"], roughness: Float[Tensor, "N"], rows: Float[Tensor, "N W"], first: int
-) -> None:
-    """Codes of unit ``directions`` to the 38 columns of ``rows`` from ``first`` on, by the kernel for float32 on the
-    CPU. Roughness is 0 or more, an inverse concentration."""
-    tensors = (directions, roughness, rows)
-    if all(tensor.dtype == torch.float32 and tensor.is_cpu for tensor in tensors) and rows.is_contiguous():
-        inputs = directions.contiguous(), roughness.contiguous()
-        _kernels.directional_encoding(*inputs, kernel_polynomials(), rows, first)
-        return
-    rows[:, first : first + CODE_WIDTH] = directional_encoding_reference(directions, roughness)
+def directional_encoding(directions: Float[Tensor, "N 3"], roughness: Float[Tensor, "N"]) -> Float[Tensor, "N 38"]:
+    """Codes of unit ``directions``; ``roughness`` is 0 or more, an inverse concentration.
 
-
-def directional_encoding_reference(
-    directions: Float[Tensor, "N 3"], roughness: Float[Tensor, "N"]
-) -> Float[Tensor, "N 38"]:
-    """What the kernel computes, in torch, in any precision, and differentiable."""
+    kernels/encoding/ computes the same.
+    """
     x, y, z = directions.unbind(-1)
     powers = torch.stack([z**power for power in range(max(LEVELS) + 1)], -1)
     along = powers @ harmonic_polynomials().to(powers).T

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight.fields.networks import fan_in_uniform
-from ringlight.fields.plane_products import PAIRS, plane_products, plane_products_reference
+from ringlight.fields.plane_products import PAIRS, plane_products
 
 FIRST_DEVIATION = 0.01
 """Standard deviation of planes and lines at the start, as in 3iGS."""
@@ -28,14 +28,7 @@ class Illumination(nn.Module):
         self.mix = fan_in_uniform((features, joined), joined, generator)
         self.offset = fan_in_uniform((features,), joined, generator)
 
-    def products(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N J"]:
-        """Before they are mixed, without a graph."""
-        return plane_products(points, self.planes.unbind(), self.lines.unbind())
-
-    def mixed(self, products: Float[Tensor, "N J"]) -> Float[Tensor, "N C"]:
-        """The features."""
+    def forward(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
+        """In any precision; the colour model's kernel computes the same."""
+        products = plane_products(points, self.planes.unbind(), self.lines.unbind())
         return torch.addmm(self.offset, products, self.mix.T)
-
-    def reference(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        """The features within torch's graph, in any precision."""
-        return self.mixed(plane_products_reference(points, self.planes.unbind(), self.lines.unbind()))

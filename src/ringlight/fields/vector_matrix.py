@@ -14,7 +14,7 @@ from ringlight.core.directions import octahedral_from_directions
 from ringlight.core.want import Want
 from ringlight.fields.networks import fan_in_uniform
 from ringlight.fields.octahedral import sewn
-from ringlight.fields.plane_products import PAIRS, plane_products_reference
+from ringlight.fields.plane_products import PAIRS, plane_products
 from ringlight.fields.ring_settings import VectorMatrixSettings
 from ringlight.fields.tables import between_map_nodes
 
@@ -44,7 +44,7 @@ class VectorMatrix(nn.Module):
         self.basis = fan_in_uniform((features, joined), joined, generator)
 
     def exact(self, points: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
-        products = plane_products_reference(points, self.planes.unbind(), self.lines.unbind())
+        products = plane_products(points, self.planes.unbind(), self.lines.unbind())
         view = between_map_nodes(sewn(self.view).flatten(0, 1), octahedral_from_directions(directions))
         return (products * view) @ self.basis.T
 
