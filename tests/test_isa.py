@@ -37,7 +37,7 @@ KERNEL_TESTS = (
     "fields/test_perceptron_kernel.py",
     "volume/test_native_march.py",
     "volume/test_tt_blocks.py",
-    "volume/test_color_lot.py",
+    "volume/test_gradient_share.py",
     "color/test_illuminated.py",
     "color/test_mirror_channels.py",
     "shade/test_reflection_kernel.py",

@@ -138,19 +138,30 @@ void unblend(const Offsets& offsets, const Offsets& shown, const Arrays& samples
                                    grad_density.data());
 }
 
-void scatter(const Inputs& factors, Points places, const std::optional<Numbers>& samples, Input gradient,
+std::size_t draw(Tensor<const float, -1, -1> gradient, double share, Counts rows, Array weights) {
+  constexpr std::size_t MOST = std::size_t{1} << 31;  // numbers of rows are of 32 bits
+  const std::size_t count = gradient.shape(0), width = gradient.shape(1);
+  require(count < MOST && width >= 1 && width <= 3, "volume: a gradient has one to three numbers a row");
+  require(rows.size() == count && weights.size() == count, "volume: rows and weights must have room for all");
+  require(share > 0 && share <= 1, "volume: a share is more than 0, at most 1");
+  const nb::gil_scoped_release unlocked;
+  return RINGLIGHT_CHOSEN(volume_draw)(gradient.data(), count, static_cast<int>(width), share, rows.data(),
+                                       weights.data());
+}
+
+void scatter(const Inputs& factors, Points places, const Numbers& samples, Input gradient,
              const Arrays& gradients) {
   const auto grid = factors_from<const float>(factors);
   const auto to = factors_from<float>(gradients);
   for (int axis = 0; axis < 3; axis++)
     require(grid.sides[axis] == to.sides[axis], "volume: gradients must have the factors' sizes");
   require(grid.components == to.components, "volume: gradients must have the factors' sizes");
-  const std::size_t rows = samples ? samples->size() : places.shape(0), width = 3 * grid.components;
+  const std::size_t rows = samples.size(), width = 3 * grid.components;
   const bool by_component = gradient.size() == rows * width;
   require(by_component || gradient.size() == rows, "volume: a gradient for each sample, or for each component of it");
-  if (samples) require_numbers(*samples, places.shape(0));
+  require_numbers(samples, places.shape(0));
   const nb::gil_scoped_release unlocked;
-  RINGLIGHT_CHOSEN(volume_scatter)(grid, places.data(), samples ? samples->data() : nullptr, rows, gradient.data(),
+  RINGLIGHT_CHOSEN(volume_scatter)(grid, places.data(), samples.data(), rows, gradient.data(),
                                    by_component, to);
 }
 
@@ -173,8 +184,11 @@ void bind_volume(nb::module_& module) {
   module.def("volume_unblend", &unblend, "offsets"_a, "shown"_a, "samples"_a, "least"_a, "colors"_a, "background"_a,
              "grad_color"_a, "grad_alpha"_a.none(), "grad_depth"_a.none(), "grad_colors"_a, "grad_density"_a,
              "Gradients of the colours that are shown, and of what softplus is taken of.");
-  module.def("volume_scatter", &scatter, "factors"_a, "places"_a, "samples"_a.none(), "gradient"_a, "gradients"_a,
-             "Adds the gradients of planes and lines: of samples by number, or of all.");
+  module.def("volume_draw", &draw, "gradient"_a, "share"_a, "rows"_a, "weights"_a,
+             "At most a share of the rows that have a gradient, drawn by importance: fills their numbers and what each "
+             "counts, and returns how many.");
+  module.def("volume_scatter", &scatter, "factors"_a, "places"_a, "samples"_a, "gradient"_a, "gradients"_a,
+             "Adds the gradients of planes and lines by samples, which are given by number.");
 }
 
 }  // namespace ringlight

@@ -55,8 +55,11 @@ void train_gather(const Bags& bags, std::size_t count, std::size_t width, const 
 // to find out what belongs to whom would take as long as to add it.
 void train_scatter(const Bags& bags, std::size_t count, std::size_t width, const float* gradient, float* rows) {
   if (width == 1) {
-    for (std::size_t i = 0; i < TRAIN_CORNERS * count; i++)
-      rows[bags.index[i]] += bags.shares[i] * gradient[i / TRAIN_CORNERS];
+    for (std::size_t bag = 0; bag < count; bag++) {
+      if (gradient[bag] == 0.f) continue;  // most, where a share of the samples hands gradients on
+      for (std::size_t i = TRAIN_CORNERS * bag; i < TRAIN_CORNERS * (bag + 1); i++)
+        rows[bags.index[i]] += bags.shares[i] * gradient[bag];
+    }
     return;
   }
   parallel_for((width + COLUMNS - 1) / COLUMNS, [=](std::size_t piece) {

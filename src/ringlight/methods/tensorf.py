@@ -13,7 +13,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, between, check_rates
 from ringlight.methods.volume_recipe import (
     BETAS,
-    COLOR_LOT,
+    GRADIENT_SHARE,
     EPSILON,
     MOST_RAYS,
     MOST_UNITS,
@@ -80,9 +80,9 @@ class TensorfRecipe(VolumeRecipe):
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
     carve: bool = True
     """Begin with what masks, or an even background, leave of the box; without, as in the paper, with all of it."""
-    color_lot: float = COLOR_LOT
-    """Samples that weigh less in their pixel pass the gradient of their colour on by lot, the rarer the less they
-    weigh, and then count as if they weighed this; 0, as in the paper: all do."""
+    gradient_share: float = GRADIENT_SHARE
+    """At most this share of a step's samples that have a gradient hand it on, of density and of colour each, drawn by
+    importance, which keeps the mean; 1, as in the papers: all do."""
     rate: float = 0.02
     """Learning rate of planes and lines; it falls to a tenth over a run, and is set back when the grid is refined."""
     network_rate: float = 1e-3
@@ -106,7 +106,7 @@ class TensorfRecipe(VolumeRecipe):
             if not 0 <= (getattr(self, name) or 0.0) < math.inf:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give 0 (none) or more")
         self.refuse_bounds()
-        self.refuse_color_lot()
+        self.refuse_gradient_share()
 
     def _refuse_counts(self) -> None:
         self.refuse_counts(

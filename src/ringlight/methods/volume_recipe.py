@@ -25,8 +25,8 @@ BETAS, EPSILON = (0.9, 0.99), 1e-8
 MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
-COLOR_LOT = 0.01
-"""Nearly two thirds of the samples with a colour weigh less, and make 3 % of all weight (docs/methods/tensorf.md)."""
+GRADIENT_SHARE = 0.5
+"""A quarter of the samples with a colour then hand on all but 2 % of the gradient's energy (docs/methods/tensorf.md)."""
 
 Bounds = tuple[float, float, float, float, float, float]
 """Lowest and highest corner of a box, world units: x y z x y z."""
@@ -49,7 +49,7 @@ class VolumeRecipe(ABC):
     rays: int
     bounds: Bounds | None
     carve: bool
-    color_lot: float
+    gradient_share: float
 
     @property
     @abstractmethod
@@ -147,10 +147,10 @@ class VolumeRecipe(ABC):
             if value is not None and not least <= value <= most:
                 raise RecipeError(f"{name} is {value}; give {least} to {most}")
 
-    def refuse_color_lot(self) -> None:
-        """Raise RecipeError for what is no weight."""
-        if not 0 <= self.color_lot <= 1:
-            raise RecipeError(f"color_lot is {self.color_lot:g}; give 0 (all samples) to 1")
+    def refuse_gradient_share(self) -> None:
+        """Raise RecipeError for what is no share."""
+        if not 0 < self.gradient_share <= 1:
+            raise RecipeError(f"gradient_share is {self.gradient_share:g}; give more than 0, at most 1")
 
     def refuse_bounds(self) -> None:
         """Raise RecipeError for a box without an inside."""

@@ -31,7 +31,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     box = torch.tensor(recipe.bounds).view(2, 3)
     refuse_too_large(recipe, box)
     model = recipe.first_model(box, seed)
-    model.color_lot = recipe.color_lot
+    model.gradient_share = recipe.gradient_share
     carving = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
     if carving is not None:
         model.skip_all_but(carving)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import TypeGuard
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Int32
 from torch import Tensor
 
 from ringlight import _kernels
@@ -54,10 +54,10 @@ class FactoredSource:
         _kernels.volume_shade(*self._looked_at(shown), native_march.HALVES, colors)
         return colors
 
-    def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
-        return _scattered(self.field.density_factors, self.through.places, None, grad_density, "field.density_factors.")
+    def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
+        return _scattered(self.field.density_factors, self.through.places, rows, grad_density, "field.density_factors.")
 
-    def color_gradients(self, rows: Int[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
+    def color_gradients(self, rows: Int32[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         appearance, shown = self.field.appearance_factors, self.shown.some(rows)
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
         components = torch.empty(len(shown.samples), appearance.width)
@@ -77,7 +77,7 @@ class FactoredSource:
 def _scattered(
     factors: Factors,
     places: Float[Tensor, "M 3"],
-    samples: Int[Tensor, "S"] | None,
+    samples: Int32[Tensor, "S"],
     gradient: Tensor,
     prefix: str,
 ) -> dict[str, Tensor]:

@@ -12,7 +12,6 @@ from torch import Tensor
 
 from ringlight.core.rendering import Channels
 from ringlight.data.rays import Rays
-from ringlight.volume.color_lot import with_gradient_by_lot
 from ringlight.volume.occupancy import is_occupied
 
 SHOWN_WEIGHT = 1e-4
@@ -84,19 +83,13 @@ Color = Callable[[Float[Tensor, "N 3"], Float[Tensor, "N 3"]], Float[Tensor, "N 
 """Colour of places in [0, 1]^3 and directions."""
 
 
-def marched(
-    rays: Rays, space: Space, density: Density, color: Color, background: Float[Tensor, "3"], lot: float = 0.0
-) -> Channels:
-    """ "color" [R 3] over the background, "alpha" [R 1], and "depth" [R 1]: world units along the ray, times alpha.
-
-    Samples that weigh less than ``lot`` pass the gradient of their colour on by lot (``color_lot``).
-    """
+def marched(rays: Rays, space: Space, density: Density, color: Color, background: Float[Tensor, "3"]) -> Channels:
+    """ "color" [R 3] over the background, "alpha" [R 1], and "depth" [R 1]: world units along the ray, times alpha."""
     samples = samples_of(rays, space)
     weights = weights_of(samples, len(rays), space.optical * density(samples.places))
     shown = weights.detach() > SHOWN_WEIGHT
     ray, places = samples.ray[shown], samples.places[shown]
     colors = color(places, rays.directions[ray])
-    colors = with_gradient_by_lot(colors, weights[shown].detach(), lot, rays.jitter)
     alpha = _sums(samples.ray, weights[:, None], len(rays))
     seen = _sums(ray, weights[shown, None] * colors, len(rays))
     depth = _sums(samples.ray, (weights * samples.along)[:, None], len(rays))

@@ -12,6 +12,7 @@ from ringlight.core.by_autograd import ByAutograd
 from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.core.gradients import Gradients
+from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.raw_bytes import raw_bytes
 from ringlight.core.rendering import Channels, Rendering
 from ringlight.core.want import Want
@@ -65,8 +66,8 @@ class VolumeModel(nn.Module):
     row_prefixes: tuple[str, ...] = ()
     resized_prefixes: tuple[str, ...] = ("field.", "occupied")
     note: str | None = None
-    color_lot: float = 0.0
-    """In :meth:`predict` samples that weigh less pass the gradient of their colour on by lot (``color_lot``)."""
+    gradient_share: float = 1.0
+    """In :meth:`predict` at most this share of the samples that have a gradient hand it on, drawn by importance."""
 
     def __init__(self, field: VolumeField, shading: FeatureShading, box: Float[Tensor, "2 3"]):
         super().__init__()
@@ -101,9 +102,10 @@ class VolumeModel(nn.Module):
         optical = DISTANCE_SCALE * step / self.unit.item()
         return Space(self.box, self.occupied_box, self.occupied, step, most, optical)
 
-    def density(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
-        """Of places in the box's [0, 1]^3, per ``unit`` / DISTANCE_SCALE."""
-        return torch.nn.functional.softplus(self.field.density(places) + SHIFT)
+    def density(self, places: Float[Tensor, "N 3"], share: float = 1.0) -> Float[Tensor, "N"]:
+        """Of places in the box's [0, 1]^3, per ``unit`` / DISTANCE_SCALE. Of a gradient the field gets a ``share``."""
+        found = importance_sampled(self.field.density(places)[:, None], share)[:, 0]
+        return torch.nn.functional.softplus(found + SHIFT)
 
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """The same without a graph, by the kernel where it applies; none in cells that rays skip."""
@@ -127,7 +129,7 @@ class VolumeModel(nn.Module):
 
     def predict(self, batch: RayBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
         """See :class:`ringlight.models.contract.Model`."""
-        return self._rendered(batch.rays.to(self.device), batch.background.to(self.box), want, self.color_lot)
+        return self._rendered(batch.rays.to(self.device), batch.background.to(self.box), want, self.gradient_share)
 
     def render(
         self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
@@ -290,14 +292,21 @@ class VolumeModel(nn.Module):
         self.box = low + ends / last * (high - low)
         return True
 
-    def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want, lot: float = 0.0) -> Rendering:
+    def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want, share: float = 1.0) -> Rendering:
         space = self.space()
         if self._is_native:
             with_way_back = want is Want.GRADIENTS
-            shown = Marched(rays, space, SHIFT, self._source(with_way_back), background, lot)
+            shown = Marched(rays, space, SHIFT, self._source(with_way_back), background, share)
             return shown.rendering(with_way_back)
+
+        def density(places: Tensor) -> Tensor:
+            return self.density(places, share)
+
+        def color(places: Tensor, directions: Tensor) -> Tensor:
+            return importance_sampled(self.color(places, directions), share)
+
         recorded = ByAutograd(
-            lambda _: marched(rays, space, self.density, self.color, background, lot), {}, dict(self.named_parameters())
+            lambda _: marched(rays, space, density, color, background), {}, dict(self.named_parameters())
         )
         outputs = recorded.outputs
         buffers = {name: outputs[name] for name in BUFFERS}

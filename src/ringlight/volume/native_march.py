@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int32
 from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.gradients import Gradients
 from ringlight.core.rendering import Rendering
 from ringlight.data.rays import Rays
-from ringlight.volume.color_lot import chosen_by_lot
 from ringlight.volume.contract import VolumeField
 from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
 from ringlight.volume.shading import FeatureShading
@@ -72,7 +71,7 @@ class ShownSamples:
     samples: Int[Tensor, "S"]
     rays: Int[Tensor, "S"]
 
-    def some(self, rows: Int[Tensor, "C"]) -> "ShownSamples":
+    def some(self, rows: Int32[Tensor, "C"]) -> "ShownSamples":
         """Those of these numbers."""
         return ShownSamples(self.samples[rows], self.rays[rows])
 
@@ -89,11 +88,11 @@ class FieldSource(Protocol):
         """Colours of what is shown."""
         ...
 
-    def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
-        """By the model's names, from those of what softplus is taken of."""
+    def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
+        """By the model's names, from those of what softplus is taken of at some of the samples, by their numbers."""
         ...
 
-    def color_gradients(self, rows: Int[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
+    def color_gradients(self, rows: Int32[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         """By the model's names, the network's among them, from those of some of the colours, by their numbers."""
         ...
 
@@ -110,8 +109,8 @@ def meets_something(rays: Rays, space: Space) -> Bool[Tensor, "R"]:
 
 
 class Marched:
-    """One lot of rays through a field, in a space. Samples that weigh less than ``lot`` pass the gradient of their
-    colour on by lot (``color_lot``)."""
+    """One lot of rays through a field, in a space. At most a ``share`` of the samples that have a gradient hand it on,
+    of density and of colour each, drawn by importance (``core/importance_sampling.py``)."""
 
     def __init__(
         self,
@@ -120,9 +119,9 @@ class Marched:
         shift: float,
         source: FieldSource,
         background: Float[Tensor, "3"],
-        lot: float = 0.0,
+        share: float = 1.0,
     ):
-        self.source, self.background, self.lot = source, background.contiguous(), lot
+        self.source, self.background, self.share = source, background.contiguous(), share
         self.through = MarchedRays.of(rays, space, shift)
         source.march(self.through)
         self.shown_offsets = _ends(self.through.shown)
@@ -157,10 +156,18 @@ class Marched:
             grad_color.contiguous(), of_alpha, of_depth, grad_colors, grad_density,
         )  # fmt: skip
         gradients = Gradients()
-        gradients.add_all(self.source.density_gradients(grad_density))
-        rows, factors = chosen_by_lot(of.weights[self.shown.samples.long()], self.lot, of.rays.jitter)
-        gradients.add_all(self.source.color_gradients(rows, grad_colors[rows] * factors[:, None]))
+        rows, of_rows = drawn_rows(grad_density[:, None], self.share)
+        gradients.add_all(self.source.density_gradients(rows, of_rows[:, 0]))
+        gradients.add_all(self.source.color_gradients(*drawn_rows(grad_colors, self.share)))
         return gradients
+
+
+def drawn_rows(gradient: Float[Tensor, "N C"], share: float) -> tuple[Int32[Tensor, "D"], Float[Tensor, "D C"]]:
+    """Rows that hand their gradient on, rising, and what each hands on."""
+    rows, weights = torch.empty(len(gradient), dtype=torch.int32), torch.empty(len(gradient))
+    count = _kernels.volume_draw(gradient, share, rows, weights)
+    rows = rows[:count]
+    return rows, gradient[rows] * weights[:count, None]
 
 
 def native_rays(rays: Rays) -> tuple[Tensor, Tensor, Tensor]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Int32
 from torch import Tensor
 
 from ringlight import _kernels
@@ -25,6 +25,7 @@ class TorchSource:
 
     def march(self, through: MarchedRays) -> None:
         rays, samples = native_rays(through.rays), list(through.samples)
+        self.samples = len(through.places)
         _kernels.volume_place(rays, native_space(through.space), through.offsets, samples)
         density = self._asked("density", through.places)
         _kernels.volume_weigh(
@@ -38,16 +39,17 @@ class TorchSource:
         _kernels.volume_shade(self.features, *self._seen_along(self.rays), colors)
         return colors
 
-    def density_gradients(self, grad_density: Float[Tensor, "M"]) -> Mapping[str, Tensor]:
-        return self.ways_back["density"].backward({"density": grad_density})
+    def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
+        of_samples = grad_density.new_zeros(self.samples).index_copy_(0, rows.long(), grad_density)
+        return self.ways_back["density"].backward({"density": of_samples})
 
-    def color_gradients(self, rows: Int[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
+    def color_gradients(self, rows: Int32[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
         of_rows = torch.empty(len(rows), self.features.shape[1])
         _kernels.volume_shade_gradient(
             self.features[rows], *self._seen_along(self.rays[rows]), grad_colors, of_rows, list(found.values())
         )
-        features = torch.zeros_like(self.features).index_copy_(0, rows, of_rows)
+        features = torch.zeros_like(self.features).index_copy_(0, rows.long(), of_rows)
         return found | self.ways_back["appearance"].backward({"appearance": features})
 
     def _seen_along(self, rays: Int[Tensor, "C"]) -> tuple[list[Tensor], Tensor, Tensor, bool]:
