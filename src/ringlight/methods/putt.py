@@ -14,8 +14,8 @@ from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
 from ringlight.methods.volume_recipe import (
     BETAS,
-    GRADIENT_SHARE,
     EPSILON,
+    GRADIENT_SHARE,
     MOST_RAYS,
     MOST_UNITS,
     Bounds,
@@ -58,7 +58,7 @@ SMALLEST_SIDE, LARGEST_SIDE, FEWEST_RANKS, MOST_RANKS = 4, 1024, 2, 1024
 """Beyond these a number is a mistake."""
 
 RANK_STEP = 8
-"""Ranks that follow from a size are multiples: a library's products of matrices 251 wide take twice as long as of 248."""
+"""Ranks that follow from a size are multiples: torch takes twice as long for matrices 251 wide as for those of 248."""
 
 MOST_CELLS = 160
 """Along an axis, of which a bit says what is empty: volume/occupancy.py."""

@@ -13,8 +13,8 @@ from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, between, check_rates
 from ringlight.methods.volume_recipe import (
     BETAS,
-    GRADIENT_SHARE,
     EPSILON,
+    GRADIENT_SHARE,
     MOST_RAYS,
     MOST_UNITS,
     Bounds,

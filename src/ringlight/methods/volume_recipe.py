@@ -26,7 +26,7 @@ MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
 GRADIENT_SHARE = 0.5
-"""A quarter of the samples with a colour then hand on all but 2 % of the gradient's energy (docs/methods/tensorf.md)."""
+"""A quarter of the samples with a colour hand on; this adds little variance (docs/methods/tensorf.md)."""
 
 Bounds = tuple[float, float, float, float, float, float]
 """Lowest and highest corner of a box, world units: x y z x y z."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import TypeGuard
 
 import torch
-from jaxtyping import Float, Int, Int32
+from jaxtyping import Float, Int32
 from torch import Tensor
 
 from ringlight import _kernels
