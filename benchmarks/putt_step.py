@@ -39,6 +39,7 @@ def main() -> None:
     _kernels.set_threads(1)
     _kernels.keep_freed_memory()
     model, looked_at, recipe = ball(), batch(), PuttRecipe()
+    model.gradient_share = recipe.gradient_share
     for levels in range(FIRST_LEVELS, LAST_LEVELS + 1):
         begin = time.process_time()
         model.refine(8.0**levels)

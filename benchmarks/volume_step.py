@@ -37,6 +37,7 @@ def main() -> None:
     _kernels.set_threads(1)
     _kernels.keep_freed_memory()
     model, looked_at, recipe = ball(), batch(), TensorfRecipe()
+    model.gradient_share = recipe.gradient_share
     optimizer = Optimizer(model, recipe.groups(), recipe.steps)
     for way in ("kernels", "reference"):
         if way == "reference":
