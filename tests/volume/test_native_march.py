@@ -85,6 +85,7 @@ def test_a_ray_meets_something_where_the_reference_says_so(monkeypatch: pytest.M
 @pytest.mark.parametrize("kind", VOLUMES)
 def test_bits_are_the_same_for_any_number_of_threads(kind: str, monkeypatch: pytest.MonkeyPatch):
     model = VOLUMES[kind]()
+    model.gradient_share = 0.5
     torch.set_num_threads(1)  # as commands do
     states = []
     for threads in (1, 2, 4):
