@@ -12,7 +12,7 @@ PACKAGE = Path(sys.argv[1]).resolve()
 KERNEL_TESTS = (
     "tests/test_kernels.py", "tests/test_fuzz_kernels.py", "tests/rasterize", "tests/contracts", "tests/shade",
     "tests/color", "tests/fields", "tests/fit/test_adam.py", "tests/fit/test_losses.py", "tests/fit/test_densify.py",
-    "tests/fit/test_train.py", "tests/models",
+    "tests/fit/test_train.py", "tests/models", "tests/volume",
 )  # fmt: skip
 """Every test that runs native code on numbers of its own making; those of speed and of files are left out."""
 

@@ -226,7 +226,8 @@ void backpropagate(const Backward& pass, Batch& batch, const float* weights, Bat
 // does not go by the light, and zero where the colour got no gradient.
 void write_unlit_gradients(const RingShape& shape, const RingScene& scene, const RingUpstream& upstream,
                            const RingRowGradients& to) {
-  if (shape.latents) std::memset(to.latents, 0, shape.latents * scene.count * sizeof(float));
+  const std::size_t latents = shape.latents * scene.count;
+  if (latents) std::memset(to.latents, 0, latents * sizeof(float));
   float* const base_gradient = to.base;
   const bool clamped = shape.clamped;
   parallel_ranges(3 * scene.count, BASE_GRAIN, [=](std::size_t begin, std::size_t end) {
