@@ -39,7 +39,7 @@ MOST_INFLATED = 1032
 DAMAGED = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, KeyError, OverflowError, RuntimeError, ValueError,
 )  # fmt: skip
-"""What the library raises for archives that are cut, damaged or locked; NotImplementedError is a RuntimeError."""
+"""What the library raises for archives that are cut, damaged or locked; RuntimeError is also for unknown packings."""
 
 REMEDY = "make it again with numpy.savez_compressed"
 
