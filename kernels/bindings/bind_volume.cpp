@@ -12,7 +12,7 @@ using Rays = std::tuple<Points, Points, Tensor<const float, -1>>;
 // The box's corners and the cells', x y z each; bits; step; most samples.
 using Space = std::tuple<std::array<float, 12>, Bits, float, int>;
 
-constexpr std::size_t MOST = std::size_t{1} << 31;
+constexpr std::size_t MOST = std::size_t{1} << 31;  // numbers of rows are of 32 bits
 
 VolumeRays rays_from(const Rays& rays) {
   const auto& [origins, directions, jitter] = rays;
@@ -139,7 +139,6 @@ void unblend(const Offsets& offsets, const Offsets& shown, const Arrays& samples
 }
 
 std::size_t draw(Tensor<const float, -1, -1> gradient, double share, Counts rows, Array weights) {
-  constexpr std::size_t MOST = std::size_t{1} << 31;  // numbers of rows are of 32 bits
   const std::size_t count = gradient.shape(0), width = gradient.shape(1);
   require(count < MOST && width >= 1 && width <= 3, "volume: a gradient has one to three numbers a row");
   require(rows.size() == count && weights.size() == count, "volume: rows and weights must have room for all");

@@ -4,6 +4,8 @@
 namespace ringlight {
 namespace {
 
+constexpr std::size_t WIDEST_NETWORK = 8192;
+
 // Of components a basis; then weight and bias of three layers.
 template <class Float, class Tensors>
 VolumeNetwork<Float> network_from(const Tensors& tensors, std::size_t components, VolumeShape& shape) {
@@ -11,16 +13,18 @@ VolumeNetwork<Float> network_from(const Tensors& tensors, std::size_t components
   require(tensors.size() == layers + 6 && tensors[0].ndim() == 2 && tensors[layers].ndim() == 2,
           "volume: a basis of what has components, and weight and bias of three layers");
   const std::size_t inputs = tensors[layers].shape(1), hidden = tensors[layers].shape(0), features = inputs / 5 - 3;
-  require(inputs > 15 && inputs % 5 == 0 && hidden > 0 && inputs <= VOLUME_WIDEST && hidden <= VOLUME_WIDEST,
-          "volume: a width does not fit, or is above 4096");
+  require(inputs > 15 && inputs % 5 == 0 && hidden > 0 && inputs <= WIDEST_NETWORK && hidden <= WIDEST_NETWORK,
+          "volume: a width does not fit, or is above 8192");
   const std::size_t widths[4] = {inputs, hidden, hidden, 3};
-  require(!components || tensors[0].size() == features * components, "volume: the basis must be [F C]");
+  require(!components || (tensors[0].shape(0) == features && tensors[0].shape(1) == components),
+          "volume: the basis must be [F C]");
   VolumeNetwork<Float> made{};
   if (components) made.basis = tensors[0].data();
   for (std::size_t layer = 0; layer < 3; layer++) {
     const auto &weight = tensors[layers + 2 * layer], &bias = tensors[layers + 2 * layer + 1];
-    require(weight.size() == widths[layer] * widths[layer + 1] && bias.size() == widths[layer + 1],
-            "volume: a layer has the wrong size");
+    require(weight.ndim() == 2 && weight.shape(0) == widths[layer + 1] && weight.shape(1) == widths[layer] &&
+                bias.size() == widths[layer + 1],
+            "volume: a layer must be [outputs inputs], with a bias for each output");
     made.weights[layer] = weight.data(), made.biases[layer] = bias.data();
   }
   shape = {static_cast<int>(features), static_cast<int>(hidden)};

@@ -14,28 +14,32 @@ constexpr int SHARDS = 8;  // of blocks, whose gradients of rows are summed by t
 
 struct Sizes {
   int outputs, width;
-  std::size_t of_matrix, wide, narrow;
+  std::size_t of_matrix, wide, narrow, either;
 
   explicit Sizes(const TrainBlocks& blocks)
       : outputs(static_cast<int>(blocks.outputs)),
         width(static_cast<int>(blocks.width)),
         of_matrix(blocks.outputs * blocks.width),
         wide(static_cast<std::size_t>(padded(width)) * GROUP),
-        narrow(static_cast<std::size_t>(padded(outputs)) * GROUP) {}
+        narrow(static_cast<std::size_t>(padded(outputs)) * GROUP),
+        either(wide > narrow ? wide : narrow) {}
 };
 
-// Of up to GROUP points: `rows` [count][width], as `lanes` [width][GROUP], and `results` [outputs][GROUP].
+// Of up to GROUP points: `rows` [count][width], as `lanes` [width][GROUP], and `results` [outputs][GROUP]. Rows and
+// blocks hold outputs, too.
 struct Group {
   float *panels, *rows, *lanes, *results, *blocks;
 
   Group(const Sizes& sizes, float* memory) {
     panels = memory;
     rows = panels + panel_space(sizes);
-    lanes = rows + sizes.wide;
+    lanes = rows + sizes.either;
     blocks = lanes + sizes.wide;
-    results = blocks + sizes.wide;
+    results = blocks + sizes.either;
   }
-  static std::size_t size(const Sizes& sizes) { return panel_space(sizes) + 3 * sizes.wide + sizes.narrow; }
+  static std::size_t size(const Sizes& sizes) {
+    return panel_space(sizes) + 2 * sizes.either + sizes.wide + sizes.narrow;
+  }
 
  private:
   static std::size_t panel_space(const Sizes& sizes) {
@@ -121,7 +125,7 @@ void train_products(const TrainBlocks& blocks, float* found) {
     });
   });
   // In the order of parts, by one thread: few numbers, and a point has up to eight.
-  std::memset(found, 0, blocks.points * blocks.outputs * sizeof(float));
+  if (blocks.points) std::memset(found, 0, blocks.points * blocks.outputs * sizeof(float));
   for (std::size_t part = 0; part < count_of_parts; part++) {
     float* const to = of_point(blocks, found, part);
     for (std::size_t i = 0; i < blocks.outputs; i++) to[i] += parts.floats()[part * blocks.outputs + i];

@@ -19,14 +19,14 @@ Softplus softplus(Vec x) {
   // log(1 + p): for small p the sum rounds p away, so that its series is taken.
   const Vec small = power * fnma(power, fnma(power, Vec(1.f / 3), Vec(0.5f)), Vec(1.f));
   const Vec log = select(lt(power, Vec(4e-3f)), small, log2(wide) * Vec(0.693147181f));
-  const Mask linear = gt(x, Vec(LINEAR_FROM));
-  return {select(linear, x, log), select(linear, Vec(1.f), power / wide)};
+  const Mask bent = lt(x, Vec(LINEAR_FROM));  // not of what is no number, which stays so
+  return {select(bent, log, x), select(bent, power / wide, Vec(1.f))};
 }
 
-// 1 - e^-x for x >= 0.
+// 1 - e^-x for x >= 0; what is no number stays so.
 Vec absorbed(Vec x) {
   const Vec series = x * fnma(x, fnma(x, fnma(x, Vec(1.f / 24), Vec(1.f / 6)), Vec(0.5f)), Vec(1.f));
-  return select(lt(x, Vec(3e-2f)), series, Vec(1.f) - exp(Vec(0.f) - x));
+  return select(lt(x, Vec(3e-2f)), series, select(gt(x, Vec(0.f)), Vec(1.f) - exp(Vec(0.f) - x), x));
 }
 
 // What a ray has come to.
@@ -80,7 +80,7 @@ Light seen_along(const Densities& densities_of, const VolumeOptics& optics, cons
   return light;
 }
 
-// Writes the samples of one ray that are not empty, up to `last`; returns where they end.
+// Writes the samples of one ray that are not empty, up to `last`; returns where they end. There is nothing behind.
 std::size_t place(const Walk& walk, const VolumeSpace& space, const VolumeSamples& to, std::size_t at,
                   std::size_t last) {
   for (int first = 0; first < walk.count && at < last; first += LANES) {
@@ -94,6 +94,10 @@ std::size_t place(const Walk& walk, const VolumeSpace& space, const VolumeSample
       for (int axis = 0; axis < 3; axis++)
         to.places[3 * at + axis] = __builtin_fmaf(t, walk.place_slope[axis], walk.place_start[axis]);
     }
+  }
+  for (std::size_t spare = at; spare < last; spare++) {
+    to.along[spare] = 0.f;
+    for (int axis = 0; axis < 3; axis++) to.places[3 * spare + axis] = 0.f;
   }
   return at;
 }

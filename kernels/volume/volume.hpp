@@ -85,8 +85,8 @@ struct VolumeSeen {
                       const VolumeSamples&, float least, const float* colors, const float* background, \
                       const float* grad_color, const float* grad_alpha, const float* grad_depth, \
                       float* grad_colors, float* grad_density); \
-  /* Which rows of gradient [count width] hand it on, rising, and what each counts: at most `share` of those that have \
-     one, drawn by importance. Rows and weights have room for all; returns how many. */ \
+  /* Which rows of gradient [count width] hand it on, rising, and what each counts: of those that have one at most \
+     `share` are expected, drawn by importance. Rows and weights have room for all; returns how many. */ \
   std::size_t volume_draw(const float* gradient, std::size_t count, int width, double share, std::int32_t* rows, \
                           float* weights); \
   void volume_scatter(const VolumeFactors<const float>& factors, const float* places, const std::int32_t* samples, \

@@ -16,7 +16,8 @@ from volume.volumes import BACKGROUND, rays, volume, volume_of_trains
 RAYS = 300
 
 EXACT, HALVED = (6e-5, 1e-4), (5e-3, 0.1)
-"""Of colours, and of gradients as a share of their length: rounding of floats, and of bfloat16."""
+"""Of colours, and of gradients as a share of their length: rounding of floats, and of bfloat16, which turns units of
+the network on and off; test_shading_kernel.py compares products of bfloat16 with rounded factors."""
 
 
 def predicted(model: of_model.VolumeModel, native: bool, monkeypatch: pytest.MonkeyPatch) -> Rendering:
@@ -105,6 +106,35 @@ def test_rays_that_meet_nothing_show_the_background(kind: str):
     assert torch.equal(shown.color, BACKGROUND.expand(5, 3))
     found = shown.backward(torch.ones(5, 3), {})
     assert not any(gradient.any() for gradient in found.values())
+
+
+def test_a_density_that_is_no_number_is_seen():
+    """It does not pass for matter: training names the step at which a loss was no number."""
+    model = volume()
+    with torch.no_grad():
+        model.field.density_factors.planes[0][3:5] = float("nan")
+    shown = model.predict(RayBatch(rays(RAYS), torch.zeros(RAYS, 3), BACKGROUND), Want.GRADIENTS)
+    lost = shown.alpha[..., 0].isnan()
+    assert 0 < lost.sum() < RAYS
+    assert shown.color[lost].isnan().all()
+    assert shown.color[~lost].isfinite().all()
+
+
+def test_samples_that_are_not_placed_have_no_part_in_gradients(monkeypatch: pytest.MonkeyPatch):
+    """A count of samples may be larger than what is placed; memory there may hold anything."""
+    model = volume()
+    batch = RayBatch(rays(RAYS), torch.zeros(RAYS, 3), BACKGROUND)
+    expected = gradients(model.predict(batch, Want.GRADIENTS))
+    counted, empty = native_march._counted, torch.empty
+    monkeypatch.setattr(native_march, "_counted", lambda *of: counted(*of) + 3)
+    monkeypatch.setattr(native_march.torch, "empty", lambda *of, **how: _spoilt(empty(*of, **how)))
+    found = gradients(model.predict(batch, Want.GRADIENTS))
+    for name, gradient in expected.items():
+        torch.testing.assert_close(found[name], gradient, rtol=1e-4, atol=1e-5)
+
+
+def _spoilt(memory: Tensor) -> Tensor:
+    return memory.fill_(float("nan")) if memory.is_floating_point() else memory
 
 
 def test_what_they_do_not_take_is_shown_by_the_reference():

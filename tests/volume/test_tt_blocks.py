@@ -14,7 +14,7 @@ SAME = {"rtol": 1e-5, "atol": 3e-5}
 
 
 def places(count: int, seed: int = 0) -> torch.Tensor:
-    """In a corner of the box and beyond it, so that some blocks are not touched; some are nodes, one is no number."""
+    """In a corner of the box and beyond it, so that some blocks are not touched; some are nodes, some its last one."""
     drawn = torch.Generator().manual_seed(seed)
     found = torch.rand(count, 3, generator=drawn) * 0.7 - 0.05
     found[::7] = (found[::7] * 8).round() / 8
@@ -59,8 +59,14 @@ def test_kernels_find_what_torch_finds(levels: int, count: int, data):
 
 def test_a_place_that_is_no_number_lies_at_the_lowest_corner():
     points = torch.tensor([[float("nan"), 0.5, 0.5], [0.0, 0.5, 0.5]])
-    index = corner_bags(points, whole(3, points.device)).index
-    assert torch.equal(index[0], index[1])
+    for of in (whole(3, points.device), blocks_of(points, 3, 1)):
+        bags = corner_bags(points, of)
+        assert torch.equal(bags.index[0], bags.index[1])
+        assert torch.equal(bags.shares[0], bags.shares[1])
+    lowest = blocks_of(points[1:], 3, 1)
+    blocks = blocks_of(points, 3, 1)
+    assert torch.equal(blocks.paths, lowest.paths)
+    assert torch.equal(parts_of(points, blocks).bags.index[0], parts_of(points[1:], lowest).bags.index[0])
 
 
 @pytest.mark.parametrize("width", [1, 5, 16, 27, 64, 280])
@@ -70,7 +76,7 @@ def test_sums_of_rows_and_their_gradients_are_those_of_torch(width: int):
     compared(bag_sums(rows, bags), reference_sums(rows, bags), [rows])
 
 
-@pytest.mark.parametrize(("outputs", "width"), [(1, 8), (3, 30), (27, 64), (27, 280), (40, 17)])
+@pytest.mark.parametrize(("outputs", "width"), [(1, 8), (3, 30), (27, 64), (27, 280), (40, 17), (64, 8), (200, 30)])
 def test_products_of_parts_and_their_gradients_are_those_of_torch(outputs: int, width: int):
     points = places(900)
     blocks = blocks_of(points, 5, 2)

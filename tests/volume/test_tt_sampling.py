@@ -48,6 +48,13 @@ def test_all_ways_agree_in_values_and_gradients(payload: int, levels: int, most:
             torch.testing.assert_close(one, other, **SAME)
 
 
+def test_no_points_have_no_values():
+    cores = drawn_cores(2, 3, 10)
+    for way in (from_grid, lambda *of: from_blocks(*of, 1), lambda *of: from_points(*of, 1)):
+        for dtype in (torch.float32, torch.float64):
+            assert way([core.to(dtype) for core in cores], torch.zeros(0, 3, dtype=dtype)).shape == (0, 2)
+
+
 def test_values_are_those_of_the_grid_linear_between_its_nodes():
     cores = drawn_cores(2, 3, 10)
     grid = grid_of(cores)

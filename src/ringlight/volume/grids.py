@@ -10,12 +10,15 @@ from ringlight.volume.contract import Sides
 FEWEST_NODES = 2
 """Along an axis: one cell."""
 
+MOST_NODES = 4096
+"""Along an axis: what the kernels take."""
+
 
 def sides_of(box: Float[Tensor, "2 3"], voxels: float | int) -> Sides:
-    """Nodes of about ``voxels`` cubes that fill the box."""
+    """Nodes of about ``voxels`` cubes that fill the box; along an axis of a very long one at most MOST_NODES."""
     lengths = (box[1] - box[0]).double()
     pitch = (lengths.prod().item() / voxels) ** (1 / 3)
-    x, y, z = (max(int(length / pitch), FEWEST_NODES) for length in lengths.tolist())
+    x, y, z = (min(max(int(length / pitch), FEWEST_NODES), MOST_NODES) for length in lengths.tolist())
     return x, y, z
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from ringlight.volume.tensor_train import Cores
 from ringlight.volume.tt_ranks import AXES, OCTANTS
@@ -33,6 +34,7 @@ class _Children(torch.autograd.Function):
         return found
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor, None, None]:
         above, core, place, octants = ctx.saved_tensors
         of_above, of_core = torch.zeros_like(above), torch.zeros_like(core)

@@ -6,6 +6,7 @@ from typing import Any
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from ringlight import _kernels
 from ringlight.volume.tt_bags import reference_sums
@@ -45,6 +46,7 @@ class _Products(torch.autograd.Function):
         return found
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[None, Tensor, Tensor]:
         matrices, rows = ctx.saved_tensors
         of_matrices, of_rows = torch.empty_like(matrices), torch.empty_like(rows)

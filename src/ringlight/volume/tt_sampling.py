@@ -1,6 +1,6 @@
 """A tensor train's values between its nodes: of the whole grid, of the blocks that points touch, or of points alone.
 
-All three give the same numbers, of one point or more. ``from_grid`` contracts every entry (PuTT's way).
+All three give the same numbers. ``from_grid`` contracts every entry (PuTT's way).
 ``from_blocks`` contracts the first cores for the blocks of nodes that have a point in them, and all entries of these.
 ``from_points`` never writes entries down: what the last cores make of a point's corners is interpolated first, and
 meets the matrix of the first ones after that.
@@ -23,6 +23,8 @@ def from_grid(cores: Cores, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"
 
 def from_blocks(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float[Tensor, "N C"]:
     """By the entries of blocks that the ``first`` cores tell apart."""
+    if not len(points):
+        return points.new_zeros(0, len(cores[0]))
     blocks = blocks_of(points, len(cores), first)
     before, after = some_prefixes(cores[:first], blocks.paths), suffixes(cores[first:])
     width = before.shape[1]
@@ -34,6 +36,8 @@ def from_blocks(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float
 def from_points(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float[Tensor, "N C"]:
     """By what the cores after the ``first`` make of each point. A point between blocks is taken by parts, a block
     each."""
+    if not len(points):
+        return points.new_zeros(0, len(cores[0]))
     blocks = blocks_of(points, len(cores), first)
     parts = parts_of(points, blocks)
     before, after = some_prefixes(cores[:first], blocks.paths), suffixes(cores[first:]).T

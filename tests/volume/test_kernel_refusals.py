@@ -1,0 +1,102 @@
+"""What kernels of volumes are given is checked before memory is read: an array that is a row short is refused."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.want import Want
+from ringlight.data.rays import RayBatch
+from ringlight.volume.tt_sampling import from_points
+from volume.trains import drawn_cores
+from volume.volumes import BACKGROUND, rays, volume, volume_of_trains
+
+RAYS = 40
+
+Place = tuple[int, ...]
+"""Of an array among a call's arguments, which may be tuples or lists of arrays."""
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[Any, ...]]:
+    """The first call of each kernel of volumes and trains, in steps of both."""
+    calls: dict[str, tuple[Any, ...]] = {}
+    for name in dir(_kernels):
+        if name.startswith(("volume_", "train_")):
+            monkeypatch.setattr(_kernels, name, recording(name, getattr(_kernels, name), calls))
+    for model in (volume(), volume_of_trains()):
+        model.gradient_share = 0.5
+        model.meets_something(rays(RAYS))
+        shown = model.predict(RayBatch(rays(RAYS), torch.zeros(RAYS, 3), BACKGROUND), Want.GRADIENTS)
+        shown.backward(torch.ones(RAYS, 3), {"depth": torch.ones(RAYS, 1), "alpha": torch.ones(RAYS, 1)})
+        model.density_values(torch.rand(9, 3))
+    cores = [core.float().requires_grad_() for core in drawn_cores(3, 4, 6)]
+    from_points(cores, torch.rand(50, 3), 2).sum().backward()
+    monkeypatch.undo()
+    return calls
+
+
+def recording(name: str, kernel: Any, calls: dict[str, tuple[Any, ...]]) -> Any:
+    def called(*arguments: Any) -> Any:
+        calls.setdefault(name, copied(arguments))
+        return kernel(*arguments)
+
+    return called
+
+
+def copied(arguments: Any) -> Any:
+    """Before a kernel writes to some of them."""
+    if isinstance(arguments, tuple | list):
+        return type(arguments)(copied(argument) for argument in arguments)
+    return arguments.detach().clone() if isinstance(arguments, Tensor) else arguments
+
+
+def arrays(arguments: Any, at: Place = ()) -> Iterator[Place]:
+    """Where there are some that have rows."""
+    if isinstance(arguments, Tensor):
+        if arguments.dim() and len(arguments):
+            yield at
+    elif isinstance(arguments, tuple | list):
+        for number, argument in enumerate(arguments):
+            yield from arrays(argument, (*at, number))
+
+
+def with_a_row_less(arguments: Any, at: Place) -> Any:
+    if not at:
+        return arguments[:-1].clone()
+    changed = [with_a_row_less(value, at[1:]) if n == at[0] else value for n, value in enumerate(arguments)]
+    return tuple(changed) if isinstance(arguments, tuple) else changed
+
+
+def test_kernels_refuse_arrays_that_are_a_row_short(monkeypatch: pytest.MonkeyPatch):
+    calls = recorded(monkeypatch)
+    assert len(calls) > 15, sorted(calls)
+    taken = []
+    for name, arguments in calls.items():
+        getattr(_kernels, name)(*copied(arguments))
+        for at in arrays(arguments):
+            try:
+                getattr(_kernels, name)(*copied(with_a_row_less(arguments, at)))
+            except (ValueError, TypeError):
+                continue
+            taken.append((name, at))
+    assert sorted(taken) == sorted(TAKEN)
+
+
+TAKEN: list[tuple[str, Place]] = [
+    ("train_count", (0,)),  # points alone say how many there are
+    ("train_touch", (0,)),
+    ("volume_count", (1, 1)),  # cells of what is not empty, as many as there are
+    ("volume_march", (1, 1)),
+    ("volume_place", (1, 1)),
+    ("train_gather", (1,)),  # rows that numbers point at, of which nothing points at the last
+    ("train_scatter", (2,)),
+    ("volume_scatter", (1,)),
+    ("volume_shade", (0, 1)),
+    ("volume_shade", (3,)),
+    ("volume_shade_gradient", (0, 1)),
+    ("volume_shade_gradient", (3,)),
+]
+"""Arrays that may be shorter."""

@@ -1,0 +1,111 @@
+"""The network's kernel makes colours and gradients of any widths as torch does, on every instruction set."""
+
+from typing import Any
+
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as some
+from torch import Tensor
+
+from ringlight import _kernels
+from ringlight.core.directions import normalize
+from ringlight.methods.volume_recipe import MOST_UNITS
+from ringlight.volume.shading import FeatureShading, waves
+
+HALVES = _kernels.isa() in ("avx512_bf16", "avx512_amx")
+"""Whether products are of bfloat16 where that is asked for."""
+
+EXACT, ROUNDED = 2e-5, 1e-2
+"""Differences of gradients as shares of their length. A product of bfloat16 rounds a sum that lies between two numbers
+up or down by its order, and what follows with it."""
+
+
+class _RoundedLinear(torch.autograd.Function):
+    """A layer whose products have factors of bfloat16, and sums of float32, there and back."""
+
+    @staticmethod
+    def forward(ctx: Any, rows: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+        ctx.save_for_backward(rows, weight)
+        return rounded(rows) @ rounded(weight).T + bias
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        rows, weight = ctx.saved_tensors
+        gradient = rounded(gradients[0])
+        return gradient @ rounded(weight), gradient.T @ rounded(rows), gradients[0].sum(0)
+
+
+def rounded(values: Tensor) -> Tensor:
+    return values.bfloat16().float()
+
+
+def by_torch(shading: FeatureShading, features: Tensor, directions: Tensor, halves: bool) -> Tensor:
+    rows = torch.cat([features, directions, waves(features), waves(directions)], -1)
+    if not halves:
+        return shading(features, directions)
+    layers = [layer for layer in shading.network if isinstance(layer, torch.nn.Linear)]
+    for layer in layers[:-1]:
+        rows = _RoundedLinear.apply(rows, layer.weight, layer.bias).relu()
+    last = layers[-1]
+    return _RoundedLinear.apply(rows, last.weight, last.bias).sigmoid()
+
+
+def compared(widths: tuple[int, int], count: int, seed: int, halves: bool) -> tuple[float, float]:
+    """Largest difference of colours, and of gradients as a share of the length of each."""
+    features, hidden = widths
+    drawn = torch.Generator().manual_seed(seed)
+    shading = FeatureShading(features, hidden, drawn)
+    seen = torch.randn(count, features, generator=drawn).requires_grad_()
+    directions = normalize(torch.randn(7, 3, generator=drawn))
+    rays = torch.randint(7, (count,), generator=drawn).int()
+    network = [parameter.detach() for parameter in shading.parameters()]
+    colors = torch.full((count, 3), float("nan"))
+    _kernels.volume_shade(seen.detach(), network, rays, directions, halves, colors)
+    expected = by_torch(shading, seen, directions[rays.long()], halves and HALVES)
+    grad_colors = torch.randn(count, 3, generator=drawn)
+    wanted = torch.autograd.grad((expected * grad_colors).sum(), [seen, *shading.parameters()])
+    found = [torch.full_like(gradient, float("nan")) for gradient in wanted]
+    _kernels.volume_shade_gradient(seen.detach(), network, rays, directions, halves, grad_colors, found[0], found[1:])
+    shares = [float((a - b).norm() / b.norm().clamp_min(1e-6)) for a, b in zip(found, wanted, strict=True)]
+    return float((colors - expected.detach()).abs().max()), max(shares)
+
+
+@given(some.integers(1, 64), some.integers(1, 128), some.integers(1, 300), some.integers(0, 1000))
+@settings(deadline=None, max_examples=30)
+def test_any_widths_and_rows_give_what_torch_gives(features: int, hidden: int, count: int, seed: int):
+    of_colors, of_gradients = compared((features, hidden), count, seed, halves=False)
+    assert of_colors < 2e-6
+    assert of_gradients < EXACT
+
+
+@given(some.integers(1, 64), some.integers(1, 128), some.integers(1, 300), some.integers(0, 1000))
+@settings(deadline=None, max_examples=30)
+def test_products_of_halves_give_what_torch_gives_with_rounded_factors(
+    features: int, hidden: int, count: int, seed: int
+):
+    of_colors, of_gradients = compared((features, hidden), count, seed, halves=True)
+    assert of_colors < 2e-3
+    assert of_gradients < ROUNDED
+
+
+def test_sines_of_features_beyond_what_they_are_made_for_stay_between_minus_one_and_one():
+    shading = FeatureShading(1, 1, torch.Generator())
+    network = [torch.zeros_like(parameter) for parameter in shading.parameters()]
+    network[0][0, 4] = 1.0  # behind the feature and the direction
+    network[1].fill_(1.5)
+    network[2].fill_(1.0)
+    network[4].fill_(1.0)
+    features = 10.0 ** torch.linspace(-3, 30, 1000)[:, None]
+    directions, rays = torch.tensor([[0.0, 0.0, 1.0]]), torch.zeros(1000, dtype=torch.int32)
+    colors = torch.full((1000, 3), float("nan"))
+    _kernels.volume_shade(features, network, rays, directions, False, colors)
+    made = colors.logit() - 1.5
+    assert made.min() > -1.001
+    assert made.max() < 1.001
+    torch.testing.assert_close(made[:100], features[:100].sin().expand(100, 3), rtol=0, atol=1e-5)
+
+
+def test_the_widest_network_that_a_recipe_may_ask_for_is_taken():
+    of_colors, of_gradients = compared((MOST_UNITS, 8), 3, 0, halves=False)
+    assert of_colors < 1e-5
+    assert of_gradients < 1e-3
