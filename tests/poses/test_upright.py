@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
@@ -62,9 +62,11 @@ def test_rolled_cameras_on_a_circle_take_its_plane():
 
 
 @given(arrays(np.float64, 3, elements=st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 1e-3))
+@example(np.array([1e-6, 0, -0.5]))
+@example(np.array([1e-200, 0, -1]))
 def test_the_rotation_takes_up_to_z_and_is_one(vector: np.ndarray):
     up = vector / np.linalg.norm(vector)
     turn = rotation_to_z(up)
-    np.testing.assert_allclose(turn @ up, [0, 0, 1], atol=1e-6)
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+    np.testing.assert_allclose(turn @ up, [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(turn) == pytest.approx(1)

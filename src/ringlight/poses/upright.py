@@ -21,6 +21,9 @@ which of the directions across is up."""
 FLAT = 0.15
 """Of a path of cameras: largest deviation from its plane over that along its second direction."""
 
+UPRIGHT = 1e-14
+"""Sine of an angle to the z axis that is nothing but rounding."""
+
 
 @dataclass(frozen=True)
 class Up:
@@ -67,14 +70,14 @@ def held_axes(
 
 
 def rotation_to_z(up: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """The smallest rotation that takes ``up`` to +z."""
-    target = np.array([0.0, 0.0, 1.0])
-    cosine = float(up @ target)
-    if cosine < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    cross = np.cross(up, target)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    result: Float[np.ndarray, "3 3"] = np.eye(3) + skew + skew @ skew / (1 + cosine)
+    """The smallest rotation that takes the unit vector ``up`` to +z, by Rodrigues' formula: as exact next to -z, where
+    1 + cos cancels, as anywhere."""
+    sine, cosine = float(np.hypot(up[0], up[1])), float(up[2])
+    if sine < UPRIGHT:
+        return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
+    x, y = up[1] / sine, -up[0] / sine  # the axis, up × z
+    across = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
+    result: Float[np.ndarray, "3 3"] = np.eye(3) + sine * across + (1 - cosine) * across @ across
     return result
 
 
