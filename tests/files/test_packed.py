@@ -197,7 +197,7 @@ def test_half_turns_are_no_turn() -> None:
 
 @MANY
 @given(rows=ROWS, seed=SEEDS, spread=SPREAD)
-def test_rotations_turn_by_less_than_a_third_of_a_degree(rows: int, seed: int, spread: float) -> None:
+def test_rotations_turn_by_less_than_half_of_a_degree(rows: int, seed: int, spread: float) -> None:
     quats = noise(rows, 4, seed=seed, spread=spread)
     restored = there_and_back("quaternions32", quats)
     before, after = (
@@ -206,7 +206,16 @@ def test_rotations_turn_by_less_than_a_third_of_a_degree(rows: int, seed: int, s
     )
     # The chord between rotations: Frobenius distance is 2 sqrt 2 sin(angle / 2).
     angle = 2 * ((before - after).flatten(1).norm(dim=1) / 8**0.5).clamp(max=1).asin()
-    assert (angle <= math.radians(0.3)).all()
+    assert (angle <= math.radians(0.5)).all()
+
+
+@MANY
+@given(rows=ROWS, seed=SEEDS, spread=st.sampled_from((0.0, 1e-7, 1e-4, 1e-3, 3e-3, 1.0)))
+def test_rotations_that_came_back_come_back_alike(rows: int, seed: int, spread: float) -> None:
+    # Components that are about as large as the largest: rounding decides which one is left out.
+    quats = noise(rows, 4, seed=seed).sign() + noise(rows, 4, seed=seed + 1, spread=spread)
+    restored = there_and_back("quaternions32", quats)
+    assert torch.equal(there_and_back("quaternions32", restored), restored)
 
 
 def test_no_rotation_and_half_turns_lose_nothing() -> None:

@@ -14,6 +14,7 @@ from ringlight.files.model_file import read_model_file
 from ringlight.fit.teacher import Teacher
 from ringlight.fit.train import Training, train
 from ringlight.methods.light_gaussian import LightGaussianRecipe
+from ringlight.methods.lightening import as_files_hold
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import refuse_misfits
@@ -57,19 +58,14 @@ def test_the_papers_phases_are_settings():
     assert (found.grown, found.recovered, found.prune_steps()) == (30_000, 35_000, (30_000,))
 
 
-def test_of_a_finished_model_more_is_dropped():
-    assert recipe().at_length().prune_share == 0.5
-    assert recipe(grow_share=0.0).at_length().prune_share == 0.52
-    assert recipe(grow_share=0.0, prune_share=0.1).at_length().prune_share == 0.1
-
-
 @pytest.mark.parametrize("steps", [1, 2, 3, 9])
 def test_runs_of_any_length_end_quantised(steps: int):
     training = until(training_of(steps=steps), steps)
     assert int(training.model.get_buffer("color.active_degree")) <= 2
     assert training.model.rendering_tensors()["columns.sh_rest"].shape[1:] == (8, 3)
-    for name, column in training.model.named_parameters():
-        assert name == "columns.means" or torch.equal(column.half().float(), column), name
+    columns = {name: column.detach() for name, column in training.model.named_parameters()}
+    held = as_files_hold(columns, recipe().packings)
+    assert all(torch.equal(held[name], column) for name, column in columns.items())
 
 
 def test_a_share_of_the_gaussians_goes_and_so_does_the_teacher():
@@ -136,7 +132,9 @@ def test_a_file_of_any_phase_shows_what_the_model_shows(step: int, tmp_path: Pat
     packing = read_model_file(path).stored.packing
     if step == STEPS:
         assert packing["columns.sh_rest"] == "codebook8"
-        assert {packing[f"columns.{name}"] for name in ("quats", "log_scales", "opacity_logits", "sh_dc")} == {"half"}
+        assert packing["columns.quats"] == "quaternions32"
+        assert {packing[f"columns.{name}"] for name in ("log_scales", "sh_dc")} == {"fixed10"}
+        assert packing["columns.opacity_logits"] == "share8"
         assert packing["columns.means"].startswith("fixed")
     assert stored.model.rendering_tensors()["columns.sh_rest"].shape[1] == (8 if step == STEPS else 15)
 
@@ -153,7 +151,7 @@ def test_from_a_model_of_3dgs_nothing_is_grown(tmp_path: Path):
     for name, tensor in trained.model.state_dict().items():
         assert torch.equal(run.training.model.state_dict()[name], tensor)
     count = trained.model.counted().number
-    assert until(run.training, 1).model.counted().number == round(0.48 * count)
+    assert until(run.training, 1).model.counted().number == round(0.5 * count)
 
 
 def test_a_bound_is_on_the_gaussians_at_the_end():

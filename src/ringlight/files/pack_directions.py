@@ -23,6 +23,9 @@ TURN_STEPS = 254
 SMALLEST_THREE = 0.5**0.5
 """The three smaller components of a unit quaternion lie within this."""
 
+MOST_NUDGES, NUDGED = 4, SMALLEST_THREE / QUATERNION_STEPS / 2
+"""A component within a quarter of a step of the largest is moved by one, which is enough but for three equal ones."""
+
 
 def pack_directions(vectors: Float[Tensor, "N 3"]) -> Parts:
     """2.5 bytes each, at most a quarter of a degree off: low bytes of the two codes, and both high pairs of bits in a
@@ -47,7 +50,8 @@ def unpack_directions(parts: Parts) -> Float[Tensor, "N 3"]:
 
 
 def pack_quaternions(quats: Float[Tensor, "N 4"]) -> Parts:
-    """Four bytes each, at most 0.3 degrees off: which component is largest (2 bit), and the others in 10 bit each."""
+    """Four bytes each, at most 0.5 degrees off: which component is largest (2 bit), and the others in 10 bit each.
+    What comes back is packed with the same bits again."""
     length = quats.double().norm(dim=-1, keepdim=True)
     unit = quats.double() / torch.where(length > 0, length, 1)
     largest = unit.abs().argmax(-1)
@@ -55,6 +59,7 @@ def pack_quaternions(quats: Float[Tensor, "N 4"]) -> Parts:
     sign = torch.where(unit.gather(1, largest[:, None]) < 0, -1.0, 1.0)
     others = (unit * sign).gather(1, _others(largest))
     codes = ((others / SMALLEST_THREE + 1) * (QUATERNION_STEPS / 2)).round().long().clamp(0, QUATERNION_STEPS)
+    codes = _below_the_largest(codes)
     word = largest << 30 | codes[:, 0] << 20 | codes[:, 1] << 10 | codes[:, 2]
     return {"words": torch.stack([(word >> shift) & 0xFF for shift in (0, 8, 16, 24)], -1).to(torch.uint8)}
 
@@ -66,12 +71,29 @@ def unpack_quaternions(parts: Parts) -> Float[Tensor, "N 4"]:
         raise ValueError("quaternions of another size than four bytes")
     word = words[:, 0] | words[:, 1] << 8 | words[:, 2] << 16 | words[:, 3] << 24
     codes = torch.stack([(word >> 20) & 0x3FF, (word >> 10) & 0x3FF, word & 0x3FF], -1)
-    others = (codes.double() * (2 / QUATERNION_STEPS) - 1) * SMALLEST_THREE
+    others, left_out = _components(codes)
     largest = word >> 30
-    left_out = (1 - others.square().sum(-1, keepdim=True)).clamp_min(0).sqrt()
     unit = torch.zeros(len(word), 4, dtype=torch.float64)
     unit.scatter_(1, _others(largest), others).scatter_(1, largest[:, None], left_out)
     return (unit / unit.norm(dim=-1, keepdim=True)).float()
+
+
+def _components(codes: Int[Tensor, "N 3"]) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 1"]]:
+    """What three codes stand for, and the component that is left out."""
+    others = (codes.double() * (2 / QUATERNION_STEPS) - 1) * SMALLEST_THREE
+    return others, (1 - others.square().sum(-1, keepdim=True)).clamp_min(0).sqrt()
+
+
+def _below_the_largest(codes: Int[Tensor, "N 3"]) -> Int[Tensor, "N 3"]:
+    """Codes of components that rounding has made as large as the one that is left out, a step nearer to zero: otherwise
+    another component would be left out the next time, perhaps with the other sign, and rounded anew."""
+    for _ in range(MOST_NUDGES):
+        others, left_out = _components(codes)
+        nudged = others.abs() > left_out - NUDGED
+        if not bool(nudged.any()):
+            break
+        codes = torch.where(nudged, codes - others.sign().long(), codes)
+    return codes
 
 
 def _others(largest: Int[Tensor, "N"]) -> Int[Tensor, "N 3"]:

@@ -164,8 +164,10 @@ def pack_tensors(
 
 def pack_exactly(tensors: Mapping[str, Tensor], plan: Plan) -> Packed:
     """By the plan every tensor that comes back with the same bits; the others are kept."""
-    fitting = {name: t for name, t in tensors.items() if name == MEANS or _are_halves(t)}
-    with_scales = fitting | {name: t for name, t in tensors.items() if name == SCALES}
+    scales = tensors.get(SCALES)
+    # Whether half floats hold a tensor is found out first: to find rows that occur twice they are sorted.
+    fitting = {n: t for n, t in tensors.items() if _chosen(n, t, scales, plan) not in HALVES or _are_halves(t)}
+    with_scales = fitting if scales is None else fitting | {SCALES: scales}
     tried = pack_tensors(with_scales, plan)
     back = unpack_tensors(tried)
     exact = {name for name in tried.packing if torch.equal(back[name], tensors[name].detach().cpu())}
@@ -175,7 +177,7 @@ def pack_exactly(tensors: Mapping[str, Tensor], plan: Plan) -> Packed:
 
 
 def _are_halves(tensor: Tensor) -> bool:
-    """Whether half floats hold it: found out before anything is sorted."""
+    """Whether half floats hold it."""
     return tensor.is_floating_point() and torch.equal(tensor.half().to(tensor.dtype), tensor)
 
 

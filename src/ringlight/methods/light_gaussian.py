@@ -27,9 +27,9 @@ GROWN = 0.5
 """Share of the course of rates before the distillation from which a run takes them that starts from a model: it has
 lost Gaussians, and the others learn anew."""
 
-GROWING_SHARE, FINISHED_SHARE = 0.5, 0.52
-"""Of the Gaussians that are dropped, while a model is trained, and of a finished one: as few as leave files a twelfth
-of those of 3dgs. The paper drops 0.6 and 0.66, and loses more."""
+GROWING_DISTILLED, FINISHED_DISTILLED = 0.12, 0.3
+"""Shares of the steps behind the growing: a model that has just been grown recovers the longer
+(docs/methods/light-gaussian.md)."""
 
 DISTILLING = Rate(0.5, 0.05)
 """Harmonics that are distilled learn at these shares of 3dgs's first rates, from the first step to the last."""
@@ -44,17 +44,25 @@ REST = "columns.sh_rest"
 class LightGaussianRecipe(ThreeDGSRecipe):
     """LightGaussian (Fan et al. 2023): 3dgs, then fewer Gaussians, distilled harmonics, and a codebook."""
 
-    packings: ClassVar[tuple[tuple[str, str], ...]] = ((REST, "codebook8"), ("columns.*", "half"))
+    packings: ClassVar[tuple[tuple[str, str], ...]] = (
+        (REST, "codebook8"),
+        ("columns.log_scales", "fixed10"),
+        ("columns.quats", "quaternions32"),
+        ("columns.opacity_logits", "share8"),
+        ("columns.sh_dc", "fixed10"),
+        ("columns.*", "half"),
+    )
 
     grow_share: float = 0.5
     """Share of the run after which Gaussians are dropped; until then they are grown as in 3dgs. The paper drops from
     finished models, or after two thirds of a run. 0 in runs that start --from a model of 3dgs."""
-    distill_share: float = 0.12
-    """Share of the other steps in which harmonics are distilled; those before recover from the loss of Gaussians. The
-    paper has 5,000 steps of each, and begins with harmonics that are cut; ours begin with a fit to what they showed."""
-    prune_share: float | None = None
-    """Share of the Gaussians that is dropped: those of least global significance. By default 0.5 in a run that grows
-    them, 0.52 of a finished model; the paper has 0.6 and 0.66."""
+    distill_share: float | None = None
+    """Share of the other steps in which harmonics are distilled; those before recover from the loss of Gaussians. By
+    default 0.12 in a run that grows them, 0.3 of a finished model. The paper has 5,000 steps of each, and begins with
+    harmonics that are cut; ours begin with a fit to what they showed."""
+    prune_share: float = 0.5
+    """Share of the Gaussians that is dropped: those of least global significance. About as few as leave a file a
+    twelfth of that of 3dgs; the paper has 0.6 in a run that grows them, 0.66 of a finished model, and loses more."""
     prune_rounds: int = 5
     """Rounds in which they are dropped, evenly over the first half of the recovery. The paper drops all at once."""
     volume_power: float = 0.1
@@ -66,9 +74,9 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     0.05 world units, which is 0.011 of the extent of Blender's scenes."""
     codebook_size: int = 8192
     """Most codes of harmonics; there is one for every six Gaussians that share them, if these are fewer."""
-    codebook_share: float = 0.7
-    """Share of the Gaussians, those of least global significance, whose harmonics come from the codebook; the paper has
-    0.6. All harmonics but the constant one are bytes; the paper has half floats."""
+    codebook_share: float = 0.22
+    """Share of the Gaussians, those that lose least by it, whose harmonics come from the codebook. The paper has 0.6,
+    those of least global significance, and half floats where a file of ours has bytes and 10 bits."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -99,7 +107,10 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     @property
     def recovered(self) -> int:
         """The step after which harmonics are distilled."""
-        return max(self.grown + round((1 - self.distill_share) * (self.steps - self.grown)), 1)
+        share = self.distill_share
+        if share is None:
+            share = GROWING_DISTILLED if self.grown else FINISHED_DISTILLED
+        return max(self.grown + round((1 - share) * (self.steps - self.grown)), 1)
 
     def prune_steps(self) -> tuple[int, ...]:
         """The steps after which Gaussians are dropped."""
@@ -113,14 +124,7 @@ class LightGaussianRecipe(ThreeDGSRecipe):
         open_settings = {
             name: getattr(taught, name) for name in ("rates", "densify", "start", "sh_rate", "sh_rest_rate")
         }
-        return replace(self, prune_share=self.dropped, **open_settings)
-
-    @property
-    def dropped(self) -> float:
-        """The share of Gaussians that is dropped."""
-        if self.prune_share is not None:
-            return self.prune_share
-        return GROWING_SHARE if self.grown else FINISHED_SHARE
+        return replace(self, **open_settings)
 
     def _as_3dgs(self, steps: int) -> ThreeDGSRecipe:
         """The same settings as a recipe of 3dgs, so long."""
@@ -130,11 +134,11 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     def _growing(self) -> ThreeDGSRecipe:
         """What grows the Gaussians; a bound on those at the end is one on more before they are dropped."""
         grows = self._as_3dgs(self.recovered)
-        return grows.ending_with(int(self.most / (1 - self.dropped))) if self.most else grows
+        return grows.ending_with(int(self.most / (1 - self.prune_share))) if self.most else grows
 
     def never_above(self, most: int) -> "LightGaussianRecipe":
         """See :meth:`SplatRecipe.never_above`."""
-        return self.ending_with(max(int(most * (1 - self.dropped)), 1))
+        return self.ending_with(max(int(most * (1 - self.prune_share)), 1))
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "LightGaussianRecipe":
         """The same without a distillation, for a file from before it."""

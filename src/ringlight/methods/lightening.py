@@ -53,7 +53,7 @@ def _lightening(
 ) -> tuple[DropInsignificant, DistillHarmonics, QuantizeColors]:
     cameras, power = [view.camera for view in scene.train], recipe.volume_power
     return (
-        DropInsignificant(recipe.prune_steps(), recipe.dropped, cameras, power),
+        DropInsignificant(recipe.prune_steps(), recipe.prune_share, cameras, power),
         DistillHarmonics(teacher, recipe.recovered, recipe.steps, recipe.distilled_degree, cameras),
         QuantizeColors(
             recipe.steps, recipe.codebook_share, recipe.codebook_size, cameras, power,
