@@ -47,13 +47,15 @@ def test_its_grid_doubles_to_the_side_that_it_says():
     assert training.batches.kept_rays < training.batches.all_rays
 
 
-def test_its_rate_rises_at_first_and_is_set_back():
+def test_its_rate_rises_at_first_is_set_back_and_settles():
     rate = PuttRecipe(steps=30_000, rate=1.0).groups()["field.*"].rate
     assert rate.at(0.0) == pytest.approx(0.1)
     assert rate.at(101 / 30_000) == pytest.approx(1.0, rel=1e-3)
     assert rate.at(3999 / 30_000) < 0.9
     assert rate.at(4001 / 30_000) == pytest.approx(1.0, rel=1e-3)
-    assert rate.at(1.0) == pytest.approx(0.07 ** (26 / 30))
+    assert rate.at(0.8) == pytest.approx(0.07 ** (20 / 30))
+    assert rate.at(0.9) == pytest.approx((0.07 ** (20 / 30) * 0.01) ** 0.5)
+    assert rate.at(1.0) == pytest.approx(0.01)
 
 
 def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):

@@ -15,7 +15,6 @@ from ringlight.fit.rates import Adam, check_rates
 from ringlight.methods.volume_recipe import (
     BETAS,
     EPSILON,
-    GRADIENT_SHARE,
     MOST_RAYS,
     MOST_UNITS,
     Bounds,
@@ -45,11 +44,22 @@ WARM_UP = 100
 LAST_RATE = 0.07
 """Share of a learning rate that is left after a whole run, if nothing sets it back."""
 
+SETTLED_RATE = 0.01
+"""Share that is left at the end, for a faster fall over the last fifth: what Adam's steps add to all matrices of a
+product is noise, and settles (docs/methods/putt.md)."""
+
 PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
 """Length of the paper's run, and its rate of the trains. Shorter runs with that rate hardly begin to learn."""
 
+FASTER, FAST = 2.0, 8e-3
+"""Times that rate as long as it is no higher than the second, for rates that settle: 0.15 dB after 3,000 steps. In runs
+of 1,000 steps as fast ones learn less (docs/methods/putt.md)."""
+
 HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
+
+ALL_GRADIENTS = 1.0
+"""Products of eight matrices feel the noise of drawn gradients (docs/methods/putt.md)."""
 
 PAPER_RANKS = (200, 280)
 """Of density and appearance."""
@@ -95,15 +105,15 @@ class PuttRecipe(VolumeRecipe):
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
     carve: bool = True
     """Begin with what masks, or an even background, leave of the box; without, as in the paper, with all of it."""
-    gradient_share: float = GRADIENT_SHARE
+    gradient_share: float = ALL_GRADIENTS
     """At most this share of a step's samples that have a gradient hand it on, of density and of colour each, drawn by
     importance, which keeps the mean; 1, as in the papers: all do."""
     rate: float | None = None
-    """Learning rate of the trains; it falls to 0.07 of that over a run, and is set back when the grid is refined. By
-    default the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is; at most
-    0.03."""
+    """Learning rate of the trains; it falls to 0.07 of that over a run, and is set back when the grid is refined. Over
+    the last fifth of the run it falls on to 0.01. By default the paper's, 8e-4, times the root of how many times
+    shorter than its 80,000 steps the run is, and up to twice that in runs of more than 800 steps; at most 0.03."""
     network_rate: float = 1e-3
-    """Learning rate of the network."""
+    """Learning rate of the network, which falls likewise."""
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
 
@@ -203,13 +213,14 @@ class PuttRecipe(VolumeRecipe):
         """Of the trains."""
         if self.rate is not None:
             return self.rate
-        return min(PAPER_RATE * (PAPER_STEPS / max(self.steps, 1)) ** 0.5, HIGHEST_RATE)
+        rate = PAPER_RATE * (PAPER_STEPS / max(self.steps, 1)) ** 0.5
+        return min(max(min(FASTER * rate, FAST), rate), HIGHEST_RATE)
 
     def groups(self) -> dict[str, Adam]:
         """Adam's, by parameter name."""
         return {
-            "field.*": Adam(self.falling(self.first_rate, LAST_RATE, WARM_UP), BETAS, EPSILON),
-            "*": Adam(self.falling(self.network_rate, LAST_RATE), BETAS, EPSILON),
+            "field.*": Adam(self.falling(self.first_rate, LAST_RATE, WARM_UP, SETTLED_RATE), BETAS, EPSILON),
+            "*": Adam(self.falling(self.network_rate, LAST_RATE, settled_share=SETTLED_RATE), BETAS, EPSILON),
         }
 
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":

@@ -14,7 +14,6 @@ from ringlight.fit.rates import Adam, between, check_rates
 from ringlight.methods.volume_recipe import (
     BETAS,
     EPSILON,
-    GRADIENT_SHARE,
     MOST_RAYS,
     MOST_UNITS,
     Bounds,
@@ -44,6 +43,9 @@ EMPTIED = (2000, 4000)
 
 LAST_RATE = 0.1
 """Share of a learning rate that is left after a whole run, if nothing sets it back."""
+
+GRADIENT_SHARE = 0.5
+"""A quarter of the samples with a colour hand on; this adds little variance (docs/methods/tensorf.md)."""
 
 LARGEST_SIDE, MOST_COMPONENTS = 4096, 4096
 """Beyond these a number is a mistake."""

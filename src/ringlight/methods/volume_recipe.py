@@ -25,9 +25,6 @@ BETAS, EPSILON = (0.9, 0.99), 1e-8
 MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
-GRADIENT_SHARE = 0.5
-"""A quarter of the samples with a colour hand on; this adds little variance (docs/methods/tensorf.md)."""
-
 Bounds = tuple[float, float, float, float, float, float]
 """Lowest and highest corner of a box, world units: x y z x y z."""
 
@@ -95,17 +92,24 @@ class VolumeRecipe(ABC):
         """Steps of the paper's run as steps of this one."""
         return tuple(max(round(step * self.steps / self.paper_steps), 1) for step in steps)
 
-    def falling(self, first: float, last_share: float, warm_up: int = 0) -> RateInParts:
+    def falling(
+        self, first: float, last_share: float, warm_up: int = 0, settled_share: float | None = None
+    ) -> RateInParts:
         """A rate that falls to ``last_share`` of ``first`` over a run, and is set back after each refinement. It rises
-        to its start over ``warm_up`` steps of the paper's run."""
+        to its start over ``warm_up`` steps of the paper's run. With a ``settled_share`` it falls faster over the last
+        SETTLING of the run, to that share of ``first``."""
         warm = warm_up / self.paper_steps
-        ends = [*(step / self.steps for step in self.refined), 1.0]
-        begins = [0.0, *ends[:-1]]
+        begins = [0.0, *(step / self.steps for step in self.refined)]
+        ends = [*begins[1:], 1.0]
+        if settled_share is not None and begins[-1] < 1 - SETTLING:
+            ends[-1] = 1 - SETTLING
         parts = [
             Part(end, Rate(first, first * last_share ** (end - begin)))
             for begin, end in zip(begins, ends, strict=True)
             if end > begin
         ]
+        if settled_share is not None and ends[-1] < 1:
+            parts.append(Part(1.0, Rate(parts[-1].rate.end, first * settled_share)))
         rising = [Part(warm, Rate(first * COLD, first))] if warm_up and warm < parts[0].end else []
         return RateInParts((*rising, *parts))
 
@@ -166,3 +170,6 @@ class VolumeRecipe(ABC):
 
 COLD = 0.1
 """Share of a rate at which it begins to rise."""
+
+SETTLING = 0.2
+"""Share of a run, its last, over which rates fall faster where a method wants that."""
