@@ -4,6 +4,7 @@
 towards the camera, so that what moves it is the rotation.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 import torch
@@ -28,9 +29,7 @@ STRENGTHS = "reflection_logits"
 FIRST_STRENGTH = 1e-3
 """Share of the reflection in a Gaussian's colour at the start, as in 3DGS-DR: too little to see, yet it learns."""
 
-FIRST_LOGIT = -6.906754778648554
-"""Its logit."""
-
+FIRST_LOGIT = math.log(FIRST_STRENGTH / (1 - FIRST_STRENGTH))
 
 SHORTEST_QUATERNION = 1e-12
 """As torch's normalize has it: shorter ones are not stretched to unit length."""
@@ -40,20 +39,21 @@ class ReflectiveHarmonics(nn.Module):
     """Columns: those of :class:`SphericalHarmonics`, and "reflection_logits" [N], of the strength in (0, 1).
 
     Emits "rgb", the base colour, clamped at black, "normal", unit, world, towards the camera, and "reflection", the
-    strength.
+    strength. New Gaussians reflect ``first_strength`` of their light, in (0, 1).
     """
 
     emits: Mapping[str, int] = {"rgb": 3, "normal": 3, "reflection": 1}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
 
-    def __init__(self, degree: int = MAX_DEGREE):
+    def __init__(self, degree: int = MAX_DEGREE, first_strength: float = FIRST_STRENGTH):
         super().__init__()
         self.harmonic = SphericalHarmonics(degree)
+        self.first_strength = first_strength
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
-        """The points' colours from every side, and next to no reflection."""
-        strengths = torch.full((len(points.colors),), FIRST_LOGIT)
+        """The points' colours from every side, and the first strength."""
+        strengths = torch.full((len(points.colors),), self.first_strength).logit()
         return self.harmonic.new_columns(points) | {STRENGTHS: strengths.to(points.colors)}
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:

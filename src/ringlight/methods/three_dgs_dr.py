@@ -66,8 +66,15 @@ class ThreeDGSDRRecipe(SplatRecipe):
     long takes twice of it, and none more than 0.05."""
     environment_rate: float = 0.05
     """Learning rate of the environment's logits."""
-    environment_side: int = 128
-    """Texels on a side of the environment's six faces."""
+    environment_side: int = 32
+    """Texels on a side of the environment's six faces. 3DGS-DR: 128, of which short runs leave many as they were drawn,
+    for held-out views to see."""
+    first_strength: float = 0.3
+    """Share of the reflection in a Gaussian's colour at the start, between 0 and 1. 3DGS-DR: 0.001, for its first
+    normals are random; on the visual hull they are nearly right."""
+    first_texels: float = 0.1
+    """Bound of the environment's logits at the start, 0 or more: nearly grey. 3DGS-DR: 5, nearly black to nearly
+    white."""
     start: SurfaceStart = field(default_factory=lambda: SurfaceStart(points=FIRST_GAUSSIANS))
     """Where Gaussians start. 3DGS-DR takes the scene's points; discs that lie in the hull have normals to begin with,
     which short runs do not find from random points."""
@@ -75,8 +82,9 @@ class ThreeDGSDRRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
-    propagation: PropagationSettings = field(default_factory=PropagationSettings)
-    """Normal propagation and colour sabotage."""
+    propagation: PropagationSettings = field(default_factory=lambda: PropagationSettings(until=0.0))
+    """Normal propagation and colour sabotage: none, since on the visual hull they cost more than they find
+    (``--propagation.until 0.5``: 3DGS-DR's)."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0))
@@ -91,6 +99,10 @@ class ThreeDGSDRRecipe(SplatRecipe):
         for name in ("warmup", "sh_from", "sh_every"):
             if not 0 <= getattr(self, name) <= 1:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give a share of the steps, from 0 to 1")
+        if not 0 < self.first_strength < 1:
+            raise RecipeError(f"first_strength is {self.first_strength:g}; give a share between 0 and 1")
+        if not 0 <= self.first_texels < float("inf"):
+            raise RecipeError(f"first_texels is {self.first_texels:g}; give 0 or more")
         check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
 
     def at_length(self) -> "ThreeDGSDRRecipe":
@@ -108,7 +120,8 @@ class ThreeDGSDRRecipe(SplatRecipe):
         from ringlight.color.reflective_harmonics import ReflectiveHarmonics
         from ringlight.shade.environment import EnvironmentShader
 
-        return ReflectiveHarmonics(self.sh_degree), EnvironmentShader(self.environment_side, seed)
+        environment = EnvironmentShader(self.environment_side, seed, self.first_texels)
+        return ReflectiveHarmonics(self.sh_degree, self.first_strength), environment
 
     @property
     def first_lit(self) -> int:

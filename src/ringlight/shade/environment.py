@@ -30,8 +30,8 @@ from ringlight.shade.environment_kernel import (
 from ringlight.shade.passthrough import unchanged
 
 FIRST_RANGE = 5.0
-"""Logits of the texels are drawn from so far on both sides of zero, as in 3DGS-DR: nearly black to nearly white, so
-that a normal has something to go by from the first step on."""
+"""Logits of the texels are drawn from so far on both sides of zero in 3DGS-DR: nearly black to nearly white, so that a
+normal has something to go by from the first step on."""
 
 
 class EnvironmentShader(nn.Module):
@@ -39,20 +39,21 @@ class EnvironmentShader(nn.Module):
 
     Channels: "rgb" 3, over the background, "normal" 3, world, blended unit vectors, and "reflection" 1, a blended
     strength in [0, 1]. Parameter: ``texels`` [6 S S 3], logits of the environment's colours, see ``fields/cubemap.py``.
-    Buffer: ``lit``, False during the warm-up, when "rgb" is the colour.
+    They are drawn from ``first_range`` on both sides of zero. Buffer: ``lit``, False during the warm-up, when "rgb" is
+    the colour.
     """
 
     lit: Tensor
     adds_light = True
 
-    def __init__(self, side: int, seed: int = 0):
+    def __init__(self, side: int, seed: int = 0, first_range: float = FIRST_RANGE):
         super().__init__()
         if not 1 <= side <= ENVIRONMENT_MAX_SIDE:
             raise RecipeError(
                 f"a face of the environment has {side} texels on a side; give 1 to {ENVIRONMENT_MAX_SIDE}"
             )
         drawn = torch.rand(FACES, side, side, 3, generator=generator(seed, 0, "environment"))
-        self.texels = nn.Parameter((2 * drawn - 1) * FIRST_RANGE)
+        self.texels = nn.Parameter((2 * drawn - 1) * first_range)
         # Python reads it, also of a model that is an outline on torch's meta device.
         self.register_buffer("lit", torch.tensor(True, device="cpu"))
 

@@ -1,0 +1,60 @@
+"""3dgs-dr: what its reflection starts from, and that it is learned."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from contracts.methods import small
+from ringlight.core.gradients import COLUMNS
+from ringlight.errors import RecipeError
+from ringlight.fit.train import Training, train
+from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
+from ringlight.models.splats import SplatModel
+from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
+
+STEPS = 12
+SCENE = tiny_scene(views=4, size=24)
+STRENGTHS, TEXELS = COLUMNS + "reflection_logits", "shader.texels"
+
+
+def built(**settings: object) -> tuple[Training, SplatModel]:
+    recipe = replace(small("3dgs-dr", STEPS), **settings)  # type: ignore[arg-type]
+    training: Training = recipe.build(SCENE, rasterizer_for("auto"), 3)
+    splats = training.model.splats()
+    assert splats is not None
+    return training, splats
+
+
+@pytest.mark.parametrize(("strength", "texels"), [(0.001, 5.0), (0.4, 0.25), (0.9, 0.0)])
+def test_the_reflection_starts_as_strong_and_as_grey_as_asked_for(strength: float, texels: float):
+    _, model = built(first_strength=strength, first_texels=texels, environment_side=8)
+    strengths = model.get_parameter(STRENGTHS).sigmoid()
+    torch.testing.assert_close(strengths, torch.full_like(strengths, strength))
+    logits = model.get_parameter(TEXELS)
+    assert logits.shape == (6, 8, 8, 3)
+    assert texels * 0.95 <= logits.abs().max().item() <= texels
+
+
+def test_strengths_and_environment_are_learned():
+    training, model = built()
+    before = {name: model.get_parameter(name).detach().clone() for name in (STRENGTHS, TEXELS)}
+    for progress in train(training):
+        assert progress.fault is None
+    for name, first in before.items():
+        assert not torch.equal(model.get_parameter(name), first), name
+
+
+def test_rounds_of_propagation_come_only_if_asked_for():
+    recipe = ThreeDGSDRRecipe(steps=7000)
+    assert not recipe.propagation.rounds(recipe.first_lit, recipe.steps)
+    asked = replace(recipe.propagation, until=0.5)
+    assert asked.rounds(recipe.first_lit, recipe.steps) == (1350, 2350, 3350)
+
+
+@pytest.mark.parametrize("wrong", [{"first_strength": 0.0}, {"first_strength": 1.0}, {"first_texels": -0.1},
+                                   {"first_texels": float("nan")}])  # fmt: skip
+def test_starts_that_mean_nothing_are_refused(wrong: dict[str, float]):
+    with pytest.raises(RecipeError, match=next(iter(wrong))):
+        ThreeDGSDRRecipe(**wrong)  # type: ignore[arg-type]
