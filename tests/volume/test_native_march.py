@@ -8,6 +8,7 @@ from ringlight import _kernels
 from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
 from ringlight.data.rays import RayBatch
+from ringlight.volume import halves as of_halves
 from ringlight.volume import model as of_model
 from ringlight.volume import native_march
 from ringlight.volume.occupancy import is_occupied
@@ -49,7 +50,7 @@ VOLUMES = {
 def test_they_equal_the_reference(
     kind: str, halves: bool, tolerance: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(native_march, "HALVES", halves)
+    monkeypatch.setattr(of_halves, "HALVES", halves)
     model = VOLUMES[kind]()
     ours, reference = (predicted(model, native, monkeypatch) for native in (True, False))
     assert 0.2 < reference.alpha.mean() < 0.8

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int32
 from torch import Tensor
 
 from ringlight import _kernels
-from ringlight.volume import native_march
+from ringlight.volume import halves
 from ringlight.volume.factored import FactoredField
 from ringlight.volume.factors import Factors
 from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space
@@ -51,7 +51,7 @@ class FactoredSource:
     def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
         self.shown = shown
         colors = torch.empty(len(shown.samples), 3)
-        _kernels.volume_shade(*self._looked_at(shown), native_march.HALVES, colors)
+        _kernels.volume_shade(*self._looked_at(shown), halves.multiplies_halves(), colors)
         return colors
 
     def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
@@ -62,7 +62,7 @@ class FactoredSource:
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
         components = torch.empty(len(shown.samples), appearance.width)
         _kernels.volume_shade_gradient(
-            *self._looked_at(shown), native_march.HALVES, grad_colors, components, list(found.values())
+            *self._looked_at(shown), halves.multiplies_halves(), grad_colors, components, list(found.values())
         )
         prefix = "field.appearance_factors."
         return found | _scattered(appearance, self.through.places, shown.samples, components, prefix)

@@ -20,9 +20,6 @@ from ringlight.volume.contract import VolumeField
 from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
 from ringlight.volume.shading import FeatureShading
 
-HALVES = True
-"""Whether products of the network's layers may be of bfloat16, where the processor multiplies those faster."""
-
 
 @dataclass(frozen=True)
 class MarchedRays:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ringlight.volume.contract import Sides
+from ringlight.volume.halves import multiplies_halves
 from ringlight.volume.prolongation import prolonged
 from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
@@ -114,9 +115,11 @@ class TensorTrainField(nn.Module):
 
 def sampled(train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
     """By the way that is faster on a CPU."""
-    cores = train.reached
     if not len(points):
         return points.new_zeros(0, train.payload)
+    cores = train.reached
+    if points.is_cpu and points.dtype == torch.float32 and multiplies_halves():
+        cores = [core.bfloat16() for core in cores]
     if len(cores) <= LEVELS_OF_GRID:
         return from_grid(cores, points)
     # Blocks of one number an entry may be smaller: their matrices cost next to nothing.

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.core.by_autograd import ByAutograd
-from ringlight.volume import native_march
+from ringlight.volume import halves
 from ringlight.volume.contract import VolumeField
 from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space
 from ringlight.volume.shading import FeatureShading, named_layers
@@ -53,7 +53,7 @@ class TorchSource:
         return found | self.ways_back["appearance"].backward({"appearance": features})
 
     def _seen_along(self, rays: Int[Tensor, "C"]) -> tuple[list[Tensor], Tensor, Tensor, bool]:
-        return list(self.network.values()), rays, self.directions, native_march.HALVES
+        return list(self.network.values()), rays, self.directions, halves.multiplies_halves()
 
     def _asked(self, name: str, places: Float[Tensor, "N 3"]) -> Tensor:
         ask = {"density": self.field.density, "appearance": self.field.appearance}[name]

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from ringlight.volume.halves import even_rows
 from ringlight.volume.tensor_train import Cores
 from ringlight.volume.tt_ranks import AXES, OCTANTS
 
@@ -30,7 +31,8 @@ class _Children(torch.autograd.Function):
         ctx.save_for_backward(above, core, place, octants)
         found = above.new_empty(len(place), above.shape[1], core.shape[-1])
         for octant, rows in _by_octant(octants):
-            found.index_copy_(0, rows, above.index_select(0, place[rows]) @ core[:, octant])
+            products = _gathered(above, place[rows]) @ core[:, octant]
+            found.index_copy_(0, rows, products.view(-1, *found.shape[1:])[: len(rows)])
         return found
 
     @staticmethod
@@ -40,9 +42,10 @@ class _Children(torch.autograd.Function):
         of_above, of_core = torch.zeros_like(above), torch.zeros_like(core)
         for octant, rows in _by_octant(octants):
             parents = place[rows]
-            gradient = gradients[0].index_select(0, rows)
-            of_core[:, octant] = above.index_select(0, parents).flatten(0, 1).T @ gradient.flatten(0, 1)
-            of_above.index_add_(0, parents, gradient @ core[:, octant].T)
+            gradient = _gathered(gradients[0], rows)
+            of_core[:, octant] = _gathered(above, parents).T @ gradient
+            of_parents = gradient @ core[:, octant].T
+            of_above.index_add_(0, parents, of_parents.view(-1, *above.shape[1:])[: len(rows)])
         return of_above, of_core, None, None
 
 
@@ -50,3 +53,12 @@ def _by_octant(octants: Int[Tensor, "B"]) -> Iterator[tuple[int, Int[Tensor, "N"
     """Each octant with the numbers of its blocks."""
     for octant in range(OCTANTS):
         yield octant, (octants == octant).nonzero()[:, 0]
+
+
+def _gathered(matrices: Float[Tensor, "A C r"], numbers: Int[Tensor, "N"]) -> Float[Tensor, "R r"]:
+    """Rows of those of these numbers, and perhaps zeros after them."""
+    count, width, columns = len(numbers), *matrices.shape[1:]
+    rows = matrices.new_empty(-(-even_rows(count * width, matrices.dtype) // width), width, columns)
+    torch.index_select(matrices, 0, numbers, out=rows[:count])
+    rows[count:] = 0
+    return rows.flatten(0, 1)

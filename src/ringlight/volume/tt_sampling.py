@@ -1,6 +1,7 @@
 """A tensor train's values between its nodes: of the whole grid, of the blocks that points touch, or of points alone.
 
-All three give the same numbers. ``from_grid`` contracts every entry (PuTT's way).
+All three give the same numbers, of the points' type; cores may be of a shorter one, and are multiplied as that.
+``from_grid`` contracts every entry (PuTT's way).
 ``from_blocks`` contracts the first cores for the blocks of nodes that have a point in them, and all entries of these.
 ``from_points`` never writes entries down: what the last cores make of a point's corners is interpolated first, and
 meets the matrix of the first ones after that.
@@ -9,6 +10,7 @@ meets the matrix of the first ones after that.
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.volume.halves import product
 from ringlight.volume.tensor_train import Cores, contracted, suffixes
 from ringlight.volume.tt_bags import bag_sums
 from ringlight.volume.tt_blocks import blocks_of, corner_bags, parts_of, whole
@@ -18,7 +20,7 @@ from ringlight.volume.tt_products import part_products
 
 def from_grid(cores: Cores, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
     """By all entries of the grid."""
-    return bag_sums(contracted(cores).T, corner_bags(points, whole(len(cores), points.device)))
+    return bag_sums(contracted(cores).T.to(points.dtype), corner_bags(points, whole(len(cores), points.device)))
 
 
 def from_blocks(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float[Tensor, "N C"]:
@@ -28,7 +30,7 @@ def from_blocks(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float
     blocks = blocks_of(points, len(cores), first)
     before, after = some_prefixes(cores[:first], blocks.paths), suffixes(cores[first:])
     width = before.shape[1]
-    entries = before.flatten(0, 1) @ after
+    entries = product(before.flatten(0, 1), after).to(points.dtype)
     rows = entries.view(len(before), width, -1).transpose(1, 2).reshape(-1, width)
     return bag_sums(rows, corner_bags(points, blocks))
 
@@ -41,4 +43,4 @@ def from_points(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float
     blocks = blocks_of(points, len(cores), first)
     parts = parts_of(points, blocks)
     before, after = some_prefixes(cores[:first], blocks.paths), suffixes(cores[first:]).T
-    return part_products(parts, before, after)
+    return part_products(parts, before.to(points.dtype), after.to(points.dtype))

@@ -1,0 +1,34 @@
+"""Whether matrices are multiplied as bfloat16."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight import _kernels
+
+HALVES = True
+"""Whether products of the network's layers and of a tensor train's cores may be of bfloat16. What that changes:
+docs/methods/putt.md."""
+
+FASTER_ON = ("avx512_bf16", "avx512_amx")
+"""Kernels' names of processors that multiply these faster."""
+
+ROWS = 256
+"""Of matrices of bfloat16 torch takes multiples: it compiles a program for every count of rows it meets."""
+
+
+def multiplies_halves() -> bool:
+    """As this processor does it."""
+    return HALVES and _kernels.isa() in FASTER_ON
+
+
+def even_rows(count: int, dtype: torch.dtype) -> int:
+    """``count``, or the next number of rows for which there are few programs."""
+    return -(-count // ROWS) * ROWS if dtype == torch.bfloat16 else count
+
+
+def product(rows: Float[Tensor, "N r"], matrix: Float[Tensor, "r s"]) -> Float[Tensor, "N s"]:
+    """Theirs, of so many rows that there are few programs."""
+    count = len(rows)
+    more = even_rows(count, rows.dtype) - count
+    return (torch.nn.functional.pad(rows, (0, 0, 0, more)) @ matrix)[:count] if more else rows @ matrix
