@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from ringlight.core.words import MEGABYTE
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
+from ringlight.methods.putt_sizes import FEWEST_RANKS, MOST_RANKS, PAPER_RANKS, TrainSizes, levels_of, numbers_of_both
 from ringlight.methods.volume_recipe import (
     BETAS,
     EPSILON,
@@ -20,7 +20,6 @@ from ringlight.methods.volume_recipe import (
     Bounds,
     VolumeRecipe,
 )
-from ringlight.volume.tt_ranks import numbers_of
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -61,17 +60,8 @@ HIGHEST_RATE = 0.03
 ALL_GRADIENTS = 1.0
 """Products of eight matrices feel the noise of drawn gradients (docs/methods/putt.md)."""
 
-PAPER_RANKS = (200, 280)
-"""Of density and appearance."""
-
-SMALLEST_SIDE, LARGEST_SIDE, FEWEST_RANKS, MOST_RANKS = 4, 1024, 2, 1024
+SMALLEST_SIDE, LARGEST_SIDE = 4, 1024
 """Beyond these a number is a mistake."""
-
-RANK_STEP = 8
-"""Ranks that follow from a size are multiples: torch takes twice as long for matrices 251 wide as for those of 248."""
-
-MOST_CELLS = 160
-"""Along an axis, of which a bit says what is empty: volume/occupancy.py."""
 
 COPIES = 6
 """Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and one spare."""
@@ -150,7 +140,7 @@ class PuttRecipe(VolumeRecipe):
         given = next((n for n in ("density_rank", "appearance_rank") if getattr(self, n) is not None), None)
         if given is not None:
             raise RecipeError(f"size and {given} are given, and both decide the rank; leave one away")
-        least, most = (self._bytes(_in_proportion(rank)) / MEGABYTE for rank in (RANK_STEP, MOST_RANKS))
+        least, most = self._sizes.range
         if not least <= self.size <= most:
             raise RecipeError(
                 f"size is {self.size:g}; trains of {self.finest} cubed and their network take {least:.2g} to "
@@ -162,22 +152,12 @@ class PuttRecipe(VolumeRecipe):
         """Largest ranks of density and appearance."""
         if self.size is None:
             return self.density_rank or PAPER_RANKS[0], self.appearance_rank or PAPER_RANKS[1]
-        fits = RANK_STEP
-        for rank in range(RANK_STEP, MOST_RANKS + 1, RANK_STEP):
-            if self._bytes(_in_proportion(rank)) > self.size * MEGABYTE:
-                break
-            fits = rank
-        return _in_proportion(fits)
+        return self._sizes.ranks_within(self.size)
 
-    def _bytes(self, ranks: tuple[int, int]) -> int:
-        """Of a model at the end, with bits for all cells."""
-        inputs = 5 * (self.features + 3)
-        network = (inputs + self.hidden + 2) * self.hidden + 3 * (self.hidden + 1)
-        return 4 * (network + self._numbers(_levels(self.finest), ranks)) + min(self.finest, MOST_CELLS) ** 3 // 8
-
-    def _numbers(self, levels: int, ranks: tuple[int, int]) -> int:
-        """Of both trains."""
-        return numbers_of(1, levels, ranks[0]) + numbers_of(self.features, levels, ranks[1])
+    @property
+    def _sizes(self) -> TrainSizes:
+        """At the end."""
+        return TrainSizes(self.features, self.hidden, levels_of(self.finest))
 
     @property
     def emptied(self) -> tuple[int, ...]:
@@ -185,7 +165,7 @@ class PuttRecipe(VolumeRecipe):
 
     @property
     def refined(self) -> dict[int, float]:
-        first, last = _levels(self.coarsest), _levels(self.finest)
+        first, last = levels_of(self.coarsest), levels_of(self.finest)
         times = last - first
         at = self.at_share(REFINED[max(PAPER_DOUBLINGS - times, 0) :][:times])
         return {step: float(8 ** (first + 1 + k)) for k, step in enumerate(at)}
@@ -196,17 +176,17 @@ class PuttRecipe(VolumeRecipe):
 
     @property
     def smaller_sides(self) -> tuple[int, ...]:
-        return tuple(1 << level for level in range(_levels(self.finest), 1, -1))
+        return tuple(1 << level for level in range(levels_of(self.finest), 1, -1))
 
     def remedy(self, side: int) -> str:
         return f"give --finest {side} or less, or smaller ranks"
 
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
-        levels = _levels(side)
+        levels = levels_of(side)
         # Entries of all blocks and their gradients; matrices of blocks, theirs, and a copy in order.
         entries = 2 * 8**levels
         matrices = 3 * 8 ** (levels // 2) * self.features * self.ranks[1]
-        return COPIES * self._numbers(levels, self.ranks) + entries + matrices
+        return COPIES * numbers_of_both(self.features, levels, self.ranks) + entries + matrices
 
     @property
     def first_rate(self) -> float:
@@ -234,7 +214,7 @@ class PuttRecipe(VolumeRecipe):
         from ringlight.volume.tensor_train_field import TensorTrainField
 
         drawn = generator(seed, 0, "volume")
-        field = TensorTrainField(_levels(side), _levels(self.finest), self.ranks, self.features, drawn)
+        field = TensorTrainField(levels_of(side), levels_of(self.finest), self.ranks, self.features, drawn)
         return VolumeModel(field, FeatureShading(self.features, self.hidden, drawn), box)
 
     def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
@@ -242,16 +222,16 @@ class PuttRecipe(VolumeRecipe):
 
         def cores() -> list[str]:
             """Of the levels that are reached."""
-            return [f"field.density_train.cores.{k}" for k in range(_levels(model.field.sides[0]))]
+            return [f"field.density_train.cores.{k}" for k in range(levels_of(model.field.sides[0]))]
 
         return {"l1": FactorSize(cores, self.l1, self.l1, until=0)} if self.l1 else {}
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "PuttRecipe":
         """With a model of the resolution, and of the bits of what is not empty, that a file has."""
-        ranks = [shapes.get(f"field.density_train.cores.{k}", (1,)) for k in range(_levels(self.finest))]
+        ranks = [shapes.get(f"field.density_train.cores.{k}", (1,)) for k in range(levels_of(self.finest))]
         levels = 1 + sum(bool(shape) and shape[0] > 1 for shape in ranks[1:])
         bits = shapes.get("occupied", ())
-        if levels < _levels(SMALLEST_SIDE) or len(bits) != 3:
+        if levels < levels_of(SMALLEST_SIDE) or len(bits) != 3:
             return self
         return _Stored(**vars(self), side=1 << levels, bits=(bits[0], bits[1], bits[2]))
 
@@ -269,13 +249,3 @@ class _Stored(PuttRecipe):
         model = self.model_of(self.side, box)
         model.occupied = torch.zeros(self.bits, dtype=torch.uint8)
         return model
-
-
-def _levels(side: int) -> int:
-    return side.bit_length() - 1
-
-
-def _in_proportion(appearance: int) -> tuple[int, int]:
-    """Ranks in about the paper's proportion."""
-    steps = round(appearance * PAPER_RANKS[0] / PAPER_RANKS[1] / RANK_STEP)
-    return max(steps, 1) * RANK_STEP, appearance

@@ -2,7 +2,8 @@
 
 import math
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from ringlight.volume.contract import Sides
@@ -26,3 +27,16 @@ def growing(first: int, last: int, times: int) -> tuple[float, ...]:
     """Voxels after each of so many upsamplings from ``first`` cubed to ``last`` cubed, evenly in their logarithm."""
     logs = [3 * math.log(side) for side in (first, last)]
     return tuple(math.exp(logs[0] + (logs[1] - logs[0]) * (k + 1) / times) for k in range(times))
+
+
+def nodes_around(
+    of_grid: Float[Tensor, "2 3"], box: Float[Tensor, "2 3"], last: Float[Tensor, "3"]
+) -> Int[Tensor, "2 3"]:
+    """The first and last nodes that enclose a ``box``, of those from 0 to ``last`` that stand over the grid's; two
+    along each axis at least."""
+    low, high = of_grid
+    inner = (box.to(of_grid) - low) / (high - low) * last
+    ends = torch.stack([inner[0].floor(), inner[1].ceil()]).clamp_min(0).minimum(last)
+    ends[1] = ends[1].maximum(ends[0] + 1).minimum(last)
+    ends[0] = ends[0].minimum(ends[1] - 1)
+    return ends.long()

@@ -8,10 +8,7 @@ import torch.nn.functional
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ringlight.core.by_autograd import ByAutograd
 from ringlight.core.camera import Camera
-from ringlight.core.directions import normalize
-from ringlight.core.gradients import Gradients
 from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.raw_bytes import raw_bytes
 from ringlight.core.rendering import Channels, Rendering
@@ -22,11 +19,14 @@ from ringlight.models.contract import Count
 from ringlight.volume import looked_for, native_march
 from ringlight.volume.contract import Sides, VolumeField
 from ringlight.volume.factored_source import FactoredSource, density_at, has_kernels
-from ringlight.volume.grids import FEWEST_NODES
-from ringlight.volume.marching import Space, marched, samples_of, weights_of
+from ringlight.volume.grids import nodes_around
+from ringlight.volume.loading import load_resized, refuse_uneven
+from ringlight.volume.marching import Space
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
 from ringlight.volume.occupancy import cells_of, centers, everything, is_occupied, packed, widened
+from ringlight.volume.pictures import BUFFERS, against_slopes, picture, surface_layers
 from ringlight.volume.shading import FeatureShading
+from ringlight.volume.torch_march import rendered_in_torch
 from ringlight.volume.torch_source import TorchSource
 
 SHIFT = -10.0
@@ -42,16 +42,8 @@ STEPS_A_VOXEL = 2
 EMPTY = 1e-4
 """Opacity of one step, without the distance scale, below which a cell is empty (TensoRF)."""
 
-CHUNK = 4096
-"""Rays of a picture that are marched at once."""
-
 PLACES_AT_ONCE = 1 << 18
 """Of which density is asked together."""
-
-BUFFERS = ("alpha", "depth")
-
-SURFACE = 1e-3
-"""Alpha below which a pixel has neither depth nor normal."""
 
 
 class VolumeModel(nn.Module):
@@ -135,44 +127,18 @@ class VolumeModel(nn.Module):
         self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
     ) -> Rendering:
         """See :class:`ringlight.models.contract.Model`; "depth" is along the camera's axis, times alpha."""
-        rays, background = rays_of(camera).to(self.device), background.to(self.box)
-        shape, axis = (camera.height, camera.width, -1), (rays.directions @ camera.forward.to(self.box))[:, None]
-        if want is Want.GRADIENTS:
-            whole = self._rendered(rays, background, want)
-            found = dict(whole.buffers)
 
-            def backward(grad_color: Tensor, grad_buffers: Mapping[str, Tensor]) -> Gradients:
-                flat = {name: gradient.reshape(-1, 1) for name, gradient in grad_buffers.items()}
-                if "depth" in flat:
-                    flat["depth"] = flat["depth"] * axis
-                return whole.backward(grad_color.reshape(-1, 3), flat)
+        def rendered(rays: Rays) -> Rendering:
+            return self._rendered(rays, background.to(self.box), want)
 
-            color = whole.color
-        else:
-            parts = [self._rendered(rays.part(i, i + CHUNK), background, want) for i in range(0, len(rays), CHUNK)]
-            color = torch.cat([part.color for part in parts])
-            found = {name: torch.cat([part.buffers[name] for part in parts]) for name in BUFFERS}
-        found["depth"] = found["depth"] * axis
-        named = {name: values.view(shape) for name, values in found.items()}
-        if want is Want.GRADIENTS:
-            return Rendering(color.view(shape), named["alpha"], named, backward=backward)
-        return Rendering(color.view(shape), named["alpha"], named)
+        return picture(rendered, camera, rays_of(camera).to(self.device), want)
 
     def layers(self, camera: Camera) -> Channels:
         """Its colour over black as "base"; "residual" is zero, for no part of it is split off; "normal" is against the
         gradient of density, in world axes."""
         shown = self.render(camera, torch.zeros(3))
-        alpha, depth = shown.buffers["alpha"], shown.buffers["depth"]
-        there = alpha > SURFACE
-        rays = rays_of(camera).to(self.device)
-        normals = [self._normals(rays.part(begin, begin + CHUNK)) for begin in range(0, len(rays), CHUNK)]
-        return {
-            "base": shown.color,
-            "residual": torch.zeros_like(shown.color),
-            "alpha": alpha,
-            "depth": torch.where(there, depth / alpha.clamp_min(SURFACE), 0),
-            "normal": torch.where(there, torch.cat(normals).view_as(shown.color), 0),
-        }
+        slopes = against_slopes(self.density, self.box, self.space(), rays_of(camera).to(self.device))
+        return surface_layers(shown, slopes)
 
     def features(self, camera: Camera, background: Float[Tensor, "3"]) -> None:
         """None: its network is no light that could collapse."""
@@ -203,33 +169,8 @@ class VolumeModel(nn.Module):
     @torch.no_grad()
     def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
         """Of any resolution. Raises KeyError for a missing or unknown name, ValueError where shapes do not fit."""
-        own = self.state_dict()
-        strange = sorted(own.keys() ^ tensors.keys())
-        if strange:
-            raise KeyError(f"tensor {strange[0]!r} is missing, or unknown")
-        for name, tensor in tensors.items():
-            owner, _, attribute = name.rpartition(".")
-            module = self.get_submodule(owner)
-            if not name.startswith(self.resized_prefixes) and tensor.shape != own[name].shape:
-                raise ValueError(f"tensor {name!r} has shape {list(tensor.shape)}, not {list(own[name].shape)}")
-            if tensor.ndim != own[name].ndim or tensor.dtype != own[name].dtype or not tensor.numel():
-                raise ValueError(f"tensor {name!r} is {tensor.dtype} of shape {list(tensor.shape)}")
-            if attribute in module._buffers:
-                setattr(module, attribute, tensor.to(own[name].device, copy=True))
-            else:
-                setattr(module, attribute, nn.Parameter(tensor.to(own[name].device, copy=True)))
-        self._refuse_uneven()
-
-    def _refuse_uneven(self) -> None:
-        """Raise ValueError unless all of the field is of one resolution."""
-        sides = self.field.sides
-        if min(sides) < FEWEST_NODES:
-            raise ValueError(f"a grid of {sides} nodes; there must be at least {FEWEST_NODES} along each axis")
-        with torch.device("meta"):
-            wanted = {name: tuple(t.shape) for name, t in self.field.outline(sides).items()}
-        for name, tensor in self.field.named_parameters():
-            if tuple(tensor.shape) != wanted[name]:
-                raise ValueError(f"tensor 'field.{name}' has shape {list(tensor.shape)}, not {list(wanted[name])}")
+        load_resized(self, tensors, self.resized_prefixes)
+        refuse_uneven(self.field)
 
     def splats(self) -> None:
         """None: nothing is splatted."""
@@ -278,15 +219,10 @@ class VolumeModel(nn.Module):
     def shrink(self, box: Float[Tensor, "2 3"]) -> bool:
         """Cut the grid to its nodes around this box; returns whether any were cut off."""
         low, high = self.box
-        sides = self.field.sides
-        last = torch.tensor([side - 1 for side in sides]).to(self.box)
-        inner = (box.to(self.box) - low) / (high - low) * last
-        ends = torch.stack([inner[0].floor(), inner[1].ceil()]).clamp_min(0).minimum(last).long()
-        ends[1] = ends[1].maximum(ends[0] + 1).minimum(last.long())
-        ends[0] = ends[0].minimum(ends[1] - 1)
-        first, final = self.field.cuttable(*((x, y, z) for x, y, z in ends.tolist()))
-        ends = torch.tensor([first, final]).to(ends)
-        if first == (0, 0, 0) and final == tuple(side - 1 for side in sides):
+        last = torch.tensor(self.field.sides).to(self.box) - 1
+        first, final = self.field.cuttable(*((x, y, z) for x, y, z in nodes_around(self.box, box, last).tolist()))
+        ends = torch.tensor([first, final]).to(last)
+        if first == (0, 0, 0) and bool((ends[1] == last).all()):
             return False
         self.field.crop(first, final)
         self.box = low + ends / last * (high - low)
@@ -305,33 +241,9 @@ class VolumeModel(nn.Module):
         def color(places: Tensor, directions: Tensor) -> Tensor:
             return importance_sampled(self.color(places, directions), share)
 
-        recorded = ByAutograd(
-            lambda _: marched(rays, space, density, color, background), {}, dict(self.named_parameters())
-        )
-        outputs = recorded.outputs
-        buffers = {name: outputs[name] for name in BUFFERS}
-        if want is not Want.GRADIENTS:
-            return Rendering(outputs["color"], outputs["alpha"], buffers)
-
-        def backward(grad_color: Tensor, grad_buffers: Mapping[str, Tensor]) -> Gradients:
-            return Gradients(recorded.backward({"color": grad_color, **grad_buffers}))
-
-        return Rendering(outputs["color"], outputs["alpha"], buffers, backward=backward)
+        return rendered_in_torch(rays, space, density, color, background, dict(self.named_parameters()), want)
 
     def _source(self, with_way_back: bool) -> FieldSource:
         if has_kernels(self.field):
             return FactoredSource(self.field, self.shading)
         return TorchSource(self.field, self.shading, with_way_back)
-
-    def _normals(self, rays: Rays) -> Float[Tensor, "R 3"]:
-        """Unit, or zero where there is nothing."""
-        space = self.space()
-        samples = samples_of(rays, space)
-        with torch.enable_grad():
-            places = samples.places.detach().requires_grad_()
-            density = self.density(places)
-            (slopes,) = torch.autograd.grad(density.sum(), places) if len(places) else (places,)
-        weights = weights_of(samples, len(rays), space.optical * density.detach())
-        outward = -normalize(slopes.detach() / (self.box[1] - self.box[0]))
-        total = outward.new_zeros(len(rays), 3).index_add(0, samples.ray, weights[:, None] * outward)
-        return normalize(total)

@@ -1,0 +1,67 @@
+"""Ranks and bytes of putt's two trains, of density and of appearance."""
+
+from dataclasses import dataclass
+
+from ringlight.core.words import MEGABYTE
+from ringlight.volume.tt_ranks import numbers_of
+
+PAPER_RANKS = (200, 280)
+"""Of density and appearance."""
+
+FEWEST_RANKS, MOST_RANKS = 2, 1024
+"""Beyond these a number is a mistake."""
+
+RANK_STEP = 8
+"""Ranks that follow from a size are multiples: torch takes twice as long for matrices 251 wide as for those of 248."""
+
+MOST_CELLS = 160
+"""Along an axis, of which a bit says what is empty: volume/occupancy.py."""
+
+FLOAT_BYTES = 4
+
+
+@dataclass(frozen=True)
+class TrainSizes:
+    """Of a finished model whose network has so many inputs and units."""
+
+    features: int
+    hidden: int
+    levels: int
+
+    def bytes_of(self, ranks: tuple[int, int]) -> int:
+        """With bits for all cells."""
+        inputs = 5 * (self.features + 3)
+        network = (inputs + self.hidden + 2) * self.hidden + 3 * (self.hidden + 1)
+        trains = numbers_of_both(self.features, self.levels, ranks)
+        return FLOAT_BYTES * (network + trains) + min(1 << self.levels, MOST_CELLS) ** 3 // 8
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Megabytes of the smallest and the largest."""
+        least, most = (self.bytes_of(in_proportion(rank)) / MEGABYTE for rank in (RANK_STEP, MOST_RANKS))
+        return least, most
+
+    def ranks_within(self, megabytes: float) -> tuple[int, int]:
+        """The largest whose model is as small; within :attr:`range`."""
+        fits = RANK_STEP
+        for rank in range(RANK_STEP, MOST_RANKS + 1, RANK_STEP):
+            if self.bytes_of(in_proportion(rank)) > megabytes * MEGABYTE:
+                break
+            fits = rank
+        return in_proportion(fits)
+
+
+def in_proportion(appearance: int) -> tuple[int, int]:
+    """Ranks in about the paper's proportion."""
+    steps = round(appearance * PAPER_RANKS[0] / PAPER_RANKS[1] / RANK_STEP)
+    return max(steps, 1) * RANK_STEP, appearance
+
+
+def numbers_of_both(features: int, levels: int, ranks: tuple[int, int]) -> int:
+    """Of both trains."""
+    return numbers_of(1, levels, ranks[0]) + numbers_of(features, levels, ranks[1])
+
+
+def levels_of(side: int) -> int:
+    """Of a grid of so many nodes along each axis, a power of two."""
+    return side.bit_length() - 1
