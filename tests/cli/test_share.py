@@ -86,9 +86,10 @@ def test_a_page_that_fits_with_coarse_numbers_alone_is_written(
 
 
 def test_a_budget_is_kept_by_leaving_out_what_shows_least(
-    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "page.html"
+    monkeypatch.setattr(sized_page, "GOOD_ENOUGH", 0.0)  # of coarse numbers, which a budget would try first
     whole = json.loads(ringlight("share", trained["3dgs"], out, "--json", "--quiet").out)
     budget = (whole["bytes_file"] - 2_000) / 1e6
     for wrong in ("0.01", "-3", "nan"):
@@ -105,6 +106,7 @@ def test_a_thinned_page_is_the_better_of_two(trained: dict[str, Path], monkeypat
     opened = open_model(trained["3dgs"])
     model = opened.stored.model.splats()
     assert model is not None
+    monkeypatch.setattr(sized_page, "GOOD_ENOUGH", 0.0)  # of coarse numbers, which a budget would try first
     budget = len(sized_page.page_for(opened, model, None, ()).document) - 2_000.0
     best = sized_page.page_for(opened, model, budget, ())
     alone = []

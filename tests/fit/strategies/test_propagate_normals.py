@@ -1,6 +1,7 @@
 """Rounds of normal propagation, and when they come."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -74,11 +75,14 @@ def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]):
         PropagationSettings(**wrong)
 
 
-def test_the_papers_warm_up_at_the_papers_length_and_the_degrees_after_it():
+def test_the_papers_warm_up_at_the_papers_length_and_the_degrees_before_or_after_it():
     recipe = ThreeDGSDRRecipe(steps=61_000)
     assert abs(recipe.first_lit - 3000) < 100
     assert list(recipe.degrees.values()) == [1, 2, 3]
-    assert recipe.first_lit < min(recipe.degrees) < max(recipe.degrees) < recipe.steps
+    assert min(recipe.degrees) < max(recipe.degrees) < recipe.first_lit
+    as_the_paper = replace(recipe, sh_from=0.6)
+    assert list(as_the_paper.degrees.values()) == [1, 2, 3]
+    assert recipe.first_lit < min(as_the_paper.degrees) < max(as_the_paper.degrees) < recipe.steps
 
 
 def test_strengths_learn_faster_in_short_runs():
