@@ -71,8 +71,9 @@ class GaussianShaderRecipe(SplatRecipe):
     normal_rate: float | None = None
     """Learning rate of the normals' residuals at the start; it falls to a tenth. By default 1e-3 and 1.6e-2
     likewise."""
-    consistency: float = 0.2
-    """Weight of 1 - cosine between blended normals and those of the blended depths; 0 for none."""
+    consistency: float = 0.02
+    """Weight of 1 - cosine between blended normals and those of the blended depths; 0 for none. GaussianShader has 0.2,
+    which costs 0.4 dB and more in short runs (docs/methods/gaussian-shader.md)."""
     consistency_stride: int = 4
     """Every so many rows and columns of pixels it is asked for, others each step; GaussianShader asks for all."""
     zero_one: float = 1e-3
