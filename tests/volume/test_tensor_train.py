@@ -111,6 +111,26 @@ def full_train(grid: torch.Tensor) -> list[torch.Tensor]:
     return [first, torch.einsum("oi,pj->opij", eye, eye).reshape(64, 8, 8), eye[:, :, None].contiguous()]
 
 
+@given(some.lists(some.integers(-30, 30), min_size=4, max_size=4), some.booleans())
+@settings(deadline=None, max_examples=20)
+def test_rounding_bears_cores_whose_products_no_float_holds(exponents: list[int], beyond: bool):
+    cores = drawn_cores(2, 4, 40, dtype=torch.float32)
+    near, near_lost = rounded(cores, 5)
+    powers = [e + 90 * beyond for e in exponents]
+    far, far_lost = rounded([core * 2.0**e for core, e in zip(cores, powers, strict=True)], 5)
+    mean = 2.0 ** (sum(powers) / len(powers))
+    for core, other in zip(far, near, strict=True):
+        assert torch.isfinite(core).all()
+        torch.testing.assert_close(core / mean, other)
+    assert far_lost == pytest.approx(near_lost * mean ** len(powers))
+
+
+def test_rounding_leaves_an_empty_train_empty():
+    cores, lost = rounded([0 * core for core in drawn_cores(2, 4, 40)], 5)
+    assert lost == 0
+    assert contracted(cores).abs().max() == 0
+
+
 def test_rounding_has_the_same_bits_each_time():
     one, other = (rounded(drawn_cores(3, 4, 40, dtype=torch.float32), 20) for _ in range(2))
     assert one[1] == other[1]

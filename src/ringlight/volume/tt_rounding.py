@@ -10,6 +10,9 @@ from torch import Tensor
 
 from ringlight.volume.tensor_train import Cores
 
+LARGEST_EXPONENT = 120
+"""Of a power of two by which a core is divided: its inverse is a float32 with all its bits."""
+
 
 @torch.no_grad()
 def rounded(cores: Cores, most: int) -> tuple[list[Tensor], float]:
@@ -17,7 +20,9 @@ def rounded(cores: Cores, most: int) -> tuple[list[Tensor], float]:
 
     The distance is exact but for rounding of numbers: what one cut leaves out is orthogonal to what the others do.
     """
-    swept = _orthogonal_from_left(cores)
+    exponents = [_exponent(core) for core in cores]
+    # Products of these stay far from the largest float, and powers of two leave the bits as they are.
+    swept = _orthogonal_from_left([core.detach() * 2.0**-e for core, e in zip(cores, exponents, strict=True)])
     lost = 0.0
     for k in range(len(swept) - 1, 0, -1):
         core = swept[k]
@@ -26,12 +31,21 @@ def rounded(cores: Cores, most: int) -> tuple[list[Tensor], float]:
         lost += values[kept:].double().square().sum().item()
         swept[k] = right[:kept].reshape(kept, *core.shape[1:])
         swept[k - 1] = swept[k - 1] @ (left[:, :kept] * values[:kept])
-    return _evened_out(swept), math.sqrt(lost)
+    distance = math.sqrt(lost)
+    for exponent in exponents:
+        distance *= 2.0**exponent
+    return _evened_out(swept, sum(exponents)), distance
+
+
+def _exponent(core: Tensor) -> int:
+    """The power of two just above its largest entry's size, or one that is near enough."""
+    largest = core.detach().abs().max().item()
+    return max(-LARGEST_EXPONENT, min(math.frexp(largest)[1], LARGEST_EXPONENT))
 
 
 def _orthogonal_from_left(cores: Cores) -> list[Tensor]:
     """The same entries; all cores but the last have orthonormal columns."""
-    swept = [core.detach() for core in cores]
+    swept = list(cores)
     for k in range(len(swept) - 1):
         core = swept[k]
         columns, rest = torch.linalg.qr(core.flatten(0, 1))
@@ -40,10 +54,11 @@ def _orthogonal_from_left(cores: Cores) -> list[Tensor]:
     return swept
 
 
-def _evened_out(cores: list[Tensor]) -> list[Tensor]:
-    """The same entries with cores of one root mean square, so that one learning rate suits all."""
+def _evened_out(cores: list[Tensor], exponent: int) -> list[Tensor]:
+    """The same entries times two to that power, with cores of one root mean square, so that one learning rate suits
+    all."""
     sizes = [core.double().square().mean().sqrt().item() for core in cores]
     if not all(sizes):
         return cores
-    common = math.exp(sum(math.log(size) for size in sizes) / len(sizes))
+    common = math.exp((sum(math.log(size) for size in sizes) + exponent * math.log(2)) / len(sizes))
     return [(core * (common / size)).contiguous() for core, size in zip(cores, sizes, strict=True)]
