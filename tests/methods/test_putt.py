@@ -47,6 +47,14 @@ def test_its_grid_doubles_to_the_side_that_it_says():
     assert training.batches.kept_rays < training.batches.all_rays
 
 
+@pytest.mark.parametrize(
+    ("steps", "rate"),
+    [(150, 8e-4 * (80_000 / 150) ** 0.5), (3000, 8e-3), (3001, 8e-3), (15_000, 1.6e-3), (80_000, 8e-4)],
+)
+def test_the_longer_a_run_is_the_lower_is_its_rate(steps, rate):
+    assert PuttRecipe(steps=steps).first_rate == pytest.approx(rate, rel=1e-3)
+
+
 def test_its_rate_rises_at_first_is_set_back_and_settles():
     rate = PuttRecipe(steps=30_000, rate=1.0).groups()["field.*"].rate
     assert rate.at(0.0) == pytest.approx(0.1)
