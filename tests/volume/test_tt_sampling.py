@@ -5,6 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
+from ringlight import _kernels
 from ringlight.volume import halves, tensor_train_field
 from ringlight.volume.tensor_train import gathered, grid_of
 from ringlight.volume.tensor_train_field import TensorTrain, TensorTrainField
@@ -132,3 +133,20 @@ def test_a_product_has_as_many_rows_whatever_it_is_taken_of(count: int, width: i
     rows, matrix = torch.randn(count, width).to(dtype), torch.randn(width, 3).to(dtype)
     torch.testing.assert_close(halves.product(rows, matrix), rows @ matrix)
     assert halves.even_rows(count, dtype) % (1 if dtype == torch.float32 else halves.ROWS) == 0
+
+
+@pytest.mark.usefixtures("all_cores_afterwards")
+@pytest.mark.parametrize("levels", [3, 6, 7])
+def test_bits_are_the_same_for_any_number_of_threads(levels: int):
+    """By the grid, by blocks and by points."""
+    field = TensorTrainField(levels, levels, (40, 56), 5, torch.Generator().manual_seed(0))
+    places, states = points(3000, dtype=torch.float32), []
+    for threads in (1, 2, 4):
+        _kernels.set_threads(threads)
+        state = []
+        for values, train in ((field.density, field.density_train), (field.appearance, field.appearance_train)):
+            shown = values(places)
+            state += [shown, *torch.autograd.grad(shown.square().sum(), train.reached)]
+        states.append(state)
+    for others in states[1:]:
+        assert all(torch.equal(one, other) for one, other in zip(states[0], others, strict=True))

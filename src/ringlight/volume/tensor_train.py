@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ringlight.volume.halves import product
 from ringlight.volume.tt_ranks import AXES, OCTANTS
 
 Cores = Sequence[Float[Tensor, "_ _ _"]]
@@ -33,18 +34,18 @@ def octant_path(nodes: Int[Tensor, "N 3"], levels: int) -> Int[Tensor, "N"]:
 
 def prefixes(cores: Cores) -> Float[Tensor, "r P s"]:
     """Products of matrices along all paths through the first cores, in Morton order."""
-    product = cores[0]
+    found = cores[0]
     for core in cores[1:]:
-        product = (product.flatten(0, 1) @ core.flatten(1)).view(len(product), -1, core.shape[-1])
-    return product
+        found = product(found.flatten(0, 1), core.flatten(1)).view(len(found), -1, core.shape[-1])
+    return found
 
 
 def suffixes(cores: Cores) -> Float[Tensor, "r P"]:
     """The same through the last cores."""
-    product = cores[-1].flatten(1)
+    found = cores[-1].flatten(1)
     for core in reversed(cores[:-1]):
-        product = (core.flatten(0, 1) @ product).view(len(core), -1)
-    return product
+        found = product(core.flatten(0, 1), found).view(len(core), -1)
+    return found
 
 
 def contracted(cores: Cores) -> Float[Tensor, "C M"]:
@@ -53,7 +54,7 @@ def contracted(cores: Cores) -> Float[Tensor, "C M"]:
     if not half:
         return suffixes(cores)
     first = prefixes(cores[:half])
-    return (first.flatten(0, 1) @ suffixes(cores[half:])).view(len(first), -1)
+    return product(first.flatten(0, 1), suffixes(cores[half:])).view(len(first), -1)
 
 
 def grid_of(cores: Cores) -> Float[Tensor, "S S S C"]:

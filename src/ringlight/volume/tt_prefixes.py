@@ -1,6 +1,7 @@
 """What the first cores of a train make of some of its blocks: a matrix each."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import torch
@@ -8,6 +9,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from ringlight.core.side_by_side import side_by_side
 from ringlight.volume.halves import even_rows
 from ringlight.volume.tensor_train import Cores
 from ringlight.volume.tt_ranks import AXES, OCTANTS
@@ -30,9 +32,12 @@ class _Children(torch.autograd.Function):
     def forward(ctx: Any, above: Tensor, core: Tensor, place: Tensor, octants: Tensor) -> Tensor:
         ctx.save_for_backward(above, core, place, octants)
         found = above.new_empty(len(place), above.shape[1], core.shape[-1])
-        for octant, rows in _by_octant(octants):
+
+        def make(octant: int, rows: Tensor) -> None:
             products = _gathered(above, place[rows]) @ core[:, octant]
             found.index_copy_(0, rows, products.view(-1, *found.shape[1:])[: len(rows)])
+
+        side_by_side([partial(make, *each) for each in _by_octant(octants)], above.device)
         return found
 
     @staticmethod
@@ -40,12 +45,17 @@ class _Children(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor, None, None]:
         above, core, place, octants = ctx.saved_tensors
         of_above, of_core = torch.zeros_like(above), torch.zeros_like(core)
-        for octant, rows in _by_octant(octants):
+
+        def go_back(octant: int, rows: Tensor) -> tuple[Tensor, Tensor]:
             parents = place[rows]
             gradient = _gathered(gradients[0], rows)
             of_core[:, octant] = _gathered(above, parents).T @ gradient
-            of_parents = gradient @ core[:, octant].T
-            of_above.index_add_(0, parents, of_parents.view(-1, *above.shape[1:])[: len(rows)])
+            return parents, (gradient @ core[:, octant].T).view(-1, *above.shape[1:])[: len(rows)]
+
+        # Children of different octants have the same parents: these are summed in their order.
+        pieces = [partial(go_back, *each) for each in _by_octant(octants)]
+        for parents, of_parents in side_by_side(pieces, above.device):
+            of_above.index_add_(0, parents, of_parents)
         return of_above, of_core, None, None
 
 
