@@ -154,8 +154,9 @@ void scatter(const Inputs& factors, Points places, const Numbers& samples, Input
   const auto to = factors_from<float>(gradients);
   for (int axis = 0; axis < 3; axis++)
     require(grid.sides[axis] == to.sides[axis], "volume: gradients must have the factors' sizes");
-  require(grid.components == to.components, "volume: gradients must have the factors' sizes");
-  const std::size_t rows = samples.size(), width = 3 * grid.components;
+  require(grid.components == to.components && grid.has_planes() == to.has_planes(),
+          "volume: gradients must have the factors' sizes");
+  const std::size_t rows = samples.size(), width = static_cast<std::size_t>(grid.width());
   const bool by_component = gradient.size() == rows * width;
   require(by_component || gradient.size() == rows, "volume: a gradient for each sample, or for each component of it");
   require_numbers(samples, places.shape(0));
@@ -187,7 +188,7 @@ void bind_volume(nb::module_& module) {
              "At most a share of the rows that have a gradient, drawn by importance: fills their numbers and what each "
              "counts, and returns how many.");
   module.def("volume_scatter", &scatter, "factors"_a, "places"_a, "samples"_a, "gradient"_a, "gradients"_a,
-             "Adds the gradients of planes and lines by samples, which are given by number.");
+             "Adds the gradients of planes and lines, or of three lines, by samples, which are given by number.");
 }
 
 }  // namespace ringlight

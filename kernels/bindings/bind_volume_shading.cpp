@@ -49,7 +49,7 @@ Looked looked_from(const Sampled& sampled, std::size_t rows) {
   require(samples.size() == rows, "volume: a sample for each row");
   require_numbers(samples, places.shape(0));
   const auto grid = factors_from<const float>(factors);
-  return {{nullptr, grid, places.data(), samples.data()}, 3 * static_cast<std::size_t>(grid.components)};
+  return {{nullptr, grid, places.data(), samples.data()}, static_cast<std::size_t>(grid.width())};
 }
 
 Looked looked_from(const Input& features, std::size_t rows) {

@@ -24,25 +24,27 @@ using Arrays = std::vector<Array>;
 
 constexpr std::size_t VOLUME_LANES = 16, VOLUME_WIDEST = 4096;
 
-// Three planes, then three lines.
+// Three planes, then three lines; or three lines alone.
 template <class Float, class Tensors>
 inline VolumeFactors<Float> factors_from(const Tensors& tensors) {
-  require(tensors.size() == 6, "volume: three planes and three lines");
+  require(tensors.size() == 6 || tensors.size() == 3, "volume: three planes and three lines, or three lines");
   VolumeFactors<Float> made{};
+  const bool has_planes = tensors.size() == 6;
+  const std::size_t first = has_planes ? 3 : 0;
   constexpr int axes[3][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
-  require(tensors[3].ndim() == 2, "volume: lines must be [S C]");
-  const std::size_t components = tensors[3].shape(1);
+  require(tensors[first].ndim() == 2, "volume: lines must be [S C]");
+  const std::size_t components = tensors[first].shape(1);
   require(components > 0 && components <= VOLUME_WIDEST && components % VOLUME_LANES == 0,
           "volume: components must be a multiple of 16");
   made.components = static_cast<int>(components);
-  for (int pair = 0; pair < 3; pair++) {
-    const auto& line = tensors[3 + pair];
+  for (std::size_t k = 0; k < 3; k++) {
+    const auto& line = tensors[first + k];
     require(line.ndim() == 2 && line.shape(1) == components && line.shape(0) >= 2 && line.shape(0) <= VOLUME_WIDEST,
             "volume: lines must be [S C] of 2 to 4096 nodes");
-    made.sides[axes[pair][2]] = static_cast<int>(line.shape(0));
-    made.lines[pair] = line.data();
+    made.sides[has_planes ? axes[k][2] : static_cast<int>(k)] = static_cast<int>(line.shape(0));
+    made.lines[k] = line.data();
   }
-  for (int pair = 0; pair < 3; pair++) {
+  for (std::size_t pair = 0; pair < first; pair++) {
     const auto& plane = tensors[pair];
     require(plane.ndim() == 3 && plane.shape(2) == components &&
                 plane.shape(1) == static_cast<std::size_t>(made.sides[axes[pair][0]]) &&

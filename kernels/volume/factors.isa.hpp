@@ -1,4 +1,4 @@
-// Planes times lines at one place: lanes are components.
+// Planes times lines, or three lines, at one place: lanes are components.
 #pragma once
 #include "simd/simd.isa.hpp"
 #include "volume/volume.hpp"
@@ -54,9 +54,41 @@ RINGLIGHT_INLINE Vec on_line(const float* line, const Corners& at, int first) {
   return fma(Vec(at.line_share[1]), load(line + at.line[1] + first), sum);
 }
 
+// Where a place lies on three lines: the offset of the node before it on each, and the share of the way to the next.
+struct OnLines {
+  std::size_t low[3], width;
+  float share[3];
+};
+
+template <class Float>
+RINGLIGHT_INLINE OnLines on_lines(const VolumeFactors<Float>& factors, const float* place) {
+  OnLines at;
+  at.width = static_cast<std::size_t>(factors.components);
+  for (int axis = 0; axis < 3; axis++) {
+    const Between here = between(place[axis], factors.sides[axis]);
+    at.low[axis] = static_cast<std::size_t>(here.low) * at.width, at.share[axis] = here.share;
+  }
+  return at;
+}
+
+RINGLIGHT_INLINE Vec along(const VolumeFactors<const float>& factors, const OnLines& at, int axis, int first) {
+  const float* node = factors.lines[axis] + at.low[axis] + first;
+  const Vec low = load(node);
+  return fma(Vec(at.share[axis]), load(node + at.width) - low, low);
+}
+
+RINGLIGHT_INLINE Vec of_lines(const VolumeFactors<const float>& factors, const OnLines& at, int first) {
+  return along(factors, at, 0, first) * along(factors, at, 1, first) * along(factors, at, 2, first);
+}
+
 // Components of sixteen, still side by side, whose lanes add up to the sum of all components.
 static inline Vec summed_components(const VolumeFactors<const float>& factors, const float* place) {
   Vec sum(0.f);
+  if (!factors.has_planes()) {
+    const OnLines at = on_lines(factors, place);
+    for (int first = 0; first < factors.components; first += LANES) sum += of_lines(factors, at, first);
+    return sum;
+  }
   for (int pair = 0; pair < PAIRS; pair++) {
     const Corners at = corners_of(factors, pair, place);
     for (int first = 0; first < factors.components; first += LANES)
@@ -67,6 +99,11 @@ static inline Vec summed_components(const VolumeFactors<const float>& factors, c
 
 // All of them, pair after pair.
 static inline void components_at(const VolumeFactors<const float>& factors, const float* place, float* to) {
+  if (!factors.has_planes()) {
+    const OnLines at = on_lines(factors, place);
+    for (int first = 0; first < factors.components; first += LANES) store(to + first, of_lines(factors, at, first));
+    return;
+  }
   for (int pair = 0; pair < PAIRS; pair++) {
     const Corners at = corners_of(factors, pair, place);
     for (int first = 0; first < factors.components; first += LANES, to += LANES)

@@ -21,7 +21,7 @@ struct Widths {
   int components, features, of[LAYERS + 1], widest;
 
   Widths(const VolumeShape& shape, const VolumeSeen& seen)
-      : components(seen.features ? 0 : PAIRS * seen.factors.components),
+      : components(seen.features ? 0 : seen.factors.width()),
         features(shape.features),
         of{(shape.features + DIRECTION) * (1 + 2 * FREQUENCIES), shape.hidden, shape.hidden, COLORS} {
     widest = components;

@@ -1,4 +1,5 @@
-// Volumes: samples along rays, density and appearance as planes times lines, a network for colour, and the way back.
+// Volumes: samples along rays, density and appearance as planes times lines or as three lines, a network for colour, and
+// the way back.
 // TensoRF (Chen et al., ECCV 2022). What is a sum over samples has a fixed order, whatever the number of threads.
 #pragma once
 #include <cstddef>
@@ -24,12 +25,16 @@ struct VolumeSpace {
   int most;
 };
 
-// Planes [S_b S_a C] and lines [S_c C] for the axes (x y, z), (x z, y), (y z, x); `components` C is a multiple of 16.
+// Planes [S_b S_a C] and lines [S_c C] for the axes (x y, z), (x z, y), (y z, x), which have C components each. Or no
+// planes, and lines [S C] for x, y and z, whose products are C components in all. C is a multiple of 16.
 template <class Float>
 struct VolumeFactors {
   Float *planes[3], *lines[3];
   int sides[3];
   int components;
+
+  bool has_planes() const { return planes[0]; }
+  int width() const { return has_planes() ? 3 * components : components; }  // components of a place
 };
 
 // Of all rays the samples from offsets[r] to offsets[r + 1]: places [M 3] in the box's [0, 1]^3, `along` the ray,

@@ -100,3 +100,20 @@ TAKEN: list[tuple[str, Place]] = [
     ("volume_shade_gradient", (3,)),
 ]
 """Arrays that may be shorter."""
+
+
+def test_kernels_refuse_three_lines_that_do_not_fit():
+    lines, planes = [torch.rand(5, 16) for _ in range(3)], [torch.rand(5, 5, 16) for _ in range(3)]
+    places = torch.rand(4, 3)
+    with pytest.raises(ValueError, match="three planes and three lines, or three lines"):
+        _kernels.volume_density(lines[:2], places, torch.empty(4))
+    with pytest.raises(ValueError, match="multiple of 16"):
+        _kernels.volume_density([line[:, :15].contiguous() for line in lines], places, torch.empty(4))
+    with pytest.raises(ValueError, match="2 to 4096 nodes"):
+        _kernels.volume_density([lines[0][:1], *lines[1:]], places, torch.empty(4))
+    numbers, gradient = torch.arange(4, dtype=torch.int32), torch.rand(4)
+    for wrong in ([*planes, *lines], [lines[0][:4], *lines[1:]]):
+        with pytest.raises(ValueError, match="must have the factors' sizes"):
+            _kernels.volume_scatter(lines, places, numbers, gradient, wrong)
+    with pytest.raises(ValueError, match="a gradient for each sample"):
+        _kernels.volume_scatter(lines, places, numbers, torch.rand(4, 48), lines)

@@ -1,4 +1,5 @@
-"""Planes times lines in the kernels: no more densities than a ray sees, and components that are never all in memory."""
+"""Planes times lines, or three lines, in the kernels: no more densities than a ray sees, and components that are never
+all in memory."""
 
 from collections.abc import Mapping
 from typing import TypeGuard
@@ -22,9 +23,7 @@ def has_kernels(field: object) -> TypeGuard[FactoredField]:
     """Whether a field is of the form that these kernels take."""
     if not isinstance(field, FactoredField):
         return False
-    return all(
-        each.kind == "vm" and each.components % LANES == 0 for each in (field.density_factors, field.appearance_factors)
-    )
+    return all(each.components % LANES == 0 for each in (field.density_factors, field.appearance_factors))
 
 
 def density_at(factors: Factors, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
@@ -83,9 +82,17 @@ def _scattered(
 ) -> dict[str, Tensor]:
     found = [torch.zeros_like(tensor, requires_grad=False) for tensor in _tensors(factors)]
     _kernels.volume_scatter(_tensors(factors), places, samples, gradient, found)
-    names = [f"{prefix}{kind}.{k}" for kind in ("planes", "lines") for k in range(3)]
-    return dict(zip(names, found, strict=True))
+    return {f"{prefix}{name}": tensor for (name, _), tensor in zip(_named(factors), found, strict=True)}
 
 
 def _tensors(factors: Factors) -> list[Tensor]:
-    return [*factors.planes.parameters(), *factors.lines.parameters()]
+    return [tensor for _, tensor in _named(factors)]
+
+
+def _named(factors: Factors) -> list[tuple[str, Tensor]]:
+    """Planes, if there are any, before lines, as the kernels take them."""
+    return [
+        (f"{kind}.{k}", tensor)
+        for kind, tensors in (("planes", factors.planes), ("lines", factors.lines))
+        for k, tensor in enumerate(tensors)
+    ]
