@@ -29,7 +29,9 @@ def ball(kind: Decomposition) -> of_model.VolumeModel:
             radial = 3 - 14 * (squares[None, :, None] + squares[:, None, None])
             plane.copy_(radial.clamp(-4, 2).expand_as(plane))
         for line in factors.lines:
-            line.fill_(0.5) if kind == "vm" else line.copy_((-6 * squares).exp()[:, None].expand_as(line))
+            line.copy_(
+                (torch.full_like(squares, 0.5) if kind == "vm" else (-6 * squares).exp())[:, None].expand_as(line)
+            )
     model.find_empty()
     return model
 

@@ -123,13 +123,14 @@ def _train_all() -> None:
     from ringlight.core.want import Want
     from ringlight.fit.train import train
     from ringlight.methods.table import METHODS
+    from ringlight.methods.tensorf import TensorfRecipe
     from ringlight.rasterize.choose import rasterizer_for
     from ringlight.volume.tensor_train_field import TensorTrainField
 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
     from tiny_scene import tiny_scene
 
-    for preset in METHODS.values():
+    for preset in (*METHODS.values(), TensorfRecipe(decomposition="cp")):
         scene, rasterize = tiny_scene(views=3, size=24), rasterizer_for("cpu")
         recipe, _ = preset.settled(scene, rasterize, 0)
         recipe = dataclasses.replace(recipe, steps=STEPS)

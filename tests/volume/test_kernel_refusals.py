@@ -20,13 +20,17 @@ Place = tuple[int, ...]
 """Of an array among a call's arguments, which may be tuples or lists of arrays."""
 
 
-def recorded(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[Any, ...]]:
-    """The first call of each kernel of volumes and trains, in steps of both."""
-    calls: dict[str, tuple[Any, ...]] = {}
+Calls = dict[tuple[str, int], tuple[Any, ...]]
+"""By kernel and by how many factors it was given, if any."""
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch) -> Calls:
+    """The first call of each kernel of volumes and trains, of each form, in steps of all."""
+    calls: Calls = {}
     for name in dir(_kernels):
         if name.startswith(("volume_", "train_")):
             monkeypatch.setattr(_kernels, name, recording(name, getattr(_kernels, name), calls))
-    for model in (volume(), volume_of_trains()):
+    for model in (volume(), volume("cp", (96, 288)), volume_of_trains()):
         model.gradient_share = 0.5
         model.meets_something(rays(RAYS))
         shown = model.predict(RayBatch(rays(RAYS), torch.zeros(RAYS, 3), BACKGROUND), Want.GRADIENTS)
@@ -38,12 +42,21 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[Any, ...]]:
     return calls
 
 
-def recording(name: str, kernel: Any, calls: dict[str, tuple[Any, ...]]) -> Any:
+def recording(name: str, kernel: Any, calls: Calls) -> Any:
     def called(*arguments: Any) -> Any:
-        calls.setdefault(name, copied(arguments))
+        calls.setdefault((name, factors_in(name, arguments)), copied(arguments))
         return kernel(*arguments)
 
     return called
+
+
+def factors_in(name: str, arguments: Any) -> int:
+    """Six of planes times lines, three of lines, none of what takes no factors."""
+    if name in FACTORS and not isinstance(arguments[0], Tensor):
+        for place in FACTORS[name]:
+            arguments = arguments[place]
+        return len(arguments)
+    return len(arguments[0]) if name == "volume_scatter" else 0
 
 
 def copied(arguments: Any) -> Any:
@@ -74,15 +87,19 @@ def test_kernels_refuse_arrays_that_are_a_row_short(monkeypatch: pytest.MonkeyPa
     calls = recorded(monkeypatch)
     assert len(calls) > 15, sorted(calls)
     taken = []
-    for name, arguments in calls.items():
+    for (name, factors), arguments in calls.items():
         getattr(_kernels, name)(*copied(arguments))
         for at in arrays(arguments):
             try:
                 getattr(_kernels, name)(*copied(with_a_row_less(arguments, at)))
             except (ValueError, TypeError):
                 continue
-            taken.append((name, at))
-    assert sorted(taken) == sorted(TAKEN)
+            taken.append((name, factors, at))
+    of_lines = {(name, at) for name, factors, at in taken if factors == 3}
+    assert {(name, at) for name, factors, at in taken if factors != 3} == set(TAKEN)
+    lines = {(name, (*at, line)) for name, at in FACTORS.items() for line in range(3)}
+    assert of_lines == lines | {(name, at) for name, at in TAKEN if name in FACTORS or name == "volume_scatter"}
+    assert {factors for name, factors in calls if name == "volume_scatter"} == {3, 6}
 
 
 TAKEN: list[tuple[str, Place]] = [
@@ -101,6 +118,14 @@ TAKEN: list[tuple[str, Place]] = [
 ]
 """Arrays that may be shorter."""
 
+FACTORS: dict[str, Place] = {
+    "volume_march": (2,),
+    "volume_density": (0,),
+    "volume_shade": (0, 0),
+    "volume_shade_gradient": (0, 0),
+}
+"""Where kernels take planes and lines; each of three lines alone has as many nodes as it has."""
+
 
 def test_kernels_refuse_three_lines_that_do_not_fit():
     lines, planes = [torch.rand(5, 16) for _ in range(3)], [torch.rand(5, 5, 16) for _ in range(3)]
@@ -109,8 +134,9 @@ def test_kernels_refuse_three_lines_that_do_not_fit():
         _kernels.volume_density(lines[:2], places, torch.empty(4))
     with pytest.raises(ValueError, match="multiple of 16"):
         _kernels.volume_density([line[:, :15].contiguous() for line in lines], places, torch.empty(4))
-    with pytest.raises(ValueError, match="2 to 4096 nodes"):
-        _kernels.volume_density([lines[0][:1], *lines[1:]], places, torch.empty(4))
+    for wrong in (lines[0][:1], torch.rand(5, 32)):
+        with pytest.raises(ValueError, match="2 to 4096 nodes"):
+            _kernels.volume_density([lines[0], wrong, lines[2]], places, torch.empty(4))
     numbers, gradient = torch.arange(4, dtype=torch.int32), torch.rand(4)
     for wrong in ([*planes, *lines], [lines[0][:4], *lines[1:]]):
         with pytest.raises(ValueError, match="must have the factors' sizes"):

@@ -66,8 +66,9 @@ def test_they_equal_the_reference(
         assert (found[name] - gradient).norm() < of_gradients * gradient.norm(), name
 
 
-def test_the_density_of_places_is_the_fields_and_none_where_it_is_empty():
-    model = volume()
+@pytest.mark.parametrize("kind", ["planes times lines", "lines"])
+def test_the_density_of_places_is_the_fields_and_none_where_it_is_empty(kind: str):
+    model = VOLUMES[kind]()
     places = torch.rand(1003, 3, generator=torch.Generator().manual_seed(3)) * 1.2 - 0.1
     there = is_occupied(model.occupied, places)
     assert 0.5 < there.float().mean() < 0.9

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from ringlight import _kernels
-from ringlight.volume import halves, tensor_train_field
+from ringlight.volume import halves, products, tensor_train_field
+from ringlight.volume.products import product
 from ringlight.volume.tensor_train import gathered, grid_of
 from ringlight.volume.tensor_train_field import TensorTrain, TensorTrainField
 from ringlight.volume.tt_corners import corners_of
@@ -131,14 +132,15 @@ def test_halves_show_and_learn_nearly_the_same(levels: int, monkeypatch: pytest.
 @settings(deadline=None, max_examples=25)
 def test_a_product_has_as_many_rows_whatever_it_is_taken_of(count: int, width: int, dtype: torch.dtype):
     rows, matrix = torch.randn(count, width).to(dtype), torch.randn(width, 3).to(dtype)
-    torch.testing.assert_close(halves.product(rows, matrix), rows @ matrix)
+    torch.testing.assert_close(product(rows, matrix), rows @ matrix)
     assert halves.even_rows(count, dtype) % (1 if dtype == torch.float32 else halves.ROWS) == 0
 
 
 @pytest.mark.usefixtures("all_cores_afterwards")
 @pytest.mark.parametrize("levels", [3, 6, 7])
-def test_bits_are_the_same_for_any_number_of_threads(levels: int):
-    """By the grid, by blocks and by points."""
+def test_bits_are_the_same_for_any_number_of_threads(levels: int, monkeypatch: pytest.MonkeyPatch):
+    """By the grid, by blocks and by points, in pieces so small that there are many."""
+    monkeypatch.setattr(products, "PIECE", 32)
     field = TensorTrainField(levels, levels, (40, 56), 5, torch.Generator().manual_seed(0))
     places, states = points(3000, dtype=torch.float32), []
     for threads in (1, 2, 4):

@@ -53,7 +53,8 @@ PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
 FASTER, FAST, FAST_STEPS = 2.0, 8e-3, 3_000
 """Times that rate as long as it is no higher than the second, for rates that settle, in runs of up to so many steps:
 0.15 dB there. In runs of 1,000 steps as fast ones learn less. Longer runs take the second as many times lower as they
-are longer: at 15,000 steps two to four times that rate learned less (docs/methods/putt.md)."""
+are longer: of a run of 15,000 steps whose first rate was 3.7e-3, 600 steps learned more at a half or a quarter of that
+(docs/methods/putt.md)."""
 
 HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
@@ -185,9 +186,10 @@ class PuttRecipe(VolumeRecipe):
 
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
         levels = levels_of(side)
-        # Entries of all blocks and their gradients; matrices of blocks, theirs, and a copy in order.
+        # Entries of all blocks and their gradients; matrices of blocks, theirs, and two copies in order, since threads
+        # share them out.
         entries = 2 * 8**levels
-        matrices = 3 * 8 ** (levels // 2) * self.features * self.ranks[1]
+        matrices = 4 * 8 ** (levels // 2) * self.features * self.ranks[1]
         return COPIES * numbers_of_both(self.features, levels, self.ranks) + entries + matrices
 
     @property

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ringlight.volume.halves import product
+from ringlight.volume.products import product
 from ringlight.volume.tt_ranks import AXES, OCTANTS
 
 Cores = Sequence[Float[Tensor, "_ _ _"]]

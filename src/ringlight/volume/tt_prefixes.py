@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from ringlight.core.side_by_side import side_by_side
+from ringlight.core.shared_pieces import do_all, each_of
 from ringlight.volume.halves import even_rows
 from ringlight.volume.tensor_train import Cores
 from ringlight.volume.tt_ranks import AXES, OCTANTS
@@ -37,7 +37,7 @@ class _Children(torch.autograd.Function):
             products = _gathered(above, place[rows]) @ core[:, octant]
             found.index_copy_(0, rows, products.view(-1, *found.shape[1:])[: len(rows)])
 
-        side_by_side([partial(make, *each) for each in _by_octant(octants)], above.device)
+        do_all([partial(make, *each) for each in _by_octant(octants)], above.device)
         return found
 
     @staticmethod
@@ -54,7 +54,7 @@ class _Children(torch.autograd.Function):
 
         # Children of different octants have the same parents: these are summed in their order.
         pieces = [partial(go_back, *each) for each in _by_octant(octants)]
-        for parents, of_parents in side_by_side(pieces, above.device):
+        for parents, of_parents in each_of(pieces, above.device):
             of_above.index_add_(0, parents, of_parents)
         return of_above, of_core, None, None
 

@@ -10,7 +10,7 @@ meets the matrix of the first ones after that.
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.volume.halves import product
+from ringlight.volume.products import product
 from ringlight.volume.tensor_train import Cores, contracted, suffixes
 from ringlight.volume.tt_bags import bag_sums
 from ringlight.volume.tt_blocks import blocks_of, corner_bags, parts_of, whole
