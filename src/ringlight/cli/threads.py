@@ -4,8 +4,8 @@ from ringlight.errors import BackendError, RecipeError
 
 TORCH_THREADS = 1
 """torch cuts long arrays into a part for each of its threads, and rounds the last numbers of a part otherwise (sigmoid)
-or adds the parts up (mean): with more than one, bits would depend on ``--threads``. Its share is small, but for products
-of tensor trains, which ``core/shared_pieces.py`` shares out."""
+or adds the parts up (mean): with more than one, bits would depend on ``--threads``. Its share is small, but for
+products of tensor trains, which ``core/shared_pieces.py`` shares out."""
 
 
 def check_threads(count: int) -> None:
