@@ -49,10 +49,10 @@ def test_its_grid_doubles_to_the_side_that_it_says():
 
 @pytest.mark.parametrize(
     ("steps", "rate"),
-    [(150, 8e-4 * (80_000 / 150) ** 0.5), (3000, 8e-3), (3001, 8e-3), (15_000, 1.6e-3), (80_000, 8e-4)],
+    [(50, 0.03), (150, 8e-4 * (80_000 / 150) ** 0.5), (3000, 8e-3), (15_000, 3.7e-3), (80_000, 1.6e-3)],
 )
 def test_the_longer_a_run_is_the_lower_is_its_rate(steps, rate):
-    assert PuttRecipe(steps=steps).first_rate == pytest.approx(rate, rel=1e-3)
+    assert PuttRecipe(steps=steps).first_rate == pytest.approx(rate, rel=2e-3)
 
 
 def test_its_rate_rises_at_first_is_set_back_and_settles():

@@ -50,11 +50,9 @@ product is noise, and settles (docs/methods/putt.md)."""
 PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
 """Length of the paper's run, and its rate of the trains. Shorter runs with that rate hardly begin to learn."""
 
-FASTER, FAST, FAST_STEPS = 2.0, 8e-3, 3_000
-"""Times that rate as long as it is no higher than the second, for rates that settle, in runs of up to so many steps:
-0.15 dB there. In runs of 1,000 steps as fast ones learn less. Longer runs take the second as many times lower as they
-are longer: of a run of 15,000 steps whose first rate was 3.7e-3, 600 steps learned more at a half or a quarter of that
-(docs/methods/putt.md)."""
+FASTER, FAST = 2.0, 8e-3
+"""Times that rate as long as it is no higher than the second, for rates that settle: 0.15 dB after 3,000 steps, and
+0.36 dB after 15,000 over half of it or less. In runs of 1,000 steps as fast ones learn less (docs/methods/putt.md)."""
 
 HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
@@ -103,8 +101,7 @@ class PuttRecipe(VolumeRecipe):
     rate: float | None = None
     """Learning rate of the trains; it falls to 0.07 of that over a run, and is set back when the grid is refined. Over
     the last fifth of the run it falls on to 0.01. By default the paper's, 8e-4, times the root of how many times
-    shorter than its 80,000 steps the run is, and up to twice that in runs of more than 800 steps; at most 0.03. Runs of
-    more than 3,000 steps take 8e-3 as many times lower as they are longer, at least the paper's."""
+    shorter than its 80,000 steps the run is, and up to twice that in runs of more than 800 steps; at most 0.03."""
     network_rate: float = 1e-3
     """Learning rate of the network, which falls likewise."""
     l1: float = 1e-5
@@ -197,8 +194,6 @@ class PuttRecipe(VolumeRecipe):
         """Of the trains."""
         if self.rate is not None:
             return self.rate
-        if self.steps > FAST_STEPS:
-            return max(FAST * FAST_STEPS / self.steps, PAPER_RATE)
         rate = PAPER_RATE * (PAPER_STEPS / max(self.steps, 1)) ** 0.5
         return min(max(min(FASTER * rate, FAST), rate), HIGHEST_RATE)
 
