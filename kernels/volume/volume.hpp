@@ -1,5 +1,5 @@
-// Volumes: samples along rays, density and appearance as planes times lines or as three lines, a network for colour, and
-// the way back.
+// Volumes: samples along rays, density and appearance as planes times lines or as three lines, a network for colour,
+// and the way back.
 // TensoRF (Chen et al., ECCV 2022). What is a sum over samples has a fixed order, whatever the number of threads.
 #pragma once
 #include <cstddef>
