@@ -28,10 +28,9 @@ def ball(kind: Decomposition) -> of_model.VolumeModel:
         for plane in factors.planes:
             radial = 3 - 14 * (squares[None, :, None] + squares[:, None, None])
             plane.copy_(radial.clamp(-4, 2).expand_as(plane))
+        along = torch.full_like(squares, 0.5) if kind == "vm" else (-6 * squares).exp()
         for line in factors.lines:
-            line.copy_(
-                (torch.full_like(squares, 0.5) if kind == "vm" else (-6 * squares).exp())[:, None].expand_as(line)
-            )
+            line.copy_(along[:, None].expand_as(line))
     model.find_empty()
     return model
 
