@@ -51,8 +51,9 @@ PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
 """Length of the paper's run, and its rate of the trains. Shorter runs with that rate hardly begin to learn."""
 
 FASTER, FAST = 2.0, 8e-3
-"""Times that rate as long as it is no higher than the second, for rates that settle: 0.15 dB after 3,000 steps, and
-0.36 dB after 15,000 over half of it or less. In runs of 1,000 steps as fast ones learn less (docs/methods/putt.md)."""
+"""Times that rate as long as it is no higher than the second, for rates that settle: 0.15 dB after 3,000 steps. Of
+two runs of 15,000 the one at less than half of it had 0.36 dB less. In runs of 1,000 steps as fast ones learn less
+(docs/methods/putt.md)."""
 
 HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
