@@ -9,7 +9,8 @@ from scene_folders import colmap_names, write_colmap, write_mask
 
 from ringlight.data.options import FOUND, UNUSED, SceneOptions
 from ringlight.errors import OutputError
-from ringlight.runs import session
+from ringlight.measure import machine
+from ringlight.runs import finish, session
 from ringlight.runs.resume import resume_run
 from ringlight.runs.start import start_run
 from small_recipes import small
@@ -50,3 +51,16 @@ def test_undistorted_photographs_make_room_for_a_checkpoint(tmp_path: Path, monk
     run.save()
     assert run.folder.checkpoint.is_file()
     assert not kept.exists()
+
+
+def test_a_report_names_the_commit_with_which_its_run_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    recipe = replace(small("3dgs", steps=1), steps=1)
+    began = machine.source_commit()
+    run = start_run(tmp_path / "run", write_colmap(tmp_path / "scene"), "3dgs", recipe, SceneOptions(), 0, "cpu")
+    for _ in run.steps():
+        pass
+    monkeypatch.setattr(machine, "_git", lambda *of: "a later commit")  # the checkout moves on under the run
+    later = machine.source_commit()
+    if later is None:
+        pytest.skip("needs a checkout of ringlight")
+    assert finish.measure_session(run, nets=()).commit == began != later

@@ -71,6 +71,8 @@ class TrainingFacts:
     collapses: tuple[str, ...] = ()
     bytes_file: int | None = None
     curve: tuple[CurvePoint, ...] = ()
+    commit: str | None = field(default_factory=source_commit)
+    """Of the code that trained, or else measures."""
 
 
 def measure(
@@ -158,6 +160,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         training_bytes=session.training.bytes_by_part(),
         collapses=sentences(session.training.guard.collapses) if session.training.guard else (),
         curve=tuple(session.history.points),
+        commit=session.commit,
     )
     pictures = KeptPictures(*session.folder.pictures)
     report = measure(session.training.model, session.scene, facts, pictures, nets, tell)
@@ -228,7 +231,6 @@ def _report(scene: Scene, facts: TrainingFacts, scores: Scores, model: Model, sp
     done, seconds = facts.iterations, facts.train_seconds
     return Report(
         version=ringlight.__version__,
-        commit=source_commit(),
         dataset=scene.format,
         scene=scene.name,
         split=f"{len(scene.train)} training, {counted(len(scene.test), 'test view')}",

@@ -13,6 +13,7 @@ from ringlight.data.decode_check import DecodeCheck
 from ringlight.data.file_marks import marks_of
 from ringlight.errors import DivergedError, OutputError, SceneError
 from ringlight.fit.train import Progress, Training, train
+from ringlight.measure.machine import source_commit
 from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.store import model_header, save_model, scene_facts
 from ringlight.runs.checkpoints import write_checkpoint
@@ -48,6 +49,8 @@ class Session:
     """How the training went so far."""
     marks: str = field(init=False)
     """Of the training photographs, as they are now."""
+    commit: str | None = field(default_factory=source_commit, init=False)
+    """Of the code when the session began: a checkout may move on under a run."""
 
     def __post_init__(self) -> None:
         self.marks = marks_of(self.scene.train)
