@@ -5,13 +5,16 @@ import shutil
 from pathlib import Path
 
 import pytest
+import torch
 from cli_session import flags
 from command import Command
 from refusal import refused
 from scenes_on_disk import edit_json
 
+from ringlight.core.directions import shortest_axes
 from ringlight.files.tensor_file import read_metadata
 from ringlight.methods.store import load_model
+from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
 
 
@@ -93,3 +96,21 @@ def test_refusals_name_the_remedy_and_write_nothing(
     refused(ringlight("compress", trained["3dgs"], tmp_path / "n.safetensors", tmp_path / "no"), 1, tmp_path / "no")
     assert [path.name for path in tmp_path.iterdir()] == ["there.safetensors"]
     assert (tmp_path / "there.safetensors").read_text() == "mine"
+
+
+@pytest.mark.parametrize("method", ["3dgs-dr", "gaussian-shader"])
+def test_axes_that_are_normals_stay_where_they_point(
+    method: str, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    run, small = tmp_path / "run", tmp_path / "small.safetensors"
+    made = ringlight("train", tiny, method, *flags(steps=20, initial_points=200), "--quiet", "--out", run, "--lpips")
+    assert made.code == 0, made.err
+    assert ringlight("compress", run, small, "--quiet").code == 0
+    before, after = (_normals(file) for file in (run / "model.safetensors", small))
+    assert ((before * after).sum(-1) > 0.999).all()
+
+
+def _normals(file: Path) -> torch.Tensor:
+    model = load_model(file, rasterizer_for("reference")).model
+    assert isinstance(model, SplatModel)
+    return shortest_axes(model.gaussians, torch.tensor([0.3, 0.2, 4.0]))

@@ -47,11 +47,12 @@ def test_a_weight_of_zero_leaves_a_term_out():
 
 
 @pytest.mark.parametrize("ambient", [False, True])
-def test_a_page_is_told_its_maps_and_that_its_axes_are_normals(ambient: bool):
-    shown = shown_of(trained(ambient=ambient)[1])
+def test_a_page_is_told_its_maps(ambient: bool):
+    _, model = trained(ambient=ambient)
+    shown = shown_of(model)
     assert shown.sizes["AMBIENT"] == ambient
     assert shown.settings["levels"] == [[16, 0.08], [8, 1.0], [8, 0.0]]
-    assert shown.axes_are_normals
+    assert model.color.axes_are_normals
     assert shown.lit
 
 

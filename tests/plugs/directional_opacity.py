@@ -35,6 +35,7 @@ class DirectionalOpacity(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = False
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         columns = SphericalHarmonics().new_columns(points)

@@ -37,6 +37,7 @@ class HarmonicsWithNormals(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3, "normal": 3}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = True
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         return SphericalHarmonics().new_columns(points)

@@ -34,6 +34,7 @@ class Dimmed(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = False
 
     def new_columns(self, points):
         return {"dim": torch.tensor(FACTORS).repeat(len(points.positions) // len(FACTORS))}

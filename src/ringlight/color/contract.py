@@ -33,6 +33,8 @@ class ColorModel(Protocol):
     """Columns that rendering does not need once the rows that are not ``wanted`` are gone."""
     opacity_columns: tuple[str, ...]
     """Columns in units of opacity, which add to the table's: who makes a row fainter makes them fainter alike."""
+    axes_are_normals: bool
+    """Whether colours depend on which axis of a Gaussian is the shortest, and on its sign: packing keeps both then."""
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """Per-Gaussian parameters to start from, P rows each."""

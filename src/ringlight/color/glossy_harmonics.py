@@ -45,6 +45,7 @@ class GlossyHarmonics(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = (OPACITY_REST,)
+    axes_are_normals: bool = False
 
     def __init__(self, degree: int = MAX_DEGREE, opacity_degree: int = MAX_DEGREE):
         super().__init__()

@@ -36,6 +36,7 @@ class SphericalHarmonics(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = False
 
     def __init__(self, degree: int = MAX_DEGREE):
         super().__init__()

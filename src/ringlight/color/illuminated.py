@@ -55,6 +55,7 @@ class Illuminated(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = False
 
     def __init__(
         self, settings: IlluminationSettings, box: Float[Tensor, "2 3"], seed: int = 0, gradient_share: float = 1.0

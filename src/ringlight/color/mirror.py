@@ -36,6 +36,7 @@ class Mirror(nn.Module):
 
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = False
 
     def __init__(self, latents: int, seed: int = 0):
         super().__init__()

@@ -45,6 +45,7 @@ class ReflectiveHarmonics(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3, "normal": 3, "reflection": 1}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = True
 
     def __init__(self, degree: int = MAX_DEGREE, first_strength: float = FIRST_STRENGTH):
         super().__init__()

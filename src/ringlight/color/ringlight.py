@@ -64,6 +64,7 @@ class RingLight(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3}
     training_columns: tuple[str, ...] = (MASK,)
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = False
 
     def __init__(self, settings: RingLightSettings, box: Float[Tensor, "2 3"], seed: int = 0):
         super().__init__()

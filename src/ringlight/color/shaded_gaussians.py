@@ -59,6 +59,7 @@ class ShadedGaussians(nn.Module):
     emits: Mapping[str, int] = {"rgb": 3, "normal": 3, "depth": 1}
     training_columns: tuple[str, ...] = ()
     opacity_columns: tuple[str, ...] = ()
+    axes_are_normals: bool = True
 
     def __init__(self, light: SplitSumLight, degree: int = MAX_DEGREE, ambient: bool = False, tint: float = 0.5):
         super().__init__()

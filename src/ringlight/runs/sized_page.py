@@ -99,7 +99,7 @@ class _Pages:
         stored, stops = opened.stored, stops_of(opened.stored.cameras)
         tell("looking at the model")
         shown = shown_of(model)
-        self.axes_are_normals = shown.axes_are_normals
+        self.axes_are_normals = model.color.axes_are_normals
         self.condensed = CondensedPage(model.color, model) if isinstance(model.color, Illuminated) else None
         facts = facts_of_page(stored, model, shown, stops)
         self.facts = facts | {"lights": [visible(pack.scene) for pack in packs]}

@@ -50,11 +50,6 @@ class Shown:
     blends: bool = True
     """Whether the page can blend between lights."""
 
-    @property
-    def axes_are_normals(self) -> bool:
-        """Whether colours depend on which axis of a Gaussian is the shortest, and on its sign."""
-        return self.kind in ("environment", "shaded")
-
 
 def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     """How the page shows ``model``, of this ``method``. Raises RecipeError for a kind or shape of model that it cannot
