@@ -12,6 +12,7 @@ from contracts.methods import GROWING, small
 from plugs.relocate import Relocate
 from ringlight.core.camera import Camera
 from ringlight.core.scene import Scene
+from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
@@ -62,6 +63,7 @@ STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
     "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),
     "unlock": lambda scene: Unlock("color.active_degree", {5: 1, 12: 2, 20: 3}),
     "propagate normals": lambda scene: PropagateNormals(PropagationSettings(), (4, 20), {9}.__contains__, seed=3),
+    "average": lambda scene: AverageAtEnd(HALF - 3, STEPS - 2),
     "plug: relocate": lambda scene: Relocate(every=4, noise=1e-3, seed=3),
 }
 

@@ -8,6 +8,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.train import train
 from ringlight.methods import volume_training
 from ringlight.methods.putt import PuttRecipe
+from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import small
 from spoiled_volumes import assert_refused_without_its_end
@@ -55,8 +56,10 @@ def test_the_longer_a_run_is_the_lower_is_its_rate(steps, rate):
     assert PuttRecipe(steps=steps).first_rate == pytest.approx(rate, rel=2e-3)
 
 
-def test_its_rate_rises_at_first_is_set_back_and_settles():
-    rate = PuttRecipe(steps=30_000, rate=1.0).groups()["field.*"].rate
+def test_its_rate_rises_at_first_is_set_back_and_settles_where_no_models_are_averaged():
+    averaging = PuttRecipe(steps=30_000, rate=1.0).groups()["field.*"].rate
+    rate = PuttRecipe(steps=30_000, rate=1.0, average=0.0).groups()["field.*"].rate
+    assert averaging.at(1.0) == pytest.approx(0.2 ** (26 / 30))
     assert rate.at(0.0) == pytest.approx(0.1)
     assert rate.at(101 / 30_000) == pytest.approx(1.0, rel=1e-3)
     assert rate.at(3999 / 30_000) < 0.9
@@ -64,6 +67,15 @@ def test_its_rate_rises_at_first_is_set_back_and_settles():
     assert rate.at(0.8) == pytest.approx(0.07 ** (20 / 30))
     assert rate.at(0.9) == pytest.approx((0.07 ** (20 / 30) * 0.01) ** 0.5)
     assert rate.at(1.0) == pytest.approx(0.01)
+
+
+def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
+    assert PuttRecipe(steps=15_000).averaged == 13_501
+    assert PuttRecipe(steps=15_000, average=1.0).averaged == 2001
+    assert PuttRecipe(steps=15_000, average=0.0).averaged is None
+    written = recipe_to_dict(PuttRecipe())
+    del written["average"]
+    assert recipe_from_dict(PuttRecipe, written).average == 0
 
 
 def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
@@ -90,6 +102,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"size": 1e9}, "give one of these, such as 12"),
         ({"size": 12.0, "density_rank": 100}, "size and density_rank are given"),
         ({"gradient_share": float("nan")}, "gradient_share is nan"),
+        ({"average": 1.5}, "average is 1.5; give a share"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),

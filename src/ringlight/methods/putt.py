@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
 from ringlight.methods.putt_sizes import FEWEST_RANKS, MOST_RANKS, PAPER_RANKS, TrainSizes, levels_of, numbers_of_both
@@ -40,12 +41,14 @@ EMPTIED = (2000, 4000)
 WARM_UP = 100
 """Steps of such a run over which the trains' rate rises."""
 
-LAST_RATE = 0.07
-"""Share of a learning rate that is left after a whole run, if nothing sets it back."""
+AVERAGED, LAST_RATE = 0.1, 0.2
+"""Share of a run, its last, whose models are averaged, and share of a learning rate that is left after a whole run, if
+nothing sets it back. What Adam's steps add to all matrices of a product is noise; a mean is without it, and rates need
+to fall less (docs/methods/putt.md)."""
 
-SETTLED_RATE = 0.01
-"""Share that is left at the end, for a faster fall over the last fifth: what Adam's steps add to all matrices of a
-product is noise, and settles (docs/methods/putt.md)."""
+SETTLING_RATE, SETTLED_RATE = 0.07, 0.01
+"""Where no models are averaged: share of a rate after a run, and after a faster fall over its last fifth, by which that
+noise settles."""
 
 PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
 """Length of the paper's run, and its rate of the trains. Shorter runs with that rate hardly begin to learn."""
@@ -100,13 +103,16 @@ class PuttRecipe(VolumeRecipe):
     """At most this share of a step's samples that have a gradient hand it on, of density and of colour each, drawn by
     importance, which keeps the mean; 1, as in the papers: all do."""
     rate: float | None = None
-    """Learning rate of the trains; it falls to 0.07 of that over a run, and is set back when the grid is refined. Over
-    the last fifth of the run it falls on to 0.01. By default the paper's, 8e-4, times the root of how many times
-    shorter than its 80,000 steps the run is, and up to twice that in runs of more than 800 steps; at most 0.03."""
+    """Learning rate of the trains; it falls to a fifth over a run, and is set back when the grid is refined. By default
+    the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and up to twice that
+    in runs of more than 800 steps; at most 0.03."""
     network_rate: float = 1e-3
     """Learning rate of the network, which falls likewise."""
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
+    average: float = later(0.0, now=AVERAGED)
+    """Share of a run, its last: the model that is kept is the mean of those after its steps. 0 keeps the last one;
+    rates fall to 0.07 then, and to 0.01 over the last fifth."""
 
     paper_steps: ClassVar[int] = 30_000  # TensoRF's, whose steps PuTT takes over in runs of 80,000
 
@@ -132,7 +138,7 @@ class PuttRecipe(VolumeRecipe):
         if not 0 <= self.l1 < math.inf:
             raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
         self.refuse_bounds()
-        self.refuse_gradient_share()
+        self.refuse_shares()
         self._refuse_size()
 
     def _refuse_size(self) -> None:
@@ -200,9 +206,10 @@ class PuttRecipe(VolumeRecipe):
 
     def groups(self) -> dict[str, Adam]:
         """Adam's, by parameter name."""
+        last, settled = (LAST_RATE, None) if self.average else (SETTLING_RATE, SETTLED_RATE)
         return {
-            "field.*": Adam(self.falling(self.first_rate, LAST_RATE, WARM_UP, SETTLED_RATE), BETAS, EPSILON),
-            "*": Adam(self.falling(self.network_rate, LAST_RATE, settled_share=SETTLED_RATE), BETAS, EPSILON),
+            "field.*": Adam(self.falling(self.first_rate, last, WARM_UP, settled), BETAS, EPSILON),
+            "*": Adam(self.falling(self.network_rate, last, settled_share=settled), BETAS, EPSILON),
         }
 
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":

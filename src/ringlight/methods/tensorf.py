@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, between, check_rates
 from ringlight.methods.volume_recipe import (
@@ -96,6 +97,8 @@ class TensorfRecipe(VolumeRecipe):
     """Weight of the total variation of density's planes. The paper has 0.1, and l1 0, for real photographs."""
     tv_appearance: float = 0.0
     """Weight of the total variation of appearance's planes; 0.01 there."""
+    average: float = later(0.0)
+    """Share of a run, its last: the model that is kept is the mean of those after its steps; 0 keeps the last one."""
 
     paper_steps: ClassVar[int] = 30_000
 
@@ -108,7 +111,7 @@ class TensorfRecipe(VolumeRecipe):
             if not 0 <= (getattr(self, name) or 0.0) < math.inf:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give 0 (none) or more")
         self.refuse_bounds()
-        self.refuse_gradient_share()
+        self.refuse_shares()
 
     def _refuse_counts(self) -> None:
         self.refuse_counts(

@@ -47,6 +47,8 @@ class VolumeRecipe(ABC):
     bounds: Bounds | None
     carve: bool
     gradient_share: float
+    average: float
+    """Share of a run, its last, over whose models the one that is kept is the mean."""
 
     @property
     @abstractmethod
@@ -87,6 +89,13 @@ class VolumeRecipe(ABC):
     @abstractmethod
     def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
         """What is added to the loss, by name."""
+
+    @property
+    def averaged(self) -> int | None:
+        """The first step of these; None where the last model is kept. The grid keeps its shape from there on."""
+        reshaped = max((*self.emptied, *self.refined), default=0)
+        first = max(self.steps - round(self.average * self.steps), reshaped) + 1
+        return first if self.average and first < self.steps else None
 
     def at_share(self, steps: tuple[int, ...]) -> tuple[int, ...]:
         """Steps of the paper's run as steps of this one."""
@@ -151,10 +160,12 @@ class VolumeRecipe(ABC):
             if value is not None and not least <= value <= most:
                 raise RecipeError(f"{name} is {value}; give {least} to {most}")
 
-    def refuse_gradient_share(self) -> None:
+    def refuse_shares(self) -> None:
         """Raise RecipeError for what is no share."""
         if not 0 < self.gradient_share <= 1:
             raise RecipeError(f"gradient_share is {self.gradient_share:g}; give more than 0, at most 1")
+        if not 0 <= self.average <= 1:
+            raise RecipeError(f"average is {self.average:g}; give a share of the run, from 0 (the last model) to 1")
 
     def refuse_bounds(self) -> None:
         """Raise RecipeError for a box without an inside."""

@@ -9,6 +9,7 @@ from ringlight.data.rays import RayBatches
 from ringlight.errors import RecipeError
 from ringlight.fit.losses.rays import RayLoss
 from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training
@@ -44,12 +45,13 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
         raise RecipeError(f"no ray of a photograph meets the box {corners}; give other --bounds, or none")
     if not met.all():
         batches.keep(met)
+    averages = () if recipe.averaged is None else (AverageAtEnd(recipe.averaged, recipe.steps),)
     return Training(
         model=model,
         batches=batches,
         loss=RayLoss(batches),
         optimizer=Optimizer(model, recipe.groups(), recipe.steps),
-        strategies=(EmptySpace(batches, emptied), RefineGrid(recipe.refined)),
+        strategies=(EmptySpace(batches, emptied), RefineGrid(recipe.refined), *averages),
         steps=recipe.steps,
         regularizers=recipe.terms(model),
     )
