@@ -17,7 +17,7 @@ from ringlight.fit.guard import Guard, sentences
 from ringlight.fit.losses.contract import Compared, Loss
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.regularizers.contract import Regularizer, Term
-from ringlight.fit.strategies.contract import Strategy
+from ringlight.fit.strategies.contract import AtTheEnd, Strategy
 from ringlight.models.contract import Model
 
 
@@ -58,8 +58,12 @@ class Training:
         return tuple({name: None for looker in lookers for name in looker.buffers})
 
     def extend(self, added: int) -> None:
-        """Let the run have ``added`` more steps; what strategies do by its length is not done again."""
+        """Let the run have ``added`` more steps. What strategies do by its length is not done again, but for those
+        ``AtTheEnd``."""
         self.optimizer.extend(added)
+        for strategy in self.strategies:
+            if isinstance(strategy, AtTheEnd):
+                strategy.extend(added)
         self.steps += added
 
     def state(self) -> dict[str, Tensor]:

@@ -39,3 +39,30 @@ def test_means_are_kept_only_while_they_grow() -> None:
     training = training_of(average)
     kept = [bool(average.state()) for _ in train(training)]
     assert kept == [FIRST <= step < STEPS for step in range(1, STEPS + 1)]
+
+
+def test_in_a_longer_run_it_is_the_mean_of_its_own_last_steps() -> None:
+    training = training_of(AverageAtEnd(FIRST, STEPS))
+    after_each_step(training)
+    training.extend(STEPS)
+    models = after_each_step(training)
+    unaveraged = training_of(AverageAtEnd(FIRST, STEPS))
+    after_each_step(unaveraged)
+    unaveraged.extend(STEPS)
+    unaveraged.strategies = ()
+    plain = after_each_step(unaveraged)
+    for name, kept in models[-1].items():
+        mean = torch.stack([models[name].double() for models in plain[FIRST - 1 :]]).mean(0)
+        torch.testing.assert_close(kept.double(), mean, rtol=1e-5, atol=1e-6)
+
+
+def test_steps_that_are_added_in_its_midst_move_it() -> None:
+    average = AverageAtEnd(FIRST, STEPS)
+    training = training_of(average)
+    steps = train(training)
+    while training.step <= FIRST:
+        next(steps)
+    training.extend(STEPS)
+    kept = [len(average.state()) for _ in steps]
+    assert training.step == 2 * STEPS
+    assert kept[-1] == 0 < kept[-2]

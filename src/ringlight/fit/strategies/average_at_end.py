@@ -23,6 +23,10 @@ class AverageAtEnd:
         self.first, self.last = first, last
         self._means: dict[str, Tensor] = {}
 
+    def extend(self, added: int) -> None:
+        """See :class:`ringlight.fit.strategies.contract.AtTheEnd`."""
+        self.first, self.last = self.first + added, self.last + added
+
     @torch.no_grad()
     def update(self, step: int, model: nn.Module, optimizer: Optimizer, prediction: Rendering) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""

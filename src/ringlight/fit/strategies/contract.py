@@ -41,3 +41,12 @@ class DensityControl(Strategy, Protocol):
     def resets(self, step: int) -> bool:
         """Whether opacities are lowered after this step, so that the loss rises."""
         ...
+
+
+@runtime_checkable
+class AtTheEnd(Strategy, Protocol):
+    """A strategy whose work is due at the end of a run, wherever that comes to be."""
+
+    def extend(self, added: int) -> None:
+        """The run has so many steps more."""
+        ...
