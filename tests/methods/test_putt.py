@@ -5,6 +5,7 @@ import torch
 
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
+from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.train import train
 from ringlight.methods import volume_training
 from ringlight.methods.putt import PuttRecipe
@@ -70,9 +71,12 @@ def test_its_rate_rises_at_first_is_set_back_and_settles_where_no_models_are_ave
 
 
 def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
-    assert PuttRecipe(steps=15_000).averaged == 13_501
-    assert PuttRecipe(steps=15_000, average=1.0).averaged == 2001
-    assert PuttRecipe(steps=15_000, average=0.0).averaged is None
+    assert PuttRecipe(steps=15_000).averaged_from == 13_501
+    assert PuttRecipe(steps=15_000, average=1.0).averaged_from == 2001
+    assert PuttRecipe(steps=15_000, average=0.0).averaged_from is None
+    built_for = built(steps=40, average=0.25).strategies[-1]
+    assert isinstance(built_for, AverageAtEnd)
+    assert (built_for.first, built_for.last) == (31, 40)
     written = recipe_to_dict(PuttRecipe())
     del written["average"]
     assert recipe_from_dict(PuttRecipe, written).average == 0

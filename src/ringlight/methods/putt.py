@@ -54,7 +54,7 @@ PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
 """Length of the paper's run, and its rate of the trains. Shorter runs with that rate hardly begin to learn."""
 
 FASTER, FAST = 2.0, 8e-3
-"""Times that rate as long as it is no higher than the second, for rates that settle: 0.15 dB after 3,000 steps. Of
+"""Times that rate as long as it is no higher than the second, 0.15 dB, with rates that settled, after 3,000 steps. Of
 two runs of 15,000 the one at less than half of it had 0.36 dB less. In runs of 1,000 steps as fast ones learn less
 (docs/methods/putt.md)."""
 
@@ -111,7 +111,7 @@ class PuttRecipe(VolumeRecipe):
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
     average: float = later(0.0, now=AVERAGED)
-    """Share of a run, its last: the model that is kept is the mean of those after its steps. 0 keeps the last one;
+    """Share of a run, its last: the kept model is the mean of the models after each of its steps. 0 keeps the last one;
     rates fall to 0.07 then, and to 0.01 over the last fifth."""
 
     paper_steps: ClassVar[int] = 30_000  # TensoRF's, whose steps PuTT takes over in runs of 80,000
@@ -206,7 +206,7 @@ class PuttRecipe(VolumeRecipe):
 
     def groups(self) -> dict[str, Adam]:
         """Adam's, by parameter name."""
-        last, settled = (LAST_RATE, None) if self.average else (SETTLING_RATE, SETTLED_RATE)
+        last, settled = (LAST_RATE, None) if self.averaged_from is not None else (SETTLING_RATE, SETTLED_RATE)
         return {
             "field.*": Adam(self.falling(self.first_rate, last, WARM_UP, settled), BETAS, EPSILON),
             "*": Adam(self.falling(self.network_rate, last, settled_share=settled), BETAS, EPSILON),

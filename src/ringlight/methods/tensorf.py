@@ -98,7 +98,7 @@ class TensorfRecipe(VolumeRecipe):
     tv_appearance: float = 0.0
     """Weight of the total variation of appearance's planes; 0.01 there."""
     average: float = later(0.0)
-    """Share of a run, its last: the model that is kept is the mean of those after its steps; 0 keeps the last one."""
+    """Share of a run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the last."""
 
     paper_steps: ClassVar[int] = 30_000
 

@@ -91,8 +91,8 @@ class VolumeRecipe(ABC):
         """What is added to the loss, by name."""
 
     @property
-    def averaged(self) -> int | None:
-        """The first step of these; None where the last model is kept. The grid keeps its shape from there on."""
+    def averaged_from(self) -> int | None:
+        """First step whose model counts in the mean; None where the last is kept. The grid keeps its shape since."""
         reshaped = max((*self.emptied, *self.refined), default=0)
         first = max(self.steps - round(self.average * self.steps), reshaped) + 1
         return first if self.average and first < self.steps else None

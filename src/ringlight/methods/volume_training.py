@@ -45,7 +45,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
         raise RecipeError(f"no ray of a photograph meets the box {corners}; give other --bounds, or none")
     if not met.all():
         batches.keep(met)
-    averages = () if recipe.averaged is None else (AverageAtEnd(recipe.averaged, recipe.steps),)
+    averages = () if recipe.averaged_from is None else (AverageAtEnd(recipe.averaged_from, recipe.steps),)
     return Training(
         model=model,
         batches=batches,

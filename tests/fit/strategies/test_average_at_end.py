@@ -1,5 +1,6 @@
 """The model that is kept is the mean of the last steps', and training itself does not know of it."""
 
+import pytest
 import torch
 
 from contracts.methods import small
@@ -41,28 +42,31 @@ def test_means_are_kept_only_while_they_grow() -> None:
     assert kept == [FIRST <= step < STEPS for step in range(1, STEPS + 1)]
 
 
-def test_in_a_longer_run_it_is_the_mean_of_its_own_last_steps() -> None:
-    training = training_of(AverageAtEnd(FIRST, STEPS))
-    after_each_step(training)
-    training.extend(STEPS)
-    models = after_each_step(training)
-    unaveraged = training_of(AverageAtEnd(FIRST, STEPS))
-    after_each_step(unaveraged)
-    unaveraged.extend(STEPS)
-    unaveraged.strategies = ()
-    plain = after_each_step(unaveraged)
-    for name, kept in models[-1].items():
-        mean = torch.stack([models[name].double() for models in plain[FIRST - 1 :]]).mean(0)
-        torch.testing.assert_close(kept.double(), mean, rtol=1e-5, atol=1e-6)
+@pytest.mark.parametrize("added", [1, 3, STEPS])
+def test_in_a_longer_run_it_is_the_mean_of_its_own_last_steps(added: int) -> None:
+    share = (STEPS - FIRST + 1) / STEPS
+    first = STEPS + added - max(round(share * added), 1) + 1
+    training, plain = training_of(AverageAtEnd(FIRST, STEPS)), training_of(AverageAtEnd(FIRST, STEPS))
+    for one in (training, plain):
+        after_each_step(one)
+        one.extend(added)
+    plain.strategies = ()
+    kept, models = after_each_step(training)[-1], after_each_step(plain)[first - STEPS - 1 :]
+    assert_mean(kept, models)
 
 
-def test_steps_that_are_added_in_its_midst_move_it() -> None:
-    average = AverageAtEnd(FIRST, STEPS)
-    training = training_of(average)
-    steps = train(training)
-    while training.step <= FIRST:
-        next(steps)
-    training.extend(STEPS)
-    kept = [len(average.state()) for _ in steps]
-    assert training.step == 2 * STEPS
-    assert kept[-1] == 0 < kept[-2]
+def test_steps_that_are_added_in_its_midst_begin_it_anew() -> None:
+    training, plain = training_of(AverageAtEnd(FIRST, STEPS)), training_of()
+    for one in (training, plain):
+        steps = train(one)
+        while one.step < STEPS - 1:
+            next(steps)
+        one.extend(5)
+    kept, models = after_each_step(training)[-1], after_each_step(plain)
+    assert_mean(kept, models[-round(5 * (STEPS - FIRST + 1) / STEPS) :])
+
+
+def assert_mean(kept: dict[str, torch.Tensor], models: list[dict[str, torch.Tensor]]) -> None:
+    for name, values in kept.items():
+        mean = torch.stack([model[name].double() for model in models]).mean(0)
+        torch.testing.assert_close(values.double(), mean, rtol=1e-5, atol=1e-6)

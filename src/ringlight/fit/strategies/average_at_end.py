@@ -15,17 +15,20 @@ from ringlight.fit.optimizer import Optimizer
 
 class AverageAtEnd:
     """The mean of all parameters after steps ``first`` to ``last``, which take its values then. They must keep their
-    shapes meanwhile. Training itself goes on with the values of single steps, and so do previews."""
+    shapes meanwhile. Until then training goes on with the values of single steps, and so do previews."""
 
     most: int | None = None
 
     def __init__(self, first: int, last: int):
         self.first, self.last = first, last
+        self._share = (last - first + 1) / last
         self._means: dict[str, Tensor] = {}
 
     def extend(self, added: int) -> None:
-        """See :class:`ringlight.fit.strategies.contract.AtTheEnd`."""
-        self.first, self.last = self.first + added, self.last + added
+        """See :class:`ringlight.fit.strategies.contract.AtTheEnd`. Of the added steps the same share counts, since
+        rates fall once more over these; never one that is done."""
+        self.last += added
+        self.first = self.last - max(round(self._share * added), 1) + 1
 
     @torch.no_grad()
     def update(self, step: int, model: nn.Module, optimizer: Optimizer, prediction: Rendering) -> None:
