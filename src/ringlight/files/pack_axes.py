@@ -6,6 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.files.packed import PLAN, Packed, pack_tensors
+
 SCALES, QUATS = "columns.log_scales", "columns.quats"
 
 AXES_PLAN = ((SCALES, "fixed12"), (QUATS, "fixed12"), ("columns.opacity_logits", "fixed12"))
@@ -21,6 +23,12 @@ THIRD_OF_A_TURN = (0.5, 0.5, 0.5, 0.5)
 
 MARGIN = 1.01
 """For roundings of what is computed here, and of the range, which grows by what is shortened."""
+
+
+def pack_with_axes(tensors: Mapping[str, Tensor]) -> Packed:
+    """Of a model whose colours go by the axes of its Gaussians: an axis that another took the place of would mirror
+    elsewhere."""
+    return pack_tensors(ready_axes(tensors), (*AXES_PLAN, *PLAN))
 
 
 def ready_axes(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

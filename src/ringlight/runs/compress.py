@@ -1,6 +1,5 @@
 """A trained model in a third of the bytes: packed, looked at, written as one model file."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -15,12 +14,11 @@ from ringlight.core.want import Want
 from ringlight.errors import OutputError, RunError
 from ringlight.files.atomic import refuse_existing
 from ringlight.files.model_file import write_model_file
-from ringlight.files.pack_axes import AXES_PLAN, ready_axes
-from ringlight.files.packed import PLAN, Packed, pack_tensors, unpack_tensors
+from ringlight.files.pack_axes import pack_with_axes
+from ringlight.files.packed import pack_tensors, unpack_tensors
 from ringlight.measure import metrics
 from ringlight.methods.store import CAMERAS_PREFIX, StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.models.contract import Model
-from ringlight.models.splats import SplatModel
 from ringlight.runs.finish import Tell, psnr_of_views
 from ringlight.runs.opened import Opened, scene_facts_of
 
@@ -80,7 +78,8 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     if scene is not None and not scene.test:
         scene = None
     tensors = stored.model.rendering_tensors() | tensors_from_cameras(stored.cameras)
-    packed = _packed(stored.model, tensors)
+    splats = stored.model.splats()
+    packed = pack_with_axes(tensors) if splats is not None and splats.color.axes_are_normals else pack_tensors(tensors)
     if _bytes(packed.tensors) >= _bytes(tensors):
         raise RunError(
             f"{opened.file}: nothing of a {stored.header.method} model can be packed; keep the file as it is"
@@ -99,13 +98,6 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     header = replace(stored.header, scene=facts, metrics=measured, versions=versions, storage=asdict(losses))
     write_model_file(path, packed, header)
     return Compressed(str(path), *after.model.counted(), size_before, path.stat().st_size, losses)
-
-
-def _packed(model: Model, tensors: Mapping[str, Tensor]) -> Packed:
-    """Where reflections go by the axes of Gaussians, an axis that another takes the place of would mirror elsewhere."""
-    if isinstance(model, SplatModel) and model.color.axes_are_normals:
-        return pack_tensors(ready_axes(tensors), (*AXES_PLAN, *PLAN))
-    return pack_tensors(tensors)
 
 
 def _bytes(tensors: dict[str, Tensor]) -> int:

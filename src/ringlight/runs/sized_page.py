@@ -15,8 +15,8 @@ from ringlight.core.visible_text import visible
 from ringlight.core.want import Want
 from ringlight.core.words import MEGABYTE
 from ringlight.errors import RunError
-from ringlight.files.pack_axes import AXES_PLAN, ready_axes
-from ringlight.files.packed import PLAN, Packed, pack_tensors, unpack_tensors
+from ringlight.files.pack_axes import pack_with_axes
+from ringlight.files.packed import Packed, pack_tensors, unpack_tensors
 from ringlight.files.page.blurred_light import with_maps
 from ringlight.files.page.document import page_of, program_texts
 from ringlight.files.page.payload import payload_of
@@ -116,7 +116,7 @@ class _Pages:
         if self.condensed:
             packed = self.condensed.packed(tensors, coarse)
         elif self.axes_are_normals:
-            packed = pack_tensors(ready_axes(tensors), (*AXES_PLAN, *PLAN))
+            packed = pack_with_axes(tensors)
         else:
             packed = pack_tensors(tensors, coarse=coarse)
         payload = payload_of(self._drawn_from(packed), self.others, program_texts())
