@@ -53,7 +53,7 @@ class Report:
     version: str
     """Of ringlight."""
     commit: str | None
-    """Of ringlight's checkout when the run, or else the measuring, began; None for an installed copy."""
+    """Of ringlight's checkout when its last session, or else the measuring, began; None for an installed copy."""
     seed: int | None
     dataset: str
     """Format of the scene: "blender", "colmap", "nerfstudio", ..."""
