@@ -11,7 +11,7 @@ import torch
 from cli_session import QUICK, SMALL_LIGHT
 from command import Command
 from safetensors.torch import save_file
-from scenes_on_disk import picture
+from scenes_on_disk import edit_json, picture
 
 from ringlight.cli import checks
 from ringlight.cli.export import _sentences
@@ -164,6 +164,14 @@ def test_eval_gives_the_numbers_of_training(
     assert files(run) == files(trained[method])
     after = json.loads((run / "report.json").read_text())
     assert after["train_seconds"] == pytest.approx(before["train_seconds"]), "the checkpoint remembers the seconds"
+
+
+def test_eval_keeps_the_commit_that_trained(run_folder: Path, tmp_path: Path, ringlight: Command) -> None:
+    edit_json(run_folder / "report.json", lambda report: report.update(commit="of training"))
+    assert ringlight("eval", run_folder, "--lpips", "--quiet", "--out", tmp_path / "apart").code == 0
+    assert ringlight("eval", run_folder, "--lpips", "--quiet").code == 0
+    for folder in (tmp_path / "apart", run_folder):
+        assert json.loads((folder / "report.json").read_text())["commit"] == "of training"
 
 
 def test_eval_of_a_model_file_writes_only_where_it_is_told(

@@ -10,6 +10,7 @@ import tyro
 
 from ringlight.cli.arguments import ModelPath, SceneFolder
 from ringlight.cli.loading import tell_warnings
+from ringlight.cli.outdated_report import tell_outdated
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
@@ -65,6 +66,7 @@ def main(arguments: list[str]) -> int:
         opened = open_model(asked.model)
         scene = _scene(asked, opened)
         compressed = compress(opened, asked.out, scene, partial(line, "measuring views"))
+    tell_outdated(asked.out)
     sys.stdout.write(to_json(compressed) if asked.json else _sentences(compressed))
     return 0
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import ModelPath
+from ringlight.cli.outdated_report import tell_outdated
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.core.words import numbered
@@ -69,6 +70,7 @@ def main(arguments: list[str]) -> int:
         check_target(asked.out, asked.overwrite)
         pack = None if asked.light is None else read_pack(asked.light)
         done = edit_light(open_model(asked.model), asked.out, edit, pack)
+    tell_outdated(asked.out)
     sys.stdout.write(to_json(done) if asked.json else _sentences(done))
     return 0
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from ringlight.cli.outdated_report import tell_outdated
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.core.words import MEGABYTE
@@ -46,6 +47,7 @@ def main(arguments: list[str]) -> int:
         check_target(out, asked.overwrite)
         stored = model_of_ply(asked.file)
         write_imported(stored, out)
+    tell_outdated(out)
     count, _ = stored.model.rendering_size()
     if asked.json:
         record = {"file": str(out), "counted": count.number, "noun": count.noun, "bytes_file": out.stat().st_size}

@@ -217,7 +217,7 @@ def _costs(run: RunFolder) -> dict[str, Any]:
     """What training took, from the report, else its seconds from the checkpoint."""
     with suppress(RunError):
         report = read_report(run.path)
-        kept = (*SECONDS, "peak_bytes", "training_bytes", "collapses", "curve")
+        kept = (*SECONDS, "peak_bytes", "training_bytes", "collapses", "curve", "commit")
         return {name: getattr(report, name) for name in kept}
     with suppress(ModelFileError, KeyError, ValueError):
         stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))

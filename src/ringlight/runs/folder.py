@@ -87,6 +87,12 @@ class RunFolder:
         return RunFolder(path)
 
 
+def outdated_report(model: Path) -> Path | None:
+    """The report of the run whose own model file ``model`` is; None for any other file, or without a report."""
+    folder = RunFolder(model.parent)
+    return folder.report if model.name == MODEL_NAME and folder.recorded and folder.report.is_file() else None
+
+
 def empty_folder(path: Path, flag: str = "--out") -> Path:
     """``path``, which ``flag`` named, as an empty folder, made if need be. Raises RunError if it holds anything:
     nothing is overwritten."""
