@@ -114,7 +114,7 @@ REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
     "mean opacity": lambda: MeanOpacity(0.3),
     "mean scale": lambda: MeanScale(0.7),
     "factor size": lambda: FactorSize(lambda: (SCALES,), first=0.2, rest=0.1, until=5),
-    "factor variation": lambda: FactorVariation((SCALES,), weight=0.3, steps=10, end=0.1),
+    "factor variation": lambda: FactorVariation((SCALES,), weight=15.0, steps=10, end=0.1),
     "depth normals": lambda: DepthNormals(0.2),
     "depth normals, every other pixel": lambda: DepthNormals(0.2, 2),
     "zero-one": lambda: ZeroOne(0.4),

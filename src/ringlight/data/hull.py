@@ -120,8 +120,11 @@ def visual_hull(masks: Sequence[Mask], box: Float[Tensor, "2 3"]) -> Hull | None
     return _surface(fine, depths_inside(fine.centers(), masks, BAND * fine.pitch).view(fine.shape))
 
 
-def depths_inside(points: Float[Tensor, "P 3"], masks: Sequence[Mask], band: float) -> Float[Tensor, "P"]:
-    """How deep points lie inside the hull, world units, clamped to ``band`` both ways; negative outside.
+def depths_inside(
+    points: Float[Tensor, "P 3"], masks: Sequence[Mask], band: float, seen_share: float = SEEN_SHARE
+) -> Float[Tensor, "P"]:
+    """How deep points lie inside the hull, world units, clamped to ``band`` both ways; negative outside, and where less
+    than ``seen_share`` of the views have the point inside their images.
 
     The least of the distances to all silhouettes, scaled by the point's depth: exact where the surface touches the
     cone of one view, which is where the hull is the subject's own surface.
@@ -143,7 +146,7 @@ def depths_inside(points: Float[Tensor, "P 3"], masks: Sequence[Mask], band: flo
         least[alive] = torch.minimum(least[alive], inside)
         views[alive] += seen
         alive = alive[inside > -band]
-    return torch.where(views >= SEEN_SHARE * len(masks), least, -band).clamp_min(-band)
+    return torch.where(views >= seen_share * len(masks), least, -band).clamp_min(-band)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,11 @@ MARGIN = 0.03
 """Of its longest side, added to a box of masks on each side: a coarse hull is off by less than a cell."""
 
 
+FEW_VIEWS = 0.1
+"""Share of the views that must see what belongs into a box of masks. Photographs may cut the subject, so most of them
+need not see its ends; what next to none see no mask has carved either."""
+
+
 class ChosenBox(NamedTuple):
     """World units, and where it is from, in a few words."""
 
@@ -28,11 +33,11 @@ def subject_masks(scene: Scene) -> tuple[list[Mask], str]:
 
 
 def volume_box(scene: Scene) -> ChosenBox:
-    """The box of the visual hull where photographs have masks or an even background; else the scene's."""
+    """The box of what masks, or an even background, leave where photographs have these; else the scene's."""
     masks, source = subject_masks(scene)
     if masks:
         grid = VoxelGrid.over(scene.box, COARSE_CELLS)
-        box = grid.bounds(depths_inside(grid.centers(), masks, grid.pitch) > -grid.pitch)
+        box = grid.bounds(depths_inside(grid.centers(), masks, grid.pitch, FEW_VIEWS) > -grid.pitch)
         if box is not None:
             margin = MARGIN * (box[1] - box[0]).max()
             low, high = (box[0] - margin).maximum(scene.box[0]), (box[1] + margin).minimum(scene.box[1])

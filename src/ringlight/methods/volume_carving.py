@@ -13,12 +13,15 @@ from torch import Tensor
 from ringlight.data.hull import Mask, depths_inside
 from ringlight.volume.occupancy import cells_of, centers
 
+UNSEEN = 0.0
+"""Share of the views that must see a cell which is left: what is carved never comes back, so a mask has to say so."""
+
 
 def carved(masks: Sequence[Mask], box: Float[Tensor, "2 3"], nodes: int) -> Bool[Tensor, "X Y Z"] | None:
     """Cells of ``box``, world units, that the masks leave; None where these leave nothing, or there are none.
 
-    As many as a grid with ``nodes`` along the longest side has at most. A cell is left if its centre lies less than
-    the cell's longest side outside the hull.
+    As many as a grid with ``nodes`` along the longest side has at most. A cell is left if no mask that sees its centre
+    has it further outside the subject than the cell's longest side.
     """
     if not masks:
         return None
@@ -26,5 +29,5 @@ def carved(masks: Sequence[Mask], box: Float[Tensor, "2 3"], nodes: int) -> Bool
     sides = (box[1] - box[0]) / torch.tensor(cells)
     reach = float(sides.max())
     places = box[0] + centers(cells) * (box[1] - box[0])
-    left = (depths_inside(places, masks, reach) > -reach).view(cells)
+    left = (depths_inside(places, masks, reach, UNSEEN) > -reach).view(cells)
     return left if left.any() else None

@@ -11,6 +11,9 @@ from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.regularizers.contract import Term
 from ringlight.models.contract import Model
 
+SCALE = 0.02
+"""The published program scales the sum of mean squares so; the paper's weights are those in front of that."""
+
 
 def variation(factor: Float[Tensor, "..."]) -> Float[Tensor, ""]:
     """Mean squared difference of neighbouring nodes of a plane or line, whose last axis are components."""
@@ -19,7 +22,8 @@ def variation(factor: Float[Tensor, "..."]) -> Float[Tensor, ""]:
 
 
 class FactorVariation:
-    """The variation of each of these factors, summed, times ``weight``, which falls to a tenth over ``steps``."""
+    """The variation of each of these factors, summed, times SCALE and ``weight``, which falls by the factor ``end`` over
+    ``steps``."""
 
     buffers: tuple[str, ...] = ()
 
@@ -28,7 +32,7 @@ class FactorVariation:
 
     def term(self, step: int, model: Model, prediction: Rendering) -> Term:
         """See :class:`ringlight.fit.regularizers.contract.Regularizer`."""
-        weight = self.weight * self.end ** (step / self.steps)
+        weight = SCALE * self.weight * self.end ** (step / self.steps)
 
         def weighted(of: dict[str, Tensor]) -> Tensor:
             return weight * sum((variation(of[name]) for name in self.names), torch.zeros(()).to(model.device))

@@ -1,0 +1,52 @@
+"""Carving: gone is what some mask shows to be empty, and nothing that photographs merely cut away."""
+
+import dataclasses
+
+import torch
+
+from ringlight.core.scene import Scene, View
+from ringlight.data.hull import masks_of
+from ringlight.methods.volume_box import volume_box
+from ringlight.methods.volume_carving import carved
+from ringlight.volume.occupancy import centers
+from tiny_scene import BALLS, tiny_scene
+
+SCENE = tiny_scene(views=12, size=48)
+NODES = 48
+
+
+def cut(view: View, columns: int) -> View:
+    """The photograph without all but its first columns."""
+    camera = dataclasses.replace(view.camera, width=columns)
+    pixels = view.load()[:, :columns]
+    return dataclasses.replace(view, camera=camera, load=lambda: pixels)
+
+
+def scene_of_cut_photographs() -> Scene:
+    """Of two in three the right half is missing: no ball but the middle one is in most of the photographs."""
+    views = tuple(cut(view, 22) if index % 3 else view for index, view in enumerate(SCENE.train))
+    return dataclasses.replace(SCENE, train=views)
+
+
+def left_of_balls(scene: Scene) -> torch.Tensor:
+    """Shares of each ball's cells that are left."""
+    left = carved(masks_of(scene.train), scene.box, NODES)
+    assert left is not None
+    places = scene.box[0] + centers(left.shape) * (scene.box[1] - scene.box[0])
+    inside = torch.cdist(places, torch.tensor(BALLS[:, :3]).float()) < torch.tensor(BALLS[:, 3]).float()
+    return (left.flatten()[:, None] & inside).sum(0) / inside.sum(0)
+
+
+def test_all_of_the_subject_is_left_and_most_of_the_rest_gone():
+    assert (left_of_balls(SCENE) == 1).all()
+    left = carved(masks_of(SCENE.train), SCENE.box, NODES)
+    assert left is not None
+    assert left.float().mean() < 0.4
+
+
+def test_what_most_photographs_cut_away_is_left():
+    scene = scene_of_cut_photographs()
+    assert (left_of_balls(scene) == 1).all()
+    whole, found = volume_box(SCENE).box, volume_box(scene).box
+    assert (found[0] <= whole[0] + 1e-6).all()
+    assert (found[1] >= whole[1] - 1e-6).all()
