@@ -36,6 +36,7 @@ KERNEL_TESTS = (
     "models/test_wants.py",
     "fields/test_perceptron_kernel.py",
     "volume/test_native_march.py",
+    "volume/test_shading_kernel.py",
     "volume/test_tt_blocks.py",
     "volume/test_gradient_share.py",
     "color/test_illuminated.py",

@@ -1,4 +1,4 @@
-"""A run whose own model file is replaced: said, with the command that measures the new one. No other file is told of."""
+"""A run whose own model file is replaced: said, with the command that measures the new one; no other file is."""
 
 import shlex
 import shutil

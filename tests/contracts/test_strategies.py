@@ -1,4 +1,5 @@
-"""What every strategy must do, parametrised over all of them and the plug."""
+"""What every strategy of Gaussians must do, parametrised over all of them and the plug; those of volumes:
+fit/strategies/test_volume_strategies.py."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace

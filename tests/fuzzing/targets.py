@@ -153,7 +153,7 @@ def model() -> Target:
 
 
 def volume() -> Target:
-    return _models("tensorf")
+    return _models("tensorf", "putt")
 
 
 def _models(*methods: str) -> Target:
@@ -177,6 +177,10 @@ def checkpoint() -> Target:
 
 def volume_checkpoint() -> Target:
     return _checkpoints("tensorf")
+
+
+def train_checkpoint() -> Target:
+    return _checkpoints("putt")
 
 
 def _checkpoints(method: str) -> Target:
@@ -207,7 +211,7 @@ def _checkpoints(method: str) -> Target:
 
 def recipe() -> Target:
     seeds = []
-    for method in ("3dgs", "ringlight-basis", "ringlight-ring", "tensorf"):
+    for method in ("3dgs", "ringlight-basis", "ringlight-ring", "tensorf", "putt"):
         RunRecord(method, METHODS[method], Path("scene"), SceneOptions(), 0, "auto", "0.1").write(HOME)
         seeds.append((0, (HOME / RECORD_NAME).read_bytes()))
     return Target(seeds, _reading(RECORD_NAME, lambda path: RunRecord.read(path.parent)))
@@ -313,7 +317,7 @@ def true_normals() -> Target:
 TARGETS: dict[str, Callable[[], Target]] = {
     maker.__name__: maker
     for maker in (
-        gaussian_ply, ply_points, tensor_file, model, volume, checkpoint, volume_checkpoint, recipe, demo_plan, report,
-        colmap, scene_json, image, true_normals,
+        gaussian_ply, ply_points, tensor_file, model, volume, checkpoint, volume_checkpoint, train_checkpoint, recipe,
+        demo_plan, report, colmap, scene_json, image, true_normals,
     )
 }  # fmt: skip

@@ -89,6 +89,28 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
     built(last_side=fits)
     with pytest.raises(RecipeError):
         built(last_side=fits + 1)
+    with pytest.raises(RecipeError, match="give fewer --density-components") as caught:
+        built(first_side=fits + 1, last_side=300)
+    assert "--last-side 3" not in str(caught.value)
+
+
+def test_rays_that_memory_cannot_hold_are_refused_with_the_most_that_it_can(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(volume_training, "machine_memory", lambda: 40_000_000)
+    with pytest.raises(RecipeError, match=r"rays is 1000000; each has up to .* (\d+) rays are the most") as caught:
+        built(rays=1_000_000)
+    fits = int(str(caught.value).split(" rays are the most")[0].split()[-1])
+    assert fits > 1000
+    training = built(rays=fits)
+    space = training.model.space()
+    assert fits * space.most <= 20_000_000
+    with pytest.raises(RecipeError):
+        built(rays=fits + 1)
+
+
+def test_more_samples_than_kernels_count_are_refused(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(volume_training, "machine_memory", lambda: 1 << 50)
+    with pytest.raises(RecipeError, match="rays is 1048576; each has up to"):
+        TensorfRecipe(rays=1 << 20, first_side=16, last_side=1200, steps=60).build(SCENE, rasterizer_for("cpu"), 0)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +128,10 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"rate": float("inf")}, "rate is inf"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),
         ({"bounds": (0.0, 0.0, float("nan"), 1.0, 1.0, 1.0)}, "bounds are"),
+        ({"bounds": (0.0, 0.0, 0.0, 1e-50, 1.0, 1.0)}, "so far that float32 tells them apart"),
+        ({"bounds": (4500000.0, 0.0, 0.0, 4500000.2, 1.0, 1.0)}, "bounds are 4500000 0 0 4500000.2 1 1"),
+        ({"bounds": (-3e38, 0.0, 0.0, 3e38, 1.0, 1.0)}, "bounds are"),
+        ({"bounds": (0.0, 0.0, 0.0, 1e39, 1.0, 1.0)}, "bounds are"),
     ],
 )
 def test_settings_that_cannot_be_are_refused_in_a_sentence(settings: dict, words: str):

@@ -12,6 +12,7 @@ from ringlight.errors import BackendError, OutputError
 from ringlight.methods.store import StoredModel, model_header, scene_facts
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs import surface
 from ringlight.runs.export import export, export_surface
 from ringlight.runs.surface import surface_of
 from small_recipes import small
@@ -26,7 +27,7 @@ class Ball:
     """Dense within a sphere of this middle and radius; red on its upper half."""
 
     box = torch.tensor([[-1.0, -1.0, -1.2], [1.2, 1.0, 1.0]])
-    nodes = (40, 36, 44)
+    nodes, intervals = (40, 36, 44), (39, 35, 43)
     surface_density = 1.0
 
     def _world(self, places: torch.Tensor) -> torch.Tensor:
@@ -50,6 +51,30 @@ def test_it_lies_where_density_passes_the_level_and_faces_outwards():
     normals = torch.linalg.cross(b - a, c - a)
     assert ((normals * (a - MIDDLE)).sum(-1) > 0).float().mean() > 0.999
     assert torch.equal(found.colors[found.corners[:, 2] > 0][0], torch.tensor([1.0, 0.0, 0.0]))
+
+
+def test_a_node_that_is_not_at_the_end_of_the_box_is_where_it_says():
+    """As of tensor trains, whose last node stands one before the end."""
+
+    class Train(Ball):
+        intervals = Ball.nodes
+
+    found = surface_of(Train(), "ball.ply")
+    assert ((found.corners - MIDDLE).norm(dim=-1) - RADIUS).abs().max() < 0.005
+
+
+def test_what_memory_cannot_hold_is_refused_before_it_is_asked_for(monkeypatch: pytest.MonkeyPatch):
+    class Fine(Ball):
+        nodes = intervals = (1 << 12, 1 << 12, 1 << 12)
+
+    with pytest.raises(OutputError, match="density at 4096 x 4096 x 4096 nodes takes 274,878 MB") as caught:
+        surface_of(Fine(), "ball.ply")
+    assert "ball.ply" in str(caught.value)
+    monkeypatch.setattr(surface, "machine_memory", lambda: 8 * 40 * 36 * 44)
+    surface_of(Ball(), "ball.ply")
+    monkeypatch.setattr(surface, "machine_memory", lambda: 8 * 40 * 36 * 44 - 8)
+    with pytest.raises(OutputError, match="coarser grid"):
+        surface_of(Ball(), "ball.ply")
 
 
 def stored(method: str) -> StoredModel:
@@ -105,6 +130,6 @@ def test_gaussians_have_no_surface(tmp_path: Path):
 def test_half_of_the_light_is_lost_between_nodes_of_that_density():
     model = stored("putt").model
     space = model.space()
-    lengths = (model.box[1] - model.box[0]) / (torch.tensor(model.nodes) - 1)
+    lengths = (model.box[1] - model.box[0]) / torch.tensor(model.intervals)
     left = torch.exp(-torch.tensor(model.surface_density) * space.optical / space.step * lengths.mean())
     assert left.item() == pytest.approx(0.5, rel=1e-4)

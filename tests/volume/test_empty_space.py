@@ -58,7 +58,7 @@ def test_shrunk_to_what_is_not_empty_it_shows_the_same():
     assert (before.color - after.color).abs().mean() < 0.01
 
 
-def test_what_was_empty_stays_empty():
+def test_what_was_empty_stays_empty_but_for_a_layer():
     model = ball()
     left = torch.zeros(10, 10, 16, dtype=torch.bool)
     left[:5] = True

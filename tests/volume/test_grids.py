@@ -29,7 +29,7 @@ def test_nodes_around_a_box_enclose_what_of_it_lies_in_the_grid(one, other, last
     low, high = grid
     box = low + torch.stack([torch.tensor(one).minimum(torch.tensor(other)),
                              torch.tensor(one).maximum(torch.tensor(other))]) * (high - low)  # fmt: skip
-    ends = nodes_around(grid, box, torch.full((3,), float(last)))
+    ends = nodes_around(grid, box, (last + 1,) * 3, torch.full((3,), float(last)))
     assert (ends[0] >= 0).all()
     assert (ends[1] <= last).all()
     assert (ends[1] > ends[0]).all()

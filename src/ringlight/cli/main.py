@@ -27,7 +27,10 @@ WRONG_INPUT, WRONG_USAGE = 1, 2
 SIGNALLED = 128
 """Plus the signal's number: what shells make of it."""
 
-NO_MEMORY = "not enough memory; close other programs, or try --downscale 2 or a smaller --densify.max-gaussians"
+NO_MEMORY = (
+    "not enough memory; close other programs, or try --downscale 2, a smaller --densify.max-gaussians, or of a volume "
+    "fewer --rays"
+)
 NO_MEMORY_HERE = "not enough memory; close other programs, or ask for less"
 """Of commands that do not train, and have no such flags."""
 

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, ClassVar
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
-from ringlight.methods.putt_sizes import FEWEST_RANKS, MOST_RANKS, PAPER_RANKS, TrainSizes, levels_of, numbers_of_both
+from ringlight.methods.putt_sizes import (
+    FEWEST_RANKS,
+    MOST_RANKS,
+    PAPER_RANKS,
+    PAPER_SIZES,
+    TrainSizes,
+    levels_of,
+    numbers_of_both,
+)
 from ringlight.methods.volume_recipe import (
     BETAS,
     EPSILON,
@@ -150,8 +158,8 @@ class PuttRecipe(VolumeRecipe):
         least, most = self._sizes.range
         if not least <= self.size <= most:
             raise RecipeError(
-                f"size is {self.size:g}; trains of {self.finest} cubed and their network take {least:.2g} to "
-                f"{most:.0f} megabytes; give one of these, such as 12"
+                f"size is {self.size:g}; trains of {self.finest} cubed and their network take {least:g} to {most:g} "
+                f"megabytes; give one of these, such as {min(PAPER_SIZES[1], most):g}"
             )
 
     @property
@@ -183,10 +191,14 @@ class PuttRecipe(VolumeRecipe):
 
     @property
     def smaller_sides(self) -> tuple[int, ...]:
-        return tuple(1 << level for level in range(levels_of(self.finest), 1, -1))
+        return tuple(1 << level for level in range(levels_of(self.finest), levels_of(self.coarsest) - 1, -1))
 
     def remedy(self, side: int) -> str:
         return f"give --finest {side} or less, or smaller ranks"
+
+    @property
+    def lighter(self) -> str:
+        return "give a smaller --density-rank and --appearance-rank, or a smaller --coarsest and --finest"
 
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
         levels = levels_of(side)

@@ -1,5 +1,6 @@
 """Ranks and bytes of putt's two trains, of density and of appearance."""
 
+import math
 from dataclasses import dataclass
 
 from ringlight.core.words import MEGABYTE
@@ -7,6 +8,9 @@ from ringlight.volume.tt_ranks import numbers_of
 
 PAPER_RANKS = (200, 280)
 """Of density and appearance."""
+
+PAPER_SIZES = (7, 12)
+"""Megabytes of the paper's models."""
 
 FEWEST_RANKS, MOST_RANKS = 2, 1024
 """Beyond these a number is a mistake."""
@@ -37,9 +41,9 @@ class TrainSizes:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Megabytes of the smallest and the largest."""
+        """Megabytes of the smallest and the largest, to hundredths that are within."""
         least, most = (self.bytes_of(in_proportion(rank)) / MEGABYTE for rank in (RANK_STEP, MOST_RANKS))
-        return least, most
+        return math.ceil(100 * least) / 100, math.floor(100 * most) / 100
 
     def ranks_within(self, megabytes: float) -> tuple[int, int]:
         """The largest whose model is as small; within :attr:`range`."""

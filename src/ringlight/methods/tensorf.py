@@ -154,10 +154,14 @@ class TensorfRecipe(VolumeRecipe):
 
     @property
     def smaller_sides(self) -> tuple[int, ...]:
-        return tuple(range(self.final_side, 1, -1))
+        return tuple(range(self.final_side, self.first_side - 1, -1))
 
     def remedy(self, side: int) -> str:
         return f"give --last-side {side} or less"
+
+    @property
+    def lighter(self) -> str:
+        return "give fewer --density-components and --appearance-components, or a smaller --first-side and --last-side"
 
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
         from ringlight.volume.grids import sides_of
@@ -215,7 +219,7 @@ class TensorfRecipe(VolumeRecipe):
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "TensorfRecipe":
         """With a model of the resolution, and of the bits of what is not empty, that a file has."""
-        lines = [shapes.get(f"field.density_factors.lines.{k}", (0,))[0] for k in range(3)]
+        lines = [(*shapes.get(f"field.density_factors.lines.{k}", ()), 0)[0] for k in range(3)]
         x, y, z = lines if self.decomposition == "cp" else reversed(lines)
         bits = shapes.get("occupied", ())
         if min(x, y, z) < 2 or len(bits) != 3:

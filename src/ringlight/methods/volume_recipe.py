@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from array import array
 from collections.abc import Mapping
 from dataclasses import Field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -68,11 +69,16 @@ class VolumeRecipe(ABC):
     @property
     @abstractmethod
     def smaller_sides(self) -> tuple[int, ...]:
-        """Sides that could be given instead, the largest first."""
+        """Sides that could be given instead, the largest first, down to that with which the grid begins."""
 
     @abstractmethod
     def remedy(self, side: int) -> str:
         """How to ask for this one."""
+
+    @property
+    @abstractmethod
+    def lighter(self) -> str:
+        """What to ask for where no side fits."""
 
     @abstractmethod
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
@@ -168,14 +174,15 @@ class VolumeRecipe(ABC):
             raise RecipeError(f"average is {self.average:g}; give a share of the run, from 0 (the last model) to 1")
 
     def refuse_bounds(self) -> None:
-        """Raise RecipeError for a box without an inside."""
+        """Raise RecipeError for a box without an inside, as float32 has it."""
         if self.bounds is None:
             return
-        low, high = self.bounds[:3], self.bounds[3:]
-        if not all(math.isfinite(a) and math.isfinite(b) and a < b for a, b in zip(low, high, strict=True)):
+        corners = array("f", self.bounds)
+        lengths = array("f", (high - low for low, high in zip(corners[:3], corners[3:], strict=True)))
+        if not all(0 < length < math.inf for length in lengths):
             raise RecipeError(
-                f"bounds are {' '.join(f'{v:g}' for v in self.bounds)}; give the lowest corner, x y z, then the "
-                "highest, each of its numbers above the lowest corner's"
+                f"bounds are {' '.join(f'{v:.9g}' for v in self.bounds)}; give the lowest corner, x y z, then the "
+                "highest, each of its numbers above the lowest corner's, and so far that float32 tells them apart"
             )
 
 

@@ -1,5 +1,7 @@
 """Makes a training of a volume's recipe: what a grid of its size takes, its rays, loss, and schedules."""
 
+import math
+
 import torch
 
 from ringlight.core.memory import machine_memory
@@ -18,9 +20,16 @@ from ringlight.methods.volume_carving import carved
 from ringlight.methods.volume_recipe import VolumeRecipe
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.volume.marching import meets_box
+from ringlight.volume.model import VolumeModel
 
 SHARE = 0.5
-"""Of the machine's memory for the grid; photographs, samples of rays and the system share the rest."""
+"""Of the machine's memory for the grid, and for samples of rays; photographs and the system share the rest."""
+
+SAMPLE_BYTES = 32
+"""Place, distance, weight, light that is left, slope and gradient of a sample, whether it has a colour or not."""
+
+MOST_SAMPLES = (1 << 31) - 1
+"""Of a step: kernels count them by 32 bits."""
 
 
 def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, seed: int) -> Training:
@@ -32,6 +41,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     box = torch.tensor(recipe.bounds).view(2, 3)
     refuse_too_large(recipe, box)
     model = recipe.first_model(box, seed)
+    refuse_too_many_rays(recipe, model)
     model.gradient_share = recipe.gradient_share
     carving = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
     if carving is not None:
@@ -67,9 +77,23 @@ def refuse_too_large(recipe: VolumeRecipe, box: torch.Tensor) -> None:
     side = recipe.final_side
     if bytes_of(side) <= memory:
         return
-    smaller = recipe.smaller_sides
-    fits = next((side for side in smaller if bytes_of(side) <= memory), smaller[-1])
+    fits = next((side for side in recipe.smaller_sides if bytes_of(side) <= memory), None)
     raise RecipeError(
         f"a grid of {side} cubed takes {bytes_of(side) / MEGABYTE:,.0f} MB while it trains, and {SHARE:.0%} of this "
-        f"machine's memory is {memory / MEGABYTE:,.0f} MB; {recipe.remedy(fits)}"
+        f"machine's memory is {memory / MEGABYTE:,.0f} MB; {recipe.lighter if fits is None else recipe.remedy(fits)}"
     )
+
+
+def refuse_too_many_rays(recipe: VolumeRecipe, model: VolumeModel) -> None:
+    """Raise RecipeError, with the most that fit, for rays whose samples memory cannot hold, or kernels not count.
+
+    Counted are those of rays through the whole box: what is empty is not known yet. ``model`` is as it is at the start.
+    """
+    finer = recipe.final_side / math.prod(model.nodes) ** (1 / 3)
+    of_ray = math.ceil(model.space().most * finer)
+    most = min(int(SHARE * machine_memory()) // (SAMPLE_BYTES * of_ray), MOST_SAMPLES // of_ray)
+    if recipe.rays > max(most, 1):
+        raise RecipeError(
+            f"rays is {recipe.rays}; each has up to {of_ray:,} samples in a grid of {recipe.final_side} cubed, and "
+            f"{max(most, 1)} rays are the most that fit; give as many or fewer"
+        )

@@ -40,6 +40,12 @@ class Solid(Protocol):
         ...
 
     @property
+    def intervals(self) -> tuple[int, int, int]:
+        """Along each axis, how often the distance from a node to the next fits into the box: node i lies at i of
+        them."""
+        ...
+
+    @property
     def surface_density(self) -> float:
         """Where half of the light is lost on the way from a node to the next."""
         ...

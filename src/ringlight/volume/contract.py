@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 Sides = tuple[int, int, int]
-"""Nodes of a grid along x, y and z; the first and the last lie on the box."""
+"""Nodes of a grid along x, y and z."""
 
 
 @runtime_checkable
@@ -17,6 +17,12 @@ class VolumeField(Protocol):
     @property
     def sides(self) -> Sides:
         """Its resolution now."""
+        ...
+
+    @property
+    def intervals(self) -> Sides:
+        """Along each axis, how often the distance from a node to the next fits into the box: node i lies at i of them.
+        One less than :attr:`sides` where the last node lies on the box."""
         ...
 
     def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:

@@ -33,6 +33,12 @@ class FactoredField(nn.Module):
         """Nodes along x, y and z."""
         return self.density_factors.sides
 
+    @property
+    def intervals(self) -> Sides:
+        """The last node lies on the box."""
+        x, y, z = self.sides
+        return x - 1, y - 1, z - 1
+
     def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
         total: Tensor = self.density_factors(points).sum(-1)

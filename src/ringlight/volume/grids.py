@@ -30,12 +30,13 @@ def growing(first: int, last: int, times: int) -> tuple[float, ...]:
 
 
 def nodes_around(
-    of_grid: Float[Tensor, "2 3"], box: Float[Tensor, "2 3"], last: Float[Tensor, "3"]
+    of_grid: Float[Tensor, "2 3"], box: Float[Tensor, "2 3"], nodes: Sides, intervals: Float[Tensor, "3"]
 ) -> Int[Tensor, "2 3"]:
-    """The first and last nodes that enclose a ``box``, of those from 0 to ``last`` that stand over the grid's; two
+    """The first and last of the ``nodes`` that enclose a ``box``, where ``intervals`` of them fill the grid's own; two
     along each axis at least."""
     low, high = of_grid
-    inner = (box.to(of_grid) - low) / (high - low) * last
+    last = torch.tensor(nodes).to(of_grid) - 1
+    inner = (box.to(of_grid) - low) / (high - low) * intervals
     ends = torch.stack([inner[0].floor(), inner[1].ceil()]).clamp_min(0).minimum(last)
     ends[1] = ends[1].maximum(ends[0] + 1).minimum(last)
     ends[0] = ends[0].minimum(ends[1] - 1)

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from ringlight.volume.contract import VolumeField
-from ringlight.volume.grids import FEWEST_NODES
+from ringlight.volume.grids import FEWEST_NODES, MOST_NODES
+from ringlight.volume.occupancy import BITS, MOST_CELLS
 
 
 def load_resized(model: nn.Module, tensors: Mapping[str, Tensor], resized_prefixes: tuple[str, ...]) -> None:
@@ -30,10 +31,23 @@ def load_resized(model: nn.Module, tensors: Mapping[str, Tensor], resized_prefix
 def refuse_uneven(field: VolumeField) -> None:
     """Raise ValueError unless all of the field is of one resolution."""
     sides = field.sides
-    if min(sides) < FEWEST_NODES:
-        raise ValueError(f"a grid of {sides} nodes; there must be at least {FEWEST_NODES} along each axis")
+    if not FEWEST_NODES <= min(sides) <= max(sides) <= MOST_NODES:
+        raise ValueError(f"a grid of {sides} nodes; there must be {FEWEST_NODES} to {MOST_NODES} along each axis")
     with torch.device("meta"):
         wanted = {name: tuple(t.shape) for name, t in field.outline(sides).items()}
     for name, tensor in field.named_parameters():
         if tuple(tensor.shape) != wanted[name]:
             raise ValueError(f"tensor 'field.{name}' has shape {list(tensor.shape)}, not {list(wanted[name])}")
+
+
+def refuse_impossible(tensors: Mapping[str, Tensor]) -> None:
+    """Raise ValueError for a box without an inside, a unit of length that is none, or more cells than there may be."""
+    for name in ("box", "occupied_box"):
+        low, high = tensors[name]
+        if not bool((low < high).all()):
+            raise ValueError(f"tensor {name!r} is a box without an inside")
+    if not tensors["unit"] > 0:
+        raise ValueError("tensor 'unit' is no length")
+    x, y, z = tensors["occupied"].shape
+    if max(x, y, BITS * z) > MOST_CELLS:
+        raise ValueError(f"tensor 'occupied' has bits of {x} x {y} x {BITS * z} cells; {MOST_CELLS} are the most")

@@ -15,7 +15,7 @@ from ringlight.data.rays import Rays
 from ringlight.volume.occupancy import is_occupied
 
 SHOWN_WEIGHT = 1e-4
-"""Samples of more weight have a colour; the others are black and veil nothing (TensoRF)."""
+"""Samples of more weight have a colour; the others are black. They count in alpha like any (TensoRF)."""
 
 END = 1e-4
 """A ray ends where less light than this is left: no later sample could have a colour."""

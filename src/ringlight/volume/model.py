@@ -20,7 +20,7 @@ from ringlight.volume import looked_for, native_march
 from ringlight.volume.contract import Sides, VolumeField
 from ringlight.volume.factored_source import FactoredSource, density_at, has_kernels
 from ringlight.volume.grids import nodes_around
-from ringlight.volume.loading import load_resized, refuse_uneven
+from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
 from ringlight.volume.marching import Space
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
 from ringlight.volume.occupancy import cells_of, centers, everything, is_occupied, packed, widened
@@ -88,7 +88,7 @@ class VolumeModel(nn.Module):
     def space(self) -> Space:
         """Where rays are sampled, and how finely: by the average voxel of the grid as it is now."""
         lengths = (self.box[1] - self.box[0]).tolist()
-        pitches = [length / (side - 1) for length, side in zip(lengths, self.field.sides, strict=True)]
+        pitches = [length / count for length, count in zip(lengths, self.field.intervals, strict=True)]
         step = sum(pitches) / len(pitches) / STEPS_A_VOXEL
         most = math.ceil(math.hypot(*lengths) / step) + 1
         optical = DISTANCE_SCALE * step / self.unit.item()
@@ -168,8 +168,10 @@ class VolumeModel(nn.Module):
 
     @torch.no_grad()
     def load_tensors(self, tensors: Mapping[str, Tensor]) -> None:
-        """Of any resolution. Raises KeyError for a missing or unknown name, ValueError where shapes do not fit."""
+        """Of any resolution. Raises KeyError for a missing or unknown name, ValueError for shapes that do not fit and
+        for what no box, length or grid has."""
         load_resized(self, tensors, self.resized_prefixes)
+        refuse_impossible(tensors)
         refuse_uneven(self.field)
 
     def splats(self) -> None:
@@ -183,6 +185,11 @@ class VolumeModel(nn.Module):
     def nodes(self) -> Sides:
         """Of its grid."""
         return self.field.sides
+
+    @property
+    def intervals(self) -> Sides:
+        """See :class:`ringlight.models.contract.Solid`."""
+        return self.field.intervals
 
     @property
     def surface_density(self) -> float:
@@ -199,8 +206,8 @@ class VolumeModel(nn.Module):
 
     @torch.no_grad()
     def find_empty(self) -> Float[Tensor, "2 3"]:
-        """See which cells of the box are empty now, and skip them from now on, with those that were. Returns the box of
-        the others, world units; the whole box where all are empty."""
+        """See which cells of the box are empty now, and skip them from now on, with those that were but for a layer
+        around the others. Returns the box of the others, world units; the whole box where all are empty."""
         cells = cells_of(self.box, max(self.field.sides))
         step = self.space().step / self.unit.item()
         places = centers(cells).to(self.box)
@@ -219,13 +226,13 @@ class VolumeModel(nn.Module):
     def shrink(self, box: Float[Tensor, "2 3"]) -> bool:
         """Cut the grid to its nodes around this box; returns whether any were cut off."""
         low, high = self.box
-        last = torch.tensor(self.field.sides).to(self.box) - 1
-        first, final = self.field.cuttable(*((x, y, z) for x, y, z in nodes_around(self.box, box, last).tolist()))
-        ends = torch.tensor([first, final]).to(last)
-        if first == (0, 0, 0) and bool((ends[1] == last).all()):
+        nodes, intervals = self.field.sides, torch.tensor(self.field.intervals).to(self.box)
+        around = nodes_around(self.box, box, nodes, intervals)
+        first, final = self.field.cuttable(*((x, y, z) for x, y, z in around.tolist()))
+        if first == (0, 0, 0) and final == tuple(side - 1 for side in nodes):
             return False
         self.field.crop(first, final)
-        self.box = low + ends / last * (high - low)
+        self.box = low + torch.tensor([first, final]).to(self.box) / intervals * (high - low)
         return True
 
     def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want, share: float = 1.0) -> Rendering:

@@ -25,15 +25,16 @@ def everything() -> UInt8[Tensor, "1 1 1"]:
     return torch.full((1, 1, 1), 255, dtype=torch.uint8)
 
 
-def packed(occupied: Bool[Tensor, "X Y Z"]) -> UInt8[Tensor, "X Y B"]:
-    """Eight cells along z a byte, the first one the lowest bit."""
-    weights = 2 ** torch.arange(BITS)
-    return (occupied.unflatten(-1, (-1, BITS)) * weights).sum(-1).to(torch.uint8)
+def packed(flags: Bool[Tensor, "*C Z"]) -> UInt8[Tensor, "*C B"]:
+    """Eight along the last axis, cells along z, a byte, the first one the lowest bit. Never a wider number each: flags
+    of rays are many."""
+    weights = 2 ** torch.arange(BITS, dtype=torch.uint8, device=flags.device)
+    return (flags.unflatten(-1, (-1, BITS)).to(torch.uint8) * weights).sum(-1, dtype=torch.uint8)
 
 
-def unpacked(bits: UInt8[Tensor, "X Y B"]) -> Bool[Tensor, "X Y Z"]:
+def unpacked(bits: UInt8[Tensor, "*C B"]) -> Bool[Tensor, "*C Z"]:
     """Inverse of :func:`packed`."""
-    return ((bits[..., None] >> torch.arange(BITS, device=bits.device)) & 1).bool().flatten(-2)
+    return ((bits[..., None] >> torch.arange(BITS, dtype=torch.uint8, device=bits.device)) & 1).bool().flatten(-2)
 
 
 def is_occupied(bits: UInt8[Tensor, "X Y B"], places: Float[Tensor, "N 3"]) -> Bool[Tensor, "N"]:

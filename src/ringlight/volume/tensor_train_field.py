@@ -78,6 +78,11 @@ class TensorTrainField(nn.Module):
         side = 1 << self.levels
         return side, side, side
 
+    @property
+    def intervals(self) -> Sides:
+        """As many as nodes: the last one lies one before the box's end, and stands for what is behind it."""
+        return self.sides
+
     def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
         return sampled(self.density_train, points)[:, 0]

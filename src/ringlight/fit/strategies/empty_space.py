@@ -6,14 +6,13 @@ TensoRF (Chen et al. 2022), section 4.3 and its supplement.
 from collections.abc import Mapping
 
 import torch
-from jaxtyping import Bool
 from torch import Tensor
 
 from ringlight.core.rendering import Rendering
 from ringlight.data.rays import RayBatches
 from ringlight.fit.optimizer import Optimizer
 from ringlight.volume.model import VolumeModel
-from ringlight.volume.occupancy import BITS
+from ringlight.volume.occupancy import BITS, packed, unpacked
 
 
 class EmptySpace:
@@ -40,7 +39,7 @@ class EmptySpace:
         chosen = self.batches.looked_at(model.meets_something)
         if chosen.any():
             self.batches.keep(chosen)
-            self._kept = _bits(chosen)
+            self._kept = packed(torch.nn.functional.pad(chosen, (0, -len(chosen) % BITS)))
 
     def state(self) -> dict[str, Tensor]:
         """Bits of the rays that are drawn; none before they are chosen."""
@@ -50,13 +49,4 @@ class EmptySpace:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
         self._kept = state["kept"].clone()
         if len(self._kept):
-            self.batches.keep(_chosen(self._kept, self.batches.all_rays))
-
-
-def _bits(chosen: Bool[Tensor, "P"]) -> Tensor:
-    padded = torch.nn.functional.pad(chosen, (0, -len(chosen) % BITS)).view(-1, BITS)
-    return (padded * 2 ** torch.arange(BITS)).sum(-1).to(torch.uint8)
-
-
-def _chosen(bits: Tensor, count: int) -> Bool[Tensor, "P"]:
-    return ((bits[:, None] >> torch.arange(BITS)) & 1).bool().view(-1)[:count]
+            self.batches.keep(unpacked(self._kept)[: self.batches.all_rays])

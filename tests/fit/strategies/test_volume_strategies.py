@@ -1,0 +1,84 @@
+"""Empty space is found and the grid refined at the steps that the recipe says, once, with Adam anew, and to the bit."""
+
+import pytest
+import torch
+
+from ringlight.fit.strategies.contract import Strategy
+from ringlight.fit.strategies.empty_space import EmptySpace
+from ringlight.fit.strategies.refine_grid import RefineGrid
+from ringlight.fit.train import Training, train
+from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
+from tiny_scene import tiny_scene
+
+SCENE = tiny_scene(views=6, size=20)
+STEPS = 60
+
+
+def training_of(method: str) -> Training:
+    """Its masks say nothing: what is empty, it has to find. It begins dense here and there."""
+    settings = {} if method == "tensorf" else {"coarsest": 4, "finest": 16}
+    training = small(method, steps=STEPS, carve=False, **settings).build(SCENE, rasterizer_for("cpu"), 3)
+    with torch.no_grad():
+        for name, parameter in training.model.named_parameters():
+            if name.startswith("field.density_"):
+                parameter.mul_(12)
+    return training
+
+
+def strategies_of(training: Training) -> tuple[EmptySpace, RefineGrid]:
+    empty, refine = (next(s for s in training.strategies if isinstance(s, kind)) for kind in (EmptySpace, RefineGrid))
+    assert isinstance(empty, Strategy)
+    assert isinstance(refine, Strategy)
+    return empty, refine
+
+
+@pytest.mark.parametrize("method", ["tensorf", "putt"])
+def test_each_happens_after_its_steps_and_never_else(method: str):
+    training = training_of(method)
+    empty, refine = strategies_of(training)
+    assert 1 < empty.steps[0] < empty.steps[-1] < STEPS
+    sides, bits, rays = training.model.nodes, training.model.occupied.clone(), training.batches.kept_rays
+    assert bits.numel() == 1
+    for progress in train(training):
+        step = progress.step
+        at_refinement, at_look = step in refine.voxels, step in empty.steps
+        assert (training.model.nodes != sides) <= (at_refinement or at_look)
+        assert (not torch.equal(training.model.occupied, bits)) <= at_look
+        assert (training.batches.kept_rays != rays) <= (step == empty.steps[-1])
+        if at_refinement:
+            assert not any(moments.any() for moments in training.optimizer.moments.values())
+        sides, bits, rays = training.model.nodes, training.model.occupied.clone(), training.batches.kept_rays
+    assert bits.numel() > 1
+    assert rays < training.batches.all_rays
+
+
+@pytest.mark.parametrize("method", ["tensorf", "putt"])
+@pytest.mark.parametrize("after", ["the first look", "all looks"])
+def test_a_resumed_run_has_the_same_bits(method: str, after: str):
+    whole, kept = training_of(method), dict[str, torch.Tensor]()
+    half = strategies_of(whole)[0].steps[0 if after == "the first look" else -1] + 1
+    for progress in train(whole):
+        if progress.step == half:
+            kept = {name: tensor.clone() for name, tensor in whole.state().items()}
+    resumed = training_of(method)
+    resumed.restore(kept)
+    for _ in train(resumed):
+        pass
+    ends = resumed.state(), whole.state()
+    assert ends[0].keys() == ends[1].keys()
+    assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[0])
+    assert resumed.batches.kept_rays == whole.batches.kept_rays
+
+
+def test_where_no_ray_meets_anything_all_are_kept():
+    training = training_of("tensorf")
+    empty, _ = strategies_of(training)
+    before = training.batches.kept_rays
+    with torch.no_grad():
+        for line in training.model.field.density_factors.lines:
+            line.zero_()
+    training.model.skip_all_but(torch.zeros(8, 8, 8, dtype=torch.bool))
+    empty._filter(training.model)
+    assert training.batches.kept_rays == before
+    assert not len(empty.state()["kept"])
