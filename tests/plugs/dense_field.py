@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from ringlight.volume.contract import Sides
 from ringlight.volume.grids import sides_of
+from ringlight.volume.shading import FeatureShading
 
 FEATURES = 4
 
@@ -33,6 +34,9 @@ class DenseField(nn.Module):
 
     def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
         return self._at(points)[:, 1:]
+
+    def kernels(self, shading: FeatureShading) -> None:
+        """None."""
 
     def outline(self, sides: Sides) -> dict[str, Tensor]:
         return dict(DenseField(sides, torch.Generator()).named_parameters())

@@ -1,10 +1,14 @@
 """The socket: what says density and appearance at points of a box, and changes its resolution while it trains."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
+
+if TYPE_CHECKING:
+    from ringlight.volume.native_march import FieldSource
+    from ringlight.volume.shading import FeatureShading
 
 Sides = tuple[int, int, int]
 """Nodes of a grid along x, y and z."""
@@ -31,6 +35,11 @@ class VolumeField(Protocol):
 
     def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
         """Features that a network makes colour of."""
+        ...
+
+    def kernels(self, shading: "FeatureShading") -> "FieldSource | None":
+        """What marches rays through it and this network by kernels of its own; None where it has none for them as they
+        are, and torch is asked. Both are float32 and on the CPU."""
         ...
 
     def outline(self, sides: Sides) -> Mapping[str, Tensor]:

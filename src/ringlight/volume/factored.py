@@ -6,8 +6,10 @@ from torch import Tensor, nn
 
 from ringlight.fields.networks import fan_in_uniform
 from ringlight.volume.contract import Sides
+from ringlight.volume.factored_source import LANES, FactoredSource
 from ringlight.volume.factors import Decomposition, Factors
 from ringlight.volume.grids import sides_of
+from ringlight.volume.shading import FeatureShading
 
 
 class FactoredField(nn.Module):
@@ -48,6 +50,11 @@ class FactoredField(nn.Module):
         """See :class:`ringlight.volume.contract.VolumeField`."""
         mixed: Tensor = self.appearance_factors(points) @ self.basis.T
         return mixed
+
+    def kernels(self, shading: FeatureShading) -> FactoredSource | None:
+        """See :class:`ringlight.volume.contract.VolumeField`; of components that fill vectors."""
+        fill = all(each.components % LANES == 0 for each in (self.density_factors, self.appearance_factors))
+        return FactoredSource(self, shading) if fill else None
 
     def outline(self, sides: Sides) -> dict[str, Tensor]:
         """See :class:`ringlight.volume.contract.VolumeField`."""

@@ -2,7 +2,7 @@
 all in memory."""
 
 from collections.abc import Mapping
-from typing import TypeGuard
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float, Int32
@@ -10,35 +10,28 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.volume import halves
-from ringlight.volume.factored import FactoredField
 from ringlight.volume.factors import Factors
 from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space
 from ringlight.volume.shading import FeatureShading, named_layers
+
+if TYPE_CHECKING:
+    from ringlight.volume.factored import FactoredField
 
 LANES = 16
 """Components of which a kernel takes whole multiples."""
 
 
-def has_kernels(field: object) -> TypeGuard[FactoredField]:
-    """Whether a field is of the form that these kernels take."""
-    if not isinstance(field, FactoredField):
-        return False
-    return all(each.components % LANES == 0 for each in (field.density_factors, field.appearance_factors))
-
-
-def density_at(factors: Factors, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
-    """Sums of all components."""
-    found = places.new_empty(len(places))
-    _kernels.volume_density(_tensors(factors), places.contiguous(), found)
-    return found
-
-
 class FactoredSource:
     """A :class:`ringlight.volume.native_march.FieldSource`."""
 
-    def __init__(self, field: FactoredField, shading: FeatureShading):
+    def __init__(self, field: "FactoredField", shading: FeatureShading):
         self.field = field
         self.network = {"field.basis": field.basis, **named_layers(shading)}
+
+    def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        found = places.new_empty(len(places))
+        _kernels.volume_density(_tensors(self.field.density_factors), places.contiguous(), found)
+        return found
 
     def march(self, through: MarchedRays) -> None:
         self.through = through

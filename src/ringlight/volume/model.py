@@ -18,7 +18,6 @@ from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
 from ringlight.volume import looked_for, native_march
 from ringlight.volume.contract import Sides, VolumeField
-from ringlight.volume.factored_source import FactoredSource, density_at, has_kernels
 from ringlight.volume.grids import nodes_around
 from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
 from ringlight.volume.marching import Space
@@ -101,13 +100,10 @@ class VolumeModel(nn.Module):
 
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """The same without a graph, by the kernel where it applies; none in cells that rays skip."""
-        if self._is_native and has_kernels(self.field):
-            found = torch.nn.functional.softplus(density_at(self.field.density_factors, places) + SHIFT)
-        else:
-            found = self.density(places).detach()
+        found = self._source(False).density_values(places) if self._is_native else self.field.density(places).detach()
         low, high = self.occupied_box
         of_cells = (self.box[0] - low + places * (self.box[1] - self.box[0])) / (high - low)
-        return torch.where(is_occupied(self.occupied, of_cells), found, 0)
+        return torch.where(is_occupied(self.occupied, of_cells), torch.nn.functional.softplus(found + SHIFT), 0)
 
     def meets_something(self, rays: Rays) -> Bool[Tensor, "R"]:
         """Whether rays pass through a cell that is not known to be empty; on the CPU."""
@@ -239,8 +235,7 @@ class VolumeModel(nn.Module):
         space = self.space()
         if self._is_native:
             with_way_back = want is Want.GRADIENTS
-            shown = Marched(rays, space, SHIFT, self._source(with_way_back), background, share)
-            return shown.rendering(with_way_back)
+            return Marched(rays, space, SHIFT, self._source(with_way_back), background, share).rendering(with_way_back)
 
         def density(places: Tensor) -> Tensor:
             return self.density(places, share)
@@ -251,6 +246,5 @@ class VolumeModel(nn.Module):
         return rendered_in_torch(rays, space, density, color, background, dict(self.named_parameters()), want)
 
     def _source(self, with_way_back: bool) -> FieldSource:
-        if has_kernels(self.field):
-            return FactoredSource(self.field, self.shading)
-        return TorchSource(self.field, self.shading, with_way_back)
+        own: FieldSource | None = self.field.kernels(self.shading)
+        return own or TorchSource(self.field, self.shading, with_way_back)

@@ -75,7 +75,11 @@ class ShownSamples:
 
 @runtime_checkable
 class FieldSource(Protocol):
-    """A field for one lot of rays. Its methods are called in this order, the last two at most once."""
+    """A field for one lot of rays. The methods but the first are called in this order, the last two at most once."""
+
+    def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """What softplus makes density of, without a graph."""
+        ...
 
     def march(self, through: MarchedRays) -> None:
         """Fill what is empty in it."""

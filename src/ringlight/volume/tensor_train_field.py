@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from ringlight.volume.contract import Sides
 from ringlight.volume.halves import multiplies_halves
 from ringlight.volume.prolongation import prolonged
+from ringlight.volume.shading import FeatureShading
 from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
 
@@ -90,6 +91,9 @@ class TensorTrainField(nn.Module):
     def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
         return sampled(self.appearance_train, points)
+
+    def kernels(self, shading: FeatureShading) -> None:
+        """None: what is fast about it, torch asks for (``tt_bags``, ``tt_blocks``)."""
 
     def outline(self, sides: Sides) -> dict[str, Tensor]:
         """See :class:`ringlight.volume.contract.VolumeField`."""

@@ -23,6 +23,10 @@ class TorchSource:
         self.parameters = {f"field.{name}": tensor for name, tensor in field.named_parameters()}
         self.network = named_layers(shading)
 
+    @torch.no_grad()
+    def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        return self.field.density(places)
+
     def march(self, through: MarchedRays) -> None:
         rays, samples = native_rays(through.rays), list(through.samples)
         self.samples = len(through.places)

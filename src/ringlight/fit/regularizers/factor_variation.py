@@ -22,8 +22,8 @@ def variation(factor: Float[Tensor, "..."]) -> Float[Tensor, ""]:
 
 
 class FactorVariation:
-    """The variation of each of these factors, summed, times SCALE and ``weight``, which falls by the factor ``end`` over
-    ``steps``."""
+    """The variation of each of these factors, summed, times SCALE and ``weight``, of which a share of ``end`` is left
+    after ``steps``."""
 
     buffers: tuple[str, ...] = ()
 
