@@ -23,7 +23,7 @@ using Levels = std::tuple<int, int>;
 
 TrainPoints points_from(const Points& places, const Levels& levels) {
   const auto [all, first] = levels;
-  require(all > 0 && all <= TRAIN_MOST_LEVELS && first >= 0 && first <= all,
+  require(all > 0 && all <= convention::TRAIN_MOST_LEVELS && first >= 0 && first <= all,
           "trains: 1 to 10 levels, and 0 to all of them for blocks");
   return {places.data(), places.shape(0), all, first};
 }
@@ -113,8 +113,9 @@ TrainBlocks blocks_from(const Bags& bags, const Blocks& blocks, std::size_t poin
   for (std::size_t block = 0; block + 1 < ends.size(); block++)
     require(ends.data()[block] <= ends.data()[block + 1], "trains: ends must rise");
   require(static_cast<std::size_t>(ends.data()[ends.size() - 1]) == count, "trains: ends must end with all bags");
-  require(matrices.shape(2) == rows.shape(1) && matrices.shape(1) > 0 && matrices.shape(1) <= 4096 &&
-              rows.shape(1) > 0 && rows.shape(1) <= 4096,
+  require(matrices.shape(2) == rows.shape(1) && matrices.shape(1) > 0 &&
+              matrices.shape(1) <= convention::TRAIN_MOST_RANK && rows.shape(1) > 0 &&
+              rows.shape(1) <= convention::TRAIN_MOST_RANK,
           "trains: matrices must be as wide as rows, from 1 to 4096");
   return {bags_from(bags, count, rows.shape(0)), ends.data(), owners.data(), points, matrices.shape(0),
           matrices.data(), rows.data(), matrices.shape(1), matrices.shape(2)};

@@ -29,7 +29,8 @@ VolumeSpace space_from(const Space& space) {
     made.cells_low[axis] = corners[6 + axis], made.cells_high[axis] = corners[9 + axis];
     require(made.low[axis] < made.high[axis] && made.cells_low[axis] < made.cells_high[axis],
             "volume: a box has no inside");
-    require(bits.shape(axis) > 0 && bits.shape(axis) <= VOLUME_WIDEST, "volume: no cells, or too many along an axis");
+    require(bits.shape(axis) > 0 && bits.shape(axis) <= convention::VOLUME_MOST_NODES,
+            "volume: no cells, or too many along an axis");
     made.cells[axis] = static_cast<int>(bits.shape(axis)) * (axis == 2 ? 8 : 1);
   }
   require(step > 0 && most >= 0 && most <= (1 << 20), "volume: a step must be positive, and a ray at most 2^20 long");

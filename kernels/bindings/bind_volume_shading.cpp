@@ -4,7 +4,7 @@
 namespace ringlight {
 namespace {
 
-constexpr std::size_t WIDEST_NETWORK = 8192;
+constexpr std::size_t WIDEST = convention::VOLUME_MOST_UNITS, WAVES = 1 + 2 * convention::VOLUME_FREQUENCIES;
 
 // Of components a basis; then weight and bias of three layers.
 template <class Float, class Tensors>
@@ -12,8 +12,8 @@ VolumeNetwork<Float> network_from(const Tensors& tensors, std::size_t components
   const std::size_t layers = components ? 1 : 0;
   require(tensors.size() == layers + 6 && tensors[0].ndim() == 2 && tensors[layers].ndim() == 2,
           "volume: a basis of what has components, and weight and bias of three layers");
-  const std::size_t inputs = tensors[layers].shape(1), hidden = tensors[layers].shape(0), features = inputs / 5 - 3;
-  require(inputs > 15 && inputs % 5 == 0 && hidden > 0 && inputs <= WIDEST_NETWORK && hidden <= WIDEST_NETWORK,
+  const std::size_t inputs = tensors[layers].shape(1), hidden = tensors[layers].shape(0), features = inputs / WAVES - 3;
+  require(inputs > 3 * WAVES && inputs % WAVES == 0 && hidden > 0 && inputs <= WIDEST && hidden <= WIDEST,
           "volume: a width does not fit, or is above 8192");
   const std::size_t widths[4] = {inputs, hidden, hidden, 3};
   require(!components || (tensors[0].shape(0) == features && tensors[0].shape(1) == components),

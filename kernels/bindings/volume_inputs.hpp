@@ -22,8 +22,6 @@ using Numbers = Tensor<const std::int32_t, -1>;
 using Inputs = std::vector<Input>;
 using Arrays = std::vector<Array>;
 
-constexpr std::size_t VOLUME_LANES = 16, VOLUME_WIDEST = 4096;
-
 // Three planes, then three lines; or three lines alone.
 template <class Float, class Tensors>
 inline VolumeFactors<Float> factors_from(const Tensors& tensors) {
@@ -31,15 +29,17 @@ inline VolumeFactors<Float> factors_from(const Tensors& tensors) {
   VolumeFactors<Float> made{};
   const bool has_planes = tensors.size() == 6;
   const std::size_t first = has_planes ? 3 : 0;
-  constexpr int axes[3][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
+  constexpr auto& axes = VOLUME_PAIR_AXES;
   require(tensors[first].ndim() == 2, "volume: lines must be [S C]");
   const std::size_t components = tensors[first].shape(1);
-  require(components > 0 && components <= VOLUME_WIDEST && components % VOLUME_LANES == 0,
+  require(components > 0 && components <= convention::VOLUME_MOST_COMPONENTS &&
+              components % convention::VOLUME_COMPONENT_LANES == 0,
           "volume: components must be a multiple of 16");
   made.components = static_cast<int>(components);
   for (std::size_t k = 0; k < 3; k++) {
     const auto& line = tensors[first + k];
-    require(line.ndim() == 2 && line.shape(1) == components && line.shape(0) >= 2 && line.shape(0) <= VOLUME_WIDEST,
+    require(line.ndim() == 2 && line.shape(1) == components && line.shape(0) >= 2 &&
+                line.shape(0) <= convention::VOLUME_MOST_NODES,
             "volume: lines must be [S C] of 2 to 4096 nodes");
     made.sides[has_planes ? axes[k][2] : static_cast<int>(k)] = static_cast<int>(line.shape(0));
     made.lines[k] = line.data();

@@ -3,11 +3,12 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "convention.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
 
-constexpr int TRAIN_CORNERS = 8, TRAIN_MOST_LEVELS = 10;
+constexpr int TRAIN_CORNERS = 8;
 
 // Points [N 3] in [0, 1]^3 in a grid of 2^levels nodes a side; node i lies at i / 2^levels. The `first` bits of an axis
 // tell blocks apart.

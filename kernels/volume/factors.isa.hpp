@@ -5,9 +5,6 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-constexpr int PAIRS = 3;
-constexpr int PAIR_AXES[PAIRS][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};  // a plane's columns, its rows, the line
-
 // The node before a place along an axis, and the share of the way to the next.
 struct Between {
   int low;
@@ -29,7 +26,7 @@ struct Corners {
 
 template <class Float>
 RINGLIGHT_INLINE Corners corners_of(const VolumeFactors<Float>& factors, int pair, const float* place) {
-  const int *axes = PAIR_AXES[pair], *sides = factors.sides;
+  const int *axes = VOLUME_PAIR_AXES[pair], *sides = factors.sides;
   const Between a = between(place[axes[0]], sides[axes[0]]), b = between(place[axes[1]], sides[axes[1]]);
   const Between c = between(place[axes[2]], sides[axes[2]]);
   const std::size_t width = static_cast<std::size_t>(factors.components);
@@ -89,7 +86,7 @@ static inline Vec summed_components(const VolumeFactors<const float>& factors, c
     for (int first = 0; first < factors.components; first += LANES) sum += of_lines(factors, at, first);
     return sum;
   }
-  for (int pair = 0; pair < PAIRS; pair++) {
+  for (int pair = 0; pair < VOLUME_PAIRS; pair++) {
     const Corners at = corners_of(factors, pair, place);
     for (int first = 0; first < factors.components; first += LANES)
       sum = fma(on_plane(factors.planes[pair], at, first), on_line(factors.lines[pair], at, first), sum);
@@ -104,7 +101,7 @@ static inline void components_at(const VolumeFactors<const float>& factors, cons
     for (int first = 0; first < factors.components; first += LANES) store(to + first, of_lines(factors, at, first));
     return;
   }
-  for (int pair = 0; pair < PAIRS; pair++) {
+  for (int pair = 0; pair < VOLUME_PAIRS; pair++) {
     const Corners at = corners_of(factors, pair, place);
     for (int first = 0; first < factors.components; first += LANES, to += LANES)
       store(to, on_plane(factors.planes[pair], at, first) * on_line(factors.lines[pair], at, first));

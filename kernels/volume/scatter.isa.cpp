@@ -66,7 +66,7 @@ void volume_scatter(const VolumeFactors<const float>& factors, const float* plac
     });
     return;
   }
-  parallel_for(PAIRS * blocks, [=](std::size_t number) {
+  parallel_for(VOLUME_PAIRS * blocks, [=](std::size_t number) {
     const int pair = static_cast<int>(number / blocks), first = static_cast<int>(number % blocks) * LANES;
     const Piece piece{values->planes[pair], values->lines[pair], to->planes[pair], to->lines[pair], pair, first};
     const std::size_t column = static_cast<std::size_t>(pair) * values->components + first;

@@ -11,7 +11,7 @@
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
-constexpr int LAYERS = 3, COLORS = 3, DIRECTION = 3, FREQUENCIES = 2;
+constexpr int LAYERS = 3, COLORS = 3, DIRECTION = 3, FREQUENCIES = convention::VOLUME_FREQUENCIES;
 constexpr std::size_t PIECE = 8 * GROUP;  // rows that are shaded together
 constexpr int SHARDS = 16;                // of rows, whose gradients are summed by themselves
 

@@ -5,9 +5,13 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "convention.hpp"
 #include "simd/dispatch.hpp"
 
 namespace ringlight {
+
+// A plane's columns, its rows, and the line that goes with it.
+constexpr int VOLUME_PAIRS = 3, VOLUME_PAIR_AXES[VOLUME_PAIRS][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
 
 // Origins, unit directions [count 3] and jitter [count].
 struct VolumeRays {

@@ -5,7 +5,7 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-constexpr float SMALLEST_STEP = 1e-9f;  // of a direction along an axis: rays that are parallel to a side of the box
+using convention::VOLUME_SMALLEST_STEP;
 
 // One ray in units of the box and of the cells: place = start + along * slope.
 struct Walk {
@@ -17,8 +17,8 @@ struct Walk {
     float far = __builtin_huge_valf();
     for (int axis = 0; axis < 3; axis++) {
       const float origin = rays.origins[3 * ray + axis], direction = rays.directions[3 * ray + axis];
-      const float small = direction < 0.f ? -SMALLEST_STEP : SMALLEST_STEP;
-      const float slope = 1.f / (__builtin_fabsf(direction) < SMALLEST_STEP ? small : direction);
+      const float small = direction < 0.f ? -VOLUME_SMALLEST_STEP : VOLUME_SMALLEST_STEP;
+      const float slope = 1.f / (__builtin_fabsf(direction) < VOLUME_SMALLEST_STEP ? small : direction);
       const float one = (space.low[axis] - origin) * slope, other = (space.high[axis] - origin) * slope;
       near = __builtin_fmaxf(near, __builtin_fminf(one, other));
       far = __builtin_fminf(far, __builtin_fmaxf(one, other));

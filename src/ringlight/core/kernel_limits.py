@@ -49,3 +49,22 @@ SHADED_MAX_LEVELS = 12
 PLANES_MAX_SIDE = 4096
 """Nodes on an axis of a plane or line."""
 PLANES_MAX_CHANNELS = 1024
+
+VOLUME_MOST_NODES = 4096
+"""Along an axis of a volume's grid."""
+VOLUME_MOST_CELLS = 160
+"""Along an axis, of which a bit says whether they are empty: half a megabyte, which stays in a core's cache."""
+VOLUME_CELLS_A_BYTE = 8
+VOLUME_MOST_COMPONENTS = 4096
+VOLUME_COMPONENT_LANES = 16
+"""Kernels of planes and lines take whole multiples."""
+VOLUME_MOST_UNITS = 8192
+"""Of the network's inputs and layers."""
+VOLUME_FREQUENCIES = 2
+"""Of sines and cosines, 1 and 2, of features and of directions alike."""
+VOLUME_SMALLEST_STEP = 1e-9
+"""Of a direction along an axis: rays that are parallel to a side of the box."""
+
+TRAIN_MOST_LEVELS = 10
+"""Of a tensor train: 2 to this power nodes along each axis."""
+TRAIN_MOST_RANK = 4096

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from ringlight.core.kernel_limits import TRAIN_MOST_LEVELS
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
@@ -72,8 +73,8 @@ HIGHEST_RATE = 0.03
 ALL_GRADIENTS = 1.0
 """Products of eight matrices feel the noise of drawn gradients (docs/methods/putt.md)."""
 
-SMALLEST_SIDE, LARGEST_SIDE = 4, 1024
-"""Beyond these a number is a mistake."""
+SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
+"""One level for blocks and one for nodes in them; and what kernels take."""
 
 COPIES = 6
 """Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and one spare."""

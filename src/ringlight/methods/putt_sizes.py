@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from ringlight.core.kernel_limits import VOLUME_CELLS_A_BYTE, VOLUME_FREQUENCIES, VOLUME_MOST_CELLS
 from ringlight.core.words import MEGABYTE
 from ringlight.volume.tt_ranks import numbers_of
 
@@ -18,9 +19,6 @@ FEWEST_RANKS, MOST_RANKS = 2, 1024
 RANK_STEP = 8
 """Ranks that follow from a size are multiples: torch takes twice as long for matrices 251 wide as for those of 248."""
 
-MOST_CELLS = 160
-"""Along an axis, of which a bit says what is empty: volume/occupancy.py."""
-
 FLOAT_BYTES = 4
 
 
@@ -34,10 +32,10 @@ class TrainSizes:
 
     def bytes_of(self, ranks: tuple[int, int]) -> int:
         """With bits for all cells."""
-        inputs = 5 * (self.features + 3)
+        inputs = (1 + 2 * VOLUME_FREQUENCIES) * (self.features + 3)
         network = (inputs + self.hidden + 2) * self.hidden + 3 * (self.hidden + 1)
         trains = numbers_of_both(self.features, self.levels, ranks)
-        return FLOAT_BYTES * (network + trains) + min(1 << self.levels, MOST_CELLS) ** 3 // 8
+        return FLOAT_BYTES * (network + trains) + min(1 << self.levels, VOLUME_MOST_CELLS) ** 3 // VOLUME_CELLS_A_BYTE
 
     @property
     def range(self) -> tuple[float, float]:

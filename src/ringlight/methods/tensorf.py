@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from ringlight.core.kernel_limits import VOLUME_MOST_COMPONENTS, VOLUME_MOST_NODES
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, between, check_rates
@@ -47,9 +48,6 @@ LAST_RATE = 0.1
 
 GRADIENT_SHARE = 0.5
 """A quarter of the samples with a colour hand on; this adds little variance (docs/methods/tensorf.md)."""
-
-LARGEST_SIDE, MOST_COMPONENTS = 4096, 4096
-"""Beyond these a number is a mistake."""
 
 
 COPIES = 6
@@ -116,12 +114,12 @@ class TensorfRecipe(VolumeRecipe):
     def _refuse_counts(self) -> None:
         self.refuse_counts(
             rays=(1, MOST_RAYS),
-            density_components=(1, MOST_COMPONENTS),
-            appearance_components=(1, MOST_COMPONENTS),
+            density_components=(1, VOLUME_MOST_COMPONENTS),
+            appearance_components=(1, VOLUME_MOST_COMPONENTS),
             features=(1, MOST_UNITS),
             hidden=(1, MOST_UNITS),
-            first_side=(2, LARGEST_SIDE),
-            last_side=(2, LARGEST_SIDE),
+            first_side=(2, VOLUME_MOST_NODES),
+            last_side=(2, VOLUME_MOST_NODES),
         )
         if self.final_side < self.first_side:
             raise RecipeError(f"last_side is {self.final_side}, below first_side, {self.first_side}; give as much")

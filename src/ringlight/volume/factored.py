@@ -4,9 +4,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ringlight.core.kernel_limits import VOLUME_COMPONENT_LANES
 from ringlight.fields.networks import fan_in_uniform
 from ringlight.volume.contract import Sides
-from ringlight.volume.factored_source import LANES, FactoredSource
+from ringlight.volume.factored_source import FactoredSource
 from ringlight.volume.factors import Decomposition, Factors
 from ringlight.volume.grids import sides_of
 from ringlight.volume.shading import FeatureShading
@@ -53,7 +54,8 @@ class FactoredField(nn.Module):
 
     def kernels(self, shading: FeatureShading) -> FactoredSource | None:
         """See :class:`ringlight.volume.contract.VolumeField`; of components that fill vectors."""
-        fill = all(each.components % LANES == 0 for each in (self.density_factors, self.appearance_factors))
+        both = (self.density_factors, self.appearance_factors)
+        fill = all(each.components % VOLUME_COMPONENT_LANES == 0 for each in both)
         return FactoredSource(self, shading) if fill else None
 
     def outline(self, sides: Sides) -> dict[str, Tensor]:

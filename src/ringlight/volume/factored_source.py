@@ -17,9 +17,6 @@ from ringlight.volume.shading import FeatureShading, named_layers
 if TYPE_CHECKING:
     from ringlight.volume.factored import FactoredField
 
-LANES = 16
-"""Components of which a kernel takes whole multiples."""
-
 
 class FactoredSource:
     """A :class:`ringlight.volume.native_march.FieldSource`."""

@@ -6,13 +6,11 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ringlight.core.kernel_limits import VOLUME_MOST_NODES as MOST_NODES
 from ringlight.volume.contract import Sides
 
 FEWEST_NODES = 2
 """Along an axis: one cell."""
-
-MOST_NODES = 4096
-"""Along an axis: what the kernels take."""
 
 
 def sides_of(box: Float[Tensor, "2 3"], voxels: float | int) -> Sides:

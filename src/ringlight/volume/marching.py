@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
+from ringlight.core.kernel_limits import VOLUME_SMALLEST_STEP as SMALLEST_STEP
 from ringlight.core.rendering import Channels
 from ringlight.data.rays import Rays
 from ringlight.volume.occupancy import is_occupied
@@ -19,9 +20,6 @@ SHOWN_WEIGHT = 1e-4
 
 END = 1e-4
 """A ray ends where less light than this is left: no later sample could have a colour."""
-
-SMALLEST_STEP = 1e-9
-"""Of a direction along an axis: rays that are parallel to a side of the box."""
 
 
 @dataclass(frozen=True)

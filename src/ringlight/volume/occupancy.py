@@ -5,12 +5,9 @@ import torch.nn.functional
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
+from ringlight.core.kernel_limits import VOLUME_CELLS_A_BYTE as BITS
+from ringlight.core.kernel_limits import VOLUME_MOST_CELLS as MOST_CELLS
 from ringlight.volume.contract import Sides
-
-MOST_CELLS = 160
-"""Along the longest side of a box: half a megabyte of bits, which stay in a core's cache."""
-
-BITS = 8
 
 
 def cells_of(box: Float[Tensor, "2 3"], nodes: int) -> Sides:

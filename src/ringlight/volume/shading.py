@@ -4,10 +4,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from ringlight.core.kernel_limits import VOLUME_FREQUENCIES as FREQUENCIES
 from ringlight.fields.networks import perceptron
-
-FREQUENCIES = 2
-"""Of sines and cosines: 1 and 2, of features and of directions alike."""
 
 COLORS = 3
 
