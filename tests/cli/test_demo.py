@@ -89,6 +89,8 @@ def test_default_folder_is_numbered(tmp_path, monkeypatch):
         (["toster"], "perhaps you meant 'toaster'"),
         (["--steps", "0"], "--steps is 0"),
         (["--resume", "nowhere"], "nowhere: holds no demo.json"),
+        (["--resume", "nowhere", "--steps", "10"], "goes on with the demo as it was begun; leave --steps out"),
+        (["carpaint", "--resume", "nowhere"], "leave SCENE out"),
     ],
 )
 def test_mistakes_are_one_sentence(words, sentence, capsys, tmp_path, monkeypatch):

@@ -174,6 +174,38 @@ def test_eval_keeps_the_commit_that_trained(run_folder: Path, tmp_path: Path, ri
         assert json.loads((folder / "report.json").read_text())["commit"] == "of training"
 
 
+def test_eval_gives_no_model_the_costs_of_another_step(
+    trained: dict[str, Path], run_folder: Path, ringlight: Command
+) -> None:
+    """The report is of an earlier step: its seconds are not those of the model, which its checkpoint has."""
+    whole = json.loads((run_folder / "report.json").read_text())
+    edit_json(
+        run_folder / "report.json",
+        lambda report: report.update(iterations=whole["iterations"] - 1, train_seconds=1e6, curve=[], commit="earlier"),
+    )
+    done = ringlight("eval", run_folder, "--lpips", "--json", "--quiet")
+    assert done.code == 0, done.err
+    told = json.loads(done.out)
+    assert told["iterations"] == whole["iterations"]
+    assert told["train_seconds"] == pytest.approx(whole["train_seconds"])
+    assert (told["curve"], told["commit"]) == (whole["curve"], whole["commit"])
+    for checkpoint in run_folder.glob("checkpoint*"):
+        checkpoint.unlink()
+    edit_json(run_folder / "report.json", lambda report: report.update(iterations=1))
+    assert json.loads(ringlight("eval", run_folder, "--lpips", "--json", "--quiet").out)["train_seconds"] is None
+
+
+def test_eval_with_images_elsewhere_keeps_the_runs_pictures_with_its_numbers(
+    run_folder: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    own = run_folder / "model.safetensors"
+    assert ringlight("edit", run_folder, own, "--base-only", "--overwrite", "--quiet").code == 0
+    before = (run_folder / "images" / "test" / picture_name("test/r_0.png")).read_bytes()
+    assert ringlight("eval", run_folder, "--lpips", "--quiet", "--images", tmp_path / "x").code == 0
+    kept = (run_folder / "images" / "test" / picture_name("test/r_0.png")).read_bytes()
+    assert kept == (tmp_path / "x" / "test" / picture_name("test/r_0.png")).read_bytes() != before
+
+
 def test_eval_of_a_model_file_writes_only_where_it_is_told(
     tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:

@@ -93,6 +93,11 @@ K = {"k1": -0.2, "k2": 0.05, "p1": 0.002, "p2": -0.001}
             (0.05, 0.02, -0.01, 0.004),
         ),
         ({"camera_model": None, "is_fisheye": True, "k1": 0.05}, "OPENCV_FISHEYE", (0.05, 0.0, 0.0, 0.0)),
+        ({"distortion_params": [-0.2, 0.05, 0, 0, 0.002, -0.001]}, "OPENCV", (-0.2, 0.05, 0.002, -0.001)),
+        (
+            {"camera_model": "OPENCV_FISHEYE", "distortion_params": [0.05, 0.02, -0.01, 0.004, 0.0, 0.0]},
+            "OPENCV_FISHEYE", (0.05, 0.02, -0.01, 0.004),
+        ),
         ({"camera_model": "RADIAL_FISHEYE", "k1": 0.05, "k2": 0.01}, "RADIAL_FISHEYE", (0.05, 0.01)),
     ],
 )  # fmt: skip
@@ -130,6 +135,17 @@ def test_coefficients_that_programs_read_differently_are_refused(tmp_path: Path)
         load(tmp_path, nerfstudio_document() | {"k4": 0.1, "k6": 0.1})
     with pytest.raises(SceneError, match=r"frame 0 .*'is_fisheye' and the camera model 'OPENCV'"):
         load(tmp_path, nerfstudio_document() | {"is_fisheye": True})
+
+
+@pytest.mark.parametrize("listed", [[0.1] * 7, "0.1", {"k1": 0.1}, [0.1, "far"], [float("nan")], [[0.1]]])
+def test_a_list_of_coefficients_that_is_none_is_refused(tmp_path: Path, listed: object):
+    with pytest.raises(SceneError, match="frame 0 "):
+        load(tmp_path, nerfstudio_document() | {"k1": 0.0, "distortion_params": listed})
+
+
+def test_coefficients_by_name_beside_a_list_are_refused(tmp_path: Path):
+    with pytest.raises(SceneError, match=r"frame 0 .*'distortion_params' and 'k1', of which one is enough"):
+        load(tmp_path, nerfstudio_document() | {"k1": -0.2, "distortion_params": [0.1]})
 
 
 @pytest.mark.parametrize(

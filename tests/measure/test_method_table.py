@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from dataclasses import replace
 from statistics import fmean, stdev
 
 import pytest
@@ -62,7 +63,7 @@ def test_a_run_that_does_not_compare_has_no_cell(changes: dict[str, object]) -> 
     made = cells_of(("s",), ("m", "n", "o"), (0,), reports, {})
     assert made.cell(PSNR, "s", "o") is None
     assert made.cell(PSNR, "s", "n") is not None
-    (note,) = made.notes
+    (note,) = (note for note in made.notes if "left out" in note)
     assert note.startswith("s, o, seed 0 is left out: it has other ")
 
 
@@ -122,3 +123,24 @@ def test_a_terminal_of_any_width_has_every_number(width: int) -> None:
     for at in range(7):
         assert f"{20.25 + at:.2f} ± 0.35" in text
         assert f"method-number-{at}" in text
+
+
+def test_what_numbers_do_not_tell_stands_below() -> None:
+    told = {"collapses": ("at step 9 the light collapsed",), "test_views_trained_on": 1, "lpips_note": "No weights."}
+    notes = MethodTable(cells({("a", "m"): [20.0]}, **told)).notes()
+    assert "a, m, seed 0: at step 9 the light collapsed." in notes
+    assert any(note.startswith("a, m, seed 0: it was trained on 1 of the ") for note in notes)
+    assert "No weights." in notes
+
+
+def test_seconds_of_several_machines_are_not_ranked() -> None:
+    """Of as many threads they are; other measures are in any case."""
+    wall = next(measure for measure in MEASURES if measure.key == "wall_seconds")
+    alike = {("a", "m"): {0: report(20.0, train_seconds=9.0)}, ("a", "n"): {0: report(21.0, train_seconds=8.0)}}
+    other = replace(alike["a", "n"][0], machine=replace(alike["a", "n"][0].machine, threads=77))
+    for reports, ranked in ((alike, True), (alike | {("a", "n"): {0: other}}, False)):
+        made = cells_of(("a",), ("m", "n"), (0,), reports, {})
+        for measure, expected in ((wall, ranked), (PSNR, True)):
+            spreads = {method: made.cell(measure, "a", method) for method in made.methods}
+            assert bool(made.ranks(measure, spreads)) is expected
+        assert any("several machines" in note for note in MethodTable(made).notes()) is not ranked

@@ -136,3 +136,16 @@ def test_rows_of_dots_have_a_name_each() -> None:
 
 def test_a_single_value_can_be_drawn() -> None:
     assert draw_charts([Chart("PSNR", (Line("car", (Dot(4.0, 20.0),)),))], "rank").height > 100
+
+
+def test_a_picture_without_error_ends_neither_table_nor_charts() -> None:
+    """Its PSNR is infinite."""
+    exact = {"car": {"full": {0: of(float("inf")), 1: of(31.0)}, "mlp": {0: of(28.0), 1: of(28.0)}}}
+    table = StudyTable(study_rows(LABELS, exact))
+    assert table.rows[0].psnr.deviation is None
+    assert "inf" in table.markdown()
+    assert table.csv()
+    rows = [Dot(0.0, float("inf")), Dot(1.0, 21.0)]
+    for names in ((), ("full", "mlp")):
+        assert draw_charts([Chart("PSNR", (Line("car", tuple(rows)),), names)], "ablation").height > 100
+        assert draw_charts([Chart("PSNR", (Line("car", (rows[0],)),), names)], "ablation").height > 100

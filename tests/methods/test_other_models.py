@@ -14,7 +14,8 @@ from ringlight.methods.table import METHODS
 from ringlight.models.contract import Model
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.facts import facts_of
-from ringlight.runs.finish import TrainingFacts, measure
+from ringlight.runs.finish import measure
+from ringlight.runs.training_facts import TrainingFacts
 from tiny_scene import tiny_scene
 from voxel_grid import VoxelGrid, VoxelRecipe
 

@@ -12,7 +12,8 @@ from ringlight.measure.metrics import psnr
 from ringlight.models.contract import Model
 from ringlight.models.feature_shares import feature_shares
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.runs.finish import TrainingFacts, measure, psnr_of_views
+from ringlight.runs.finish import measure, psnr_of_views
+from ringlight.runs.training_facts import TrainingFacts
 from small_recipes import small
 from tiny_scene import tiny_scene
 from voxel_grid import VoxelGrid
@@ -101,3 +102,18 @@ def test_idle_features_are_reported_of_a_neural_light_and_of_nothing_else(model:
     report = measure(ring, SCENE, FACTS, nets=())
     assert (report.saturated_features, report.constant_features) == (0.5, shares.constant)
     assert report.hidden_units_off == shares.off
+
+
+def test_test_views_that_the_model_was_trained_on_are_counted(model: Model):
+    assert measure(model, SCENE, FACTS, nets=()).test_views_trained_on == 0
+    cameras = [view.camera for view in (*SCENE.train, *SCENE.test[:2])]
+    assert measure(model, SCENE, FACTS, nets=(), trained=cameras).test_views_trained_on == 2
+    turned = replace(SCENE.test[0].camera, world_to_camera=turn(SCENE.test[0].camera.world_to_camera))
+    assert measure(model, SCENE, FACTS, nets=(), trained=[turned]).test_views_trained_on == 0
+
+
+def turn(world_to_camera: torch.Tensor) -> torch.Tensor:
+    """Of a camera on a tripod: it stands where it stood."""
+    around = torch.eye(4)
+    around[:2, :2] = torch.tensor([[0.8, -0.6], [0.6, 0.8]])
+    return around @ world_to_camera

@@ -2,11 +2,13 @@
 
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
 from ringlight.runs import one_process
+from ringlight.runs.many import Happened, heard_of
 from ringlight.runs.one_process import do_run, reason_for
 
 
@@ -24,6 +26,16 @@ def test_its_lines_are_heard_and_it_gets_its_order(monkeypatch: pytest.MonkeyPat
     heard: list[object] = []
     assert do_run({"a": [1, "ü"]}, heard.append, lambda: True) is None
     assert heard == [{"a": [1, "ü"]}]
+
+
+def test_its_warnings_are_heard_where_it_succeeds_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    script = "import sys; sys.stderr.write('warning: one.png has changed\\nother\\n'); sys.stdin.readline()"
+    monkeypatch.setattr(one_process, "COMMAND", (sys.executable, "-c", script))
+    heard: list[Mapping[str, object]] = []
+    assert do_run({}, heard.append, lambda: True) is None
+    assert heard == [{"warning": "one.png has changed"}]
+    assert heard_of("a", heard[0]) == Happened("told", "a", "a: warning: one.png has changed")
+    assert heard_of("a", {"step": 3}) == Happened("at", "a", facts={"step": 3})
 
 
 def test_its_standard_input_closes_once_it_is_not_wanted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -76,9 +76,19 @@ def _demo(asked: DemoArguments) -> "Demo":
     from ringlight.runs.folder import free_folder
 
     if asked.resume is not None:
+        _refuse_settings(asked)
         return Demo.open(asked.resume)
     out = asked.out or free_folder(Path("runs") / f"demo-{asked.scene}")
     return Demo.create(out, asked.scene, asked.steps, asked.seed)
+
+
+def _refuse_settings(asked: DemoArguments) -> None:
+    """Raise RecipeError for what a demo that goes on has already."""
+    usual = DemoArguments()
+    for name in ("scene", "steps", "seed", "out"):
+        if getattr(asked, name) != getattr(usual, name):
+            given = name.upper() if name == "scene" else f"--{name}"
+            raise RecipeError(f"--resume goes on with the demo as it was begun; leave {given} out")
 
 
 def _show(demo: "Demo", quiet: bool) -> None:

@@ -30,7 +30,8 @@ class EvalArguments:
     """Measure a model on held-out photographs: PSNR, SSIM, LPIPS, frames a second, bytes.
 
     A run folder is measured on its own test views. Its report.json and images/ are written again, with the numbers that
-    train gave. With SCENE, or for a model file alone, nothing is written unless --out or --images asks for it.
+    train gave, and by every network of LPIPS that was used before. With SCENE, or for a model file alone, nothing is
+    written unless --out or --images asks for it.
     """
 
     model: ModelPath
@@ -91,24 +92,30 @@ def _locked_or_told(run: "RunFolder | None") -> "Iterator[RunFolder | None]":
 
 def _measure_and_keep(asked: EvalArguments, run: "RunFolder | None", line: StageLine) -> None:
     """Measure and show; write the report and pictures of ``run``, or of the folders that were asked for."""
-    from ringlight.runs.finish import known_facts, measure, refuse_older, write_report
+    from ringlight.runs.finish import measure, refuse_older, write_report
     from ringlight.runs.folder import RunFolder, empty_folder
     from ringlight.runs.kept_pictures import KeptPictures
     from ringlight.runs.opened import open_model, scene_of
+    from ringlight.runs.training_facts import known_facts, measured_nets
 
     opened = open_model(asked.model, asked.device)
     scene = scene_of(opened, asked.scene, SceneOptions(**vars(asked.options)), command("eval", asked.model, "FOLDER"))
     tell_warnings(scene)
     facts, cameras = known_facts(opened), opened.stored.cameras
     kept = run if asked.out is None else RunFolder(empty_folder(asked.out))
+    nets = asked.lpips
     if run is not None:
         refuse_older(run, facts.iterations)
-    pictures = KeptPictures(*kept.pictures) if kept else None
+        nets = (*nets, *(net for net in measured_nets(run) if nets and net not in nets))
+    folders = []
     if asked.images is not None:
         chosen = empty_folder(asked.images)
-        pictures = KeptPictures(chosen / "test", chosen / "truth")
+        folders.append((chosen / "test", chosen / "truth"))
+    if kept is not None and (kept is run or asked.images is None):  # a run's pictures are those of its numbers
+        folders.append(kept.pictures)
+    pictures = KeptPictures(folders) if folders else None
     tell = partial(line, "measuring views")
-    report = measure(opened.stored.model, scene, facts, pictures, asked.lpips, tell, cameras)
+    report = measure(opened.stored.model, scene, facts, pictures, nets, tell, cameras)
     line.wiped()
     _show(report, asked.json)  # before anything is written that may not be
     if pictures is not None:

@@ -1,6 +1,5 @@
 """What commands of many runs have in common: where these are done, how they are watched, what a signal does."""
 
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,7 +26,9 @@ class Doing:
         """Threads of each of so many: the cores are shared out unless somebody says otherwise; 0 takes a worker's."""
         if self.threads or self.scheduler is not None or not runs:
             return self.threads
-        return max(1, len(os.sched_getaffinity(0)) // min(self.jobs, runs))
+        from ringlight.measure.machine import usable_cores
+
+        return max(1, usable_cores() // min(self.jobs, runs))
 
     def place(self) -> "Place":
         """Where they are done. Raises RecipeError for a scheduler that does not answer."""

@@ -143,7 +143,7 @@ def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> dict[str, s
 
     missing = [run for run in runs if run.state != "finished"]
     doing = Doing(asked.jobs, asked.threads, asked.scheduler, asked.quiet)
-    threads = doing.threads_each(len(missing))
+    threads = doing.threads_each(len(runs))  # those that are done had as many
     return do_runs({run.name: run.order(threads, "auto", asked.lpips) for run in missing}, doing)
 
 

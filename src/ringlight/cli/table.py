@@ -146,9 +146,19 @@ def _run(asked: TableArguments, runs: "dict[Key, Surveyed]") -> "dict[Key, str]"
 
     missing = {_name(key): key for key, surveyed in runs.items() if surveyed.state in ("to do", "started")}
     doing = Doing(asked.jobs, asked.threads, asked.scheduler, asked.quiet)
-    threads = doing.threads_each(len(missing))
+    threads = doing.threads_each(len(runs))  # those that are done had as many
+    _tell_of_kept(asked, [surveyed for surveyed in runs.values() if surveyed.state == "finished"])
     orders = {name: order_of(runs[key].run, threads, asked.device, asked.lpips) for name, key in missing.items()}
     return {missing[name]: reason for name, reason in do_runs(orders, doing).items()}
+
+
+def _tell_of_kept(asked: TableArguments, finished: "list[Surveyed]") -> None:
+    """Say which flags do nothing to runs that are finished."""
+    given = [f"--{name}" for name in ("device", "lpips") if getattr(asked, name) != getattr(TableArguments, name)]
+    if given and finished and not asked.quiet:
+        kept = counted(len(finished), "run")
+        again = "ringlight eval RUN --lpips NET" if "--lpips" in given else "another --out"
+        sys.stderr.write(f"{' and '.join(given)}: {kept} finished before, and kept as it is; use {again} for more\n")
 
 
 def _show(

@@ -54,6 +54,10 @@ def rays_of(camera: Camera) -> Rays:
     return Rays(origins, directions, torch.full((len(directions),), MIDDLE))
 
 
+CHANNELS = 4
+"""Red, green, blue and alpha, a byte each, of every pixel of all photographs: they stay in memory."""
+
+
 @dataclass(frozen=True)
 class RayBatch:
     """R rays of any photographs; ``colors`` are those of their pixels over ``background``, in [0, 1]."""
@@ -84,7 +88,11 @@ class RayBatches:
         self._lenses = torch.tensor([[*camera.focal, *camera.center] for camera in cameras])
         self._rotations = torch.stack([camera.world_to_camera[:3, :3] for camera in cameras])
         self._positions = torch.stack([camera.position for camera in cameras])
-        self._pixels = torch.cat([_pixels(view) for view in counted("reading photographs", scene.train)])
+        self._pixels = torch.empty(int(self._ends[-1]), CHANNELS, dtype=torch.uint8)
+        begin = 0
+        for view, end in zip(counted("reading photographs", scene.train), self._ends.tolist(), strict=True):
+            self._pixels[begin:end] = _pixels(view)
+            begin = end
         self._kept: Int[Tensor, "K"] | None = None
 
     @property

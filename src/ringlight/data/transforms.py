@@ -27,6 +27,9 @@ have all that OPENCV has, whatever its name."""
 FISHEYE_MODELS = frozenset({"OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE"})
 """Values of ``camera_model`` that project by angle."""
 
+LISTED = ("k1", "k2", "k3", "k4", "p1", "p2")
+"""Order of nerfstudio's ``distortion_params``."""
+
 DIVISOR = ("k4", "k5", "k6")
 """Coefficients of a perspective lens that only FULL_OPENCV defines."""
 
@@ -108,8 +111,26 @@ def _focal(fields: Fields, axis: str, side: float, where: str) -> float | None:
     return 0.5 * side / math.tan(0.5 * angle)
 
 
+def _listed_coefficients(fields: Fields, where: str) -> Fields:
+    """nerfstudio's ``distortion_params``, one list instead of names. Raises SceneError where it is no such list, or
+    names stand beside it."""
+    listed = fields.get("distortion_params")
+    if listed is None:
+        return {}
+    if not isinstance(listed, list) or len(listed) > len(LISTED):
+        orders = ", ".join(LISTED)
+        raise SceneError(
+            f"{where} has 'distortion_params' {shown(str(listed))}; give up to {len(LISTED)} numbers: {orders}"
+        )
+    named = [name for name in COEFFICIENTS if fields.get(name)]
+    if named:
+        raise SceneError(f"{where} has 'distortion_params' and {named[0]!r}, of which one is enough; remove one")
+    return dict(zip(LISTED, listed, strict=False))
+
+
 def read_lens(fields: Fields, where: str) -> Lens:
-    """The lens by ``camera_model`` (nerfstudio) or ``is_fisheye`` (instant-ngp) and the coefficients k1 to k6, p1, p2.
+    """The lens by ``camera_model`` (nerfstudio) or ``is_fisheye`` (instant-ngp) and the coefficients k1 to k6, p1, p2,
+    or nerfstudio's list of them.
 
     Raises:
         SceneError: another projection, or coefficients that programs read differently.
@@ -127,6 +148,7 @@ def read_lens(fields: Fields, where: str) -> Lens:
         raise SceneError(f"{where} has a lens that cannot be undistorted here ({projection!r}); {remedy}")
     if fisheye and model in PERSPECTIVE_MODELS:
         raise SceneError(f"{where} has 'is_fisheye' and the camera model {stated!r}, of which one is wrong; remove it")
+    fields = {**fields, **_listed_coefficients(fields, where)}
     given = {name: value for name in COEFFICIENTS if (value := number(fields, name, where, 0.0))}
     unclear = [name for name in DIVISOR if name in given]
     if unclear and model in PERSPECTIVE_MODELS - {"FULL_OPENCV"}:

@@ -3,7 +3,7 @@ variant."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from PIL import Image, ImageDraw, ImageFont
 
@@ -57,7 +57,8 @@ class Chart:
 
 
 def draw_charts(charts: Sequence[Chart], title: str) -> Image.Image:
-    """The charts side by side under a title, the legend below."""
+    """The charts side by side under a title, the legend below. Numbers that are not finite have no dot."""
+    charts = [_finite(chart) for chart in charts]
     pictures = [_dots(chart) if chart.names else _curves(chart) for chart in charts]
     labels = [line.label for line in charts[0].lines]
     width = max(sum(p.width for p in pictures), WIDTH)
@@ -75,6 +76,14 @@ def draw_charts(charts: Sequence[Chart], title: str) -> Image.Image:
         _dot(pen, (float(left + DOT), top + down + TEXT / 2 + 1), COLORS[index % len(COLORS)])
         _text(pen, (left + 4 * DOT, top + down), label, TEXT, INK)
     return sheet
+
+
+def _finite(chart: Chart) -> Chart:
+    lines = [
+        replace(line, dots=tuple(d for d in line.dots if math.isfinite(d.x) and math.isfinite(d.y)))
+        for line in chart.lines
+    ]
+    return replace(chart, lines=tuple(lines))
 
 
 def _legend(labels: Sequence[str], width: int) -> list[tuple[int, int]]:
@@ -126,15 +135,15 @@ def ticks(low: float, high: float) -> list[float]:
 def _range(chart: Chart) -> tuple[float, float]:
     """Of the values with their deviations, a little wider."""
     dots = [dot for line in chart.lines for dot in line.dots]
-    low = min(dot.y - (dot.deviation or 0) for dot in dots)
-    high = max(dot.y + (dot.deviation or 0) for dot in dots)
+    low = min((dot.y - (dot.deviation or 0) for dot in dots), default=0.0)
+    high = max((dot.y + (dot.deviation or 0) for dot in dots), default=1.0)
     room = 0.08 * (high - low) or max(abs(high) * 0.01, 1e-3)
     return low - room, high + room
 
 
 def _marks(places: Sequence[float], logarithmic: bool, measured: bool) -> Sequence[float]:
     """The numbers on the axis: those that a study chose, or round ones where they were measured."""
-    if len(places) == 1 or (len(places) <= MOST_PLACES and not measured):
+    if len(places) <= 1 or (len(places) <= MOST_PLACES and not measured):
         return places
     return (decades if logarithmic else ticks)(places[0], places[-1])
 
@@ -144,7 +153,8 @@ def _curves(chart: Chart) -> Image.Image:
     pen = ImageDraw.Draw(picture)
     low, high = _range(chart)
     places = sorted({dot.x for line in chart.lines for dot in line.dots})
-    first, last = places[0], places[-1] if len(places) > 1 else places[0] + 1
+    first = places[0] if places else 0.0
+    last = places[-1] if len(places) > 1 else first + 1
     right, bottom = WIDTH - GAP, HEIGHT - MARGIN
     logarithmic = first > 0 and last > chart.wide * first
 

@@ -30,7 +30,7 @@ def machine() -> Machine:
     """The facts of this machine and process, now."""
     return Machine(
         cpu=_cpu_model(),
-        cores=_usable_cores(),
+        cores=usable_cores(),
         threads=_kernels.threads(),
         isa=_isa(),
         gpu=torch.cuda.get_device_name() if torch.cuda.is_available() else None,
@@ -61,7 +61,8 @@ def _git(root: Path, *arguments: str) -> str | None:
         return None
 
 
-def _usable_cores() -> int:
+def usable_cores() -> int:
+    """Of this process."""
     # Containers and taskset give a process fewer cores than the machine has.
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

@@ -1,7 +1,7 @@
 """What runs of methods on scenes measured, cell by cell; only runs that compare share a scene's row."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
@@ -14,7 +14,8 @@ Measured = Mapping[tuple[str, str], Mapping[int, Report]]
 
 @dataclass(frozen=True)
 class Measure:
-    """One table's number: ``key`` names it in files, ``digits`` are shown."""
+    """One table's number: ``key`` names it in files, ``digits`` are shown. ``of_machine``: it goes by the machine, its
+    cores and threads, and runs of several are not ranked by it."""
 
     key: str
     title: str
@@ -22,6 +23,7 @@ class Measure:
     digits: int
     more_is_better: bool
     of: Callable[[Report], float | None]
+    of_machine: bool = False
 
 
 MEASURES = (
@@ -33,8 +35,8 @@ MEASURES = (
     Measure("file_megabytes", "Size, file", "MB", 2, False, lambda r: r.bytes_file / 1e6 if r.bytes_file else None),
     Measure("count", "Gaussians", "", 0, False, lambda r: float(r.counted)),
     Measure("core_seconds", "Training, CPU", "s", 1, False, lambda r: r.core_seconds),
-    Measure("wall_seconds", "Training, wall", "s", 1, False, lambda r: r.train_seconds),
-    Measure("fps", "Frames per second", "", 1, True, lambda r: r.fps),
+    Measure("wall_seconds", "Training, wall", "s", 1, False, lambda r: r.train_seconds, of_machine=True),
+    Measure("fps", "Frames per second", "", 1, True, lambda r: r.fps, of_machine=True),
 )
 """All tables, in their order. MB are 10^6 bytes. CPU seconds include those by which a method chose."""
 
@@ -76,12 +78,20 @@ class MethodCells:
 
     def ranks(self, measure: Measure, spreads: Mapping[str, Spread | None]) -> dict[str, int]:
         """1 for the best and 2 for the second of these methods, as far as the shown digits tell them apart; none where
-        all are alike."""
+        all are alike, or machines count and are not."""
+        if measure.of_machine and len(self.machines) > 1:
+            return {}
         shown = {name: round(spread.mean, measure.digits) for name, spread in spreads.items() if spread is not None}
         order = sorted(set(shown.values()), reverse=measure.more_is_better)
         if len(order) < 2:
             return {}
         return {name: order.index(value) + 1 for name, value in shown.items() if value in order[:2]}
+
+    @property
+    def machines(self) -> frozenset[tuple[object, ...]]:
+        """What speed depends on, of each run that is there."""
+        used = (report.machine for by_seed in self.reports.values() for report in by_seed.values())
+        return frozenset((m.cpu, m.cores, m.threads, m.isa, m.gpu) for m in used)
 
     def shown(self) -> tuple[Measure, ...]:
         """The measures that any run has."""
@@ -111,7 +121,16 @@ def cells_of(
                     notes.append(f"{name} is left out: it has {_difference(report, agreed)}.")
                 else:
                     kept.setdefault((scene, method), {})[seed] = report
+                    notes += [f"{name}: {sentence}" for sentence in _to_know(report)]
+    notes += sorted({r.lpips_note for by_seed in kept.values() for r in by_seed.values() if r.lpips_note})
     return MethodCells(tuple(scenes), tuple(methods), tuple(seeds), kept, tuple(notes))
+
+
+def _to_know(report: Report) -> Iterator[str]:
+    """What its numbers do not tell, a sentence each."""
+    if report.test_views_trained_on:
+        yield f"it was trained on {report.test_views_trained_on} of the {len(report.images)} test views."
+    yield from (f"{sentence}." for sentence in report.collapses)
 
 
 TERMS = ("views", "size", "background", "steps")

@@ -83,6 +83,9 @@ class Report:
     psnr_thirds: tuple[float, ...] | None = None
     """``psnr`` over the third of the test views whose cameras lie nearest to a training camera, the middle third, and
     the farthest; None for fewer than three views."""
+    test_views_trained_on: int = 0
+    """How many of the test views the model was trained on, as where a scene is split in another way since: its numbers
+    are then those of training views in part."""
     ssim_same: float | None
     ssim_valid: float | None
     lpips_alex: float | None

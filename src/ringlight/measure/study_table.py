@@ -37,8 +37,9 @@ class Spread:
 
     @staticmethod
     def of(values: Sequence[float]) -> "Spread":
-        """Of at least one value."""
-        return Spread(fmean(values), stdev(values) if len(values) > 1 else None)
+        """Of at least one value; without a deviation where one is infinite, as the PSNR of a picture without error."""
+        known = len(values) > 1 and all(map(math.isfinite, values))
+        return Spread(fmean(values), stdev(values) if known else None)
 
 
 @dataclass(frozen=True)

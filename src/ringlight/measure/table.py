@@ -68,6 +68,11 @@ class ResultsTable:
                 notes.append(f"{label} stopped at step {report.iterations} of {report.planned}.")
             if report.psnr is None:
                 notes.append(f"{label} has no test views.")
+        notes += [
+            f"{label} was trained on {report.test_views_trained_on} of the {len(report.images)} test views."
+            for label, report in self.runs
+            if report.test_views_trained_on
+        ]
         notes += [f"{label}: {sentence}." for label, report in self.runs for sentence in report.collapses]
         notes += [f"{label}: {note}" for label, report in self.runs if (note := light_note(report))]
         if self.lpips_notes is not None:

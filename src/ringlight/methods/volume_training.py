@@ -7,7 +7,7 @@ import torch
 from ringlight.core.memory import machine_memory
 from ringlight.core.scene import Scene
 from ringlight.core.words import MEGABYTE
-from ringlight.data.rays import RayBatches
+from ringlight.data.rays import CHANNELS, RayBatches
 from ringlight.errors import RecipeError
 from ringlight.fit.losses.rays import RayLoss
 from ringlight.fit.optimizer import Optimizer
@@ -40,6 +40,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     assert recipe.bounds is not None
     box = torch.tensor(recipe.bounds).view(2, 3)
     refuse_too_large(recipe, box)
+    refuse_too_many_pixels(scene)
     model = recipe.first_model(box, seed)
     refuse_too_many_rays(recipe, model)
     model.gradient_share = recipe.gradient_share
@@ -65,6 +66,17 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
         steps=recipe.steps,
         regularizers=recipe.terms(model),
     )
+
+
+def refuse_too_many_pixels(scene: Scene) -> None:
+    """Raise RecipeError for photographs whose pixels memory cannot hold: rays are drawn from all of them."""
+    size = CHANNELS * sum(view.camera.width * view.camera.height for view in scene.train)
+    memory = int(SHARE * machine_memory())
+    if size > memory:
+        raise RecipeError(
+            f"the photographs' pixels take {size / MEGABYTE:,.0f} MB, and {SHARE:.0%} of this machine's memory is "
+            f"{memory / MEGABYTE:,.0f} MB; a volume draws rays from all of them: try --downscale 2"
+        )
 
 
 def refuse_too_large(recipe: VolumeRecipe, box: torch.Tensor) -> None:

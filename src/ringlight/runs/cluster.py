@@ -16,7 +16,7 @@ from typing import Any
 
 import ringlight
 from ringlight.errors import BackendError
-from ringlight.runs.many import Happened
+from ringlight.runs.many import Happened, heard_of
 from ringlight.runs.one_process import do_run
 
 SCHEDULER_SECONDS = 20
@@ -63,7 +63,7 @@ def run_on_worker(name: str, order: str) -> str | None:
 
     def tell(facts: Mapping[str, Any]) -> None:
         nonlocal told
-        if time.monotonic() - told >= TELL_SECONDS or facts["step"] == facts["steps"]:
+        if "warning" in facts or time.monotonic() - told >= TELL_SECONDS or facts["step"] == facts["steps"]:
             told = time.monotonic()
             worker.log_event(TOPIC, {"name": name, "facts": dict(facts)})
 
@@ -148,7 +148,7 @@ class Cluster:
 
     def _hear(self, event: Any) -> None:
         _, message = event
-        self._happened.append(Happened("at", message["name"], facts=message["facts"]))
+        self._happened.append(heard_of(message["name"], message["facts"]))
 
     def _look(self) -> None:
         """At the workers that there are: new ones are judged. Raises BackendError where there is none for too long."""

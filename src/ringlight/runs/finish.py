@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from jaxtyping import Float
 from torch import Tensor
@@ -17,62 +16,28 @@ from ringlight.core.rendering import Rendering
 from ringlight.core.scene import Scene, View
 from ringlight.core.want import Want
 from ringlight.core.words import counted
-from ringlight.errors import ModelFileError, OutputError, RunError, SceneError
+from ringlight.errors import OutputError, RunError, SceneError
 from ringlight.files.atomic import write_text
-from ringlight.files.tensor_file import read_metadata
 from ringlight.fit.guard import sentences
 from ringlight.measure.evaluate import Scores, evaluate, mean_psnr, scores_without_views
 from ringlight.measure.json_record import to_json
 from ringlight.measure.lpips import Net
-from ringlight.measure.machine import machine, source_commit
+from ringlight.measure.machine import machine
 from ringlight.measure.nearness import distances, means_of_thirds
-from ringlight.measure.report import CurvePoint, Report, read_report
+from ringlight.measure.report import Report, read_report
 from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.table import method_of
 from ringlight.models.contract import Model
 from ringlight.models.feature_shares import feature_shares
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.kept_pictures import KeptPictures
-from ringlight.runs.opened import Opened
-from ringlight.runs.record import RunRecord
 from ringlight.runs.session import Session
+from ringlight.runs.training_facts import TrainingFacts
 
 Tell = Callable[[int, int], None]
 
-SECONDS = {
-    "train_seconds": "wall_seconds",
-    "train_cpu_seconds": "cpu_seconds",
-    "saving_seconds": "saving_seconds",
-    "choosing_cpu_seconds": "choosing_seconds",
-}
-"""What reports call a checkpoint's clocks."""
-
-
 MOST_SEEN = 20
 """Training views that are measured where there are no test views."""
-
-
-@dataclass(frozen=True)
-class TrainingFacts:
-    """What the pictures do not tell, field by field as in a ``Report``; None where it is not known, as for a model that
-    was trained elsewhere."""
-
-    preset: str
-    method: str
-    seed: int | None = None
-    iterations: int | None = None
-    planned: int | None = None
-    train_seconds: float | None = None
-    train_cpu_seconds: float | None = None
-    saving_seconds: float | None = None
-    choosing_cpu_seconds: float | None = None
-    peak_bytes: int | None = None
-    training_bytes: dict[str, int] = field(default_factory=dict)
-    collapses: tuple[str, ...] = ()
-    bytes_file: int | None = None
-    curve: tuple[CurvePoint, ...] = ()
-    commit: str | None = field(default_factory=source_commit)
-    """Of the code that trained, or else measures."""
 
 
 def measure(
@@ -114,6 +79,7 @@ def measure(
         report,
         psnr_train=known,
         psnr_thirds=_psnr_thirds(scores, scene, cameras),
+        test_views_trained_on=_trained_on(scene.test, cameras),
         saturated_features=shares.saturated if shares else None,
         constant_features=shares.constant if shares else None,
         hidden_units_off=shares.off if shares else None,
@@ -133,6 +99,17 @@ def _training_views(scene: Scene, trained: Sequence[Camera]) -> list[View]:
     seen = [view for view, distance in zip(scene.train, apart, strict=True) if distance == 0]
     count = min(len(seen), len(scene.test) or MOST_SEEN)
     return [seen[index * len(seen) // count] for index in range(count)]
+
+
+def _trained_on(views: Sequence[View], trained: Sequence[Camera]) -> int:
+    """How many of the views have a camera that the model was trained with: as measures of new views they say nothing.
+    Cameras on a tripod share a place and look elsewhere."""
+    known = {_where(camera) for camera in trained}
+    return sum(_where(view.camera) in known for view in views)
+
+
+def _where(camera: Camera) -> tuple[float, ...]:
+    return (*camera.world_to_camera.flatten().tolist(), *camera.focal)
 
 
 def _psnr_thirds(scores: Scores, scene: Scene, trained: Sequence[Camera]) -> tuple[float, ...] | None:
@@ -162,7 +139,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         curve=tuple(session.history.points),
         commit=session.commit,
     )
-    pictures = KeptPictures(*session.folder.pictures)
+    pictures = KeptPictures([session.folder.pictures])
     report = measure(session.training.model, session.scene, facts, pictures, nets, tell)
     pictures.refuse_failure()
     session.save_model({"psnr": report.psnr, "ssim_same": report.ssim_same, "lpips_alex": report.lpips_alex})
@@ -197,32 +174,6 @@ def refuse_older(run: RunFolder, step: int | None) -> None:
 def write_report(path: Path, report: Report) -> None:
     """Write report.json, all or nothing. Raises OutputError."""
     write_text(path, to_json(report))
-
-
-def known_facts(opened: Opened) -> TrainingFacts:
-    """What a model's file and its run folder still know of its training; a damaged report or checkpoint is skipped."""
-    header, run = opened.stored.header, opened.run
-    planned, size = header.recipe.get("steps"), opened.file.stat().st_size
-    facts = TrainingFacts(header.preset, header.method, bytes_file=size)
-    if header.step:  # a model that was imported was trained elsewhere
-        longest = max(planned, header.step) if isinstance(planned, int) else None
-        facts = replace(facts, iterations=header.step, planned=longest)
-    if run is None:
-        return facts
-    record = RunRecord.read(run.path)
-    return replace(facts, seed=record.seed, planned=record.steps, **_costs(run))
-
-
-def _costs(run: RunFolder) -> dict[str, Any]:
-    """What training took, from the report, else its seconds from the checkpoint."""
-    with suppress(RunError):
-        report = read_report(run.path)
-        kept = (*SECONDS, "peak_bytes", "training_bytes", "collapses", "curve", "commit")
-        return {name: getattr(report, name) for name in kept}
-    with suppress(ModelFileError, KeyError, ValueError):
-        stored = read_metadata(next(iter(run.checkpoints), run.checkpoint))
-        return {name: float(stored[kept]) for name, kept in SECONDS.items() if kept in stored}
-    return {}
 
 
 def _report(scene: Scene, facts: TrainingFacts, scores: Scores, model: Model, speed: FrameRate) -> Report:

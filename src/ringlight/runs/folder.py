@@ -73,10 +73,7 @@ class RunFolder:
     @staticmethod
     def create(path: Path) -> "RunFolder":
         """A new, empty run folder. Raises RunError if it holds anything: nothing is ever overwritten."""
-        if (path / RECORD_NAME).exists():
-            raise RunError(
-                f"{path}: already holds a run; give --out NEW, or go on with it: {command('train', '--resume', path)}"
-            )
+        refuse_taken(path)
         return RunFolder(empty_folder(path))
 
     @staticmethod
@@ -93,12 +90,25 @@ def outdated_report(model: Path) -> Path | None:
     return folder.report if model.name == MODEL_NAME and folder.recorded and folder.report.is_file() else None
 
 
+def refuse_taken(path: Path) -> None:
+    """Raises RunError for a folder that holds anything, for those who work long before they make it."""
+    if (path / RECORD_NAME).exists():
+        raise RunError(
+            f"{path}: already holds a run; give --out NEW, or go on with it: {command('train', '--resume', path)}"
+        )
+    _refuse_filled(path, "--out")
+
+
 def empty_folder(path: Path, flag: str = "--out") -> Path:
     """``path``, which ``flag`` named, as an empty folder, made if need be. Raises RunError if it holds anything:
     nothing is overwritten."""
+    _refuse_filled(path, flag)
+    return make_folder(path, flag)
+
+
+def _refuse_filled(path: Path, flag: str) -> None:
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise RunError(f"{path}: is not an empty folder; give another one with {flag}")
-    return make_folder(path, flag)
 
 
 def make_folder(path: Path, flag: str = "--out") -> Path:

@@ -1,5 +1,6 @@
 """The pictures of measured views on disk. A picture that cannot be written takes no number away."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,8 +18,8 @@ from ringlight.runs.folder import make_folder
 class KeptPictures:
     """Writes each view as rendered and as photographed, until one cannot be written; ``failure`` then says why."""
 
-    renders: Path
-    truths: Path
+    folders: Sequence[tuple[Path, Path]]
+    """Where to, of renders and of photographs, each time."""
     failure: RinglightError | None = field(default=None, init=False)
 
     def __call__(self, view: View, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> None:
@@ -26,8 +27,9 @@ class KeptPictures:
         if self.failure is not None:
             return
         try:
-            for folder, picture in ((self.renders, image), (self.truths, truth)):
-                save_image(make_folder(folder) / picture_name(view.name), picture)
+            for renders, truths in self.folders:
+                for folder, picture in ((renders, image), (truths, truth)):
+                    save_image(make_folder(folder) / picture_name(view.name), picture)
         except (OutputError, RunError) as error:
             self.failure = error
 

@@ -29,6 +29,13 @@ class Happened:
     facts: Mapping[str, Any] | None = None
 
 
+def heard_of(name: str, facts: Mapping[str, Any]) -> Happened:
+    """What a run's process tells: its progress, or a warning."""
+    if "warning" in facts:
+        return Happened("told", name, f"{name}: warning: {facts['warning']}")
+    return Happened("at", name, facts=facts)
+
+
 @runtime_checkable
 class Place(Protocol):
     """Where runs are done: processes of this machine, or the workers of a cluster."""

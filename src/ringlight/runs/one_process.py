@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from threading import Event, Thread
 from typing import Any
@@ -21,6 +21,9 @@ LOOK_SECONDS = 0.5
 SENTENCE = "ringlight: "
 """Begins what a command says last where it fails."""
 
+WARNING = "warning: "
+"""Begins what it says of a run that goes on all the same."""
+
 Tell = Callable[[Mapping[str, Any]], None]
 
 
@@ -32,8 +35,8 @@ def do_run(
 ) -> str | None:
     """Do the run that ``order`` describes; None where it was finished, else a sentence that says why not.
 
-    ``tell`` gets its progress. It ends its step and saves once ``is_wanted`` says no, or once this process is gone,
-    however that ended: the child's standard input is closed then.
+    ``tell`` gets its progress, and each warning as {"warning": sentence}. It ends its step and saves once ``is_wanted``
+    says no, or once this process is gone, however that ended: the child's standard input is closed then.
     """
     # A session of its own: Ctrl-C reaches this process alone, which decides.
     process = subprocess.Popen(
@@ -47,7 +50,7 @@ def do_run(
     assert process.stderr is not None
     complaints: deque[str] = deque(maxlen=MOST_LINES)
     done = Event()
-    drain = Thread(target=lambda: complaints.extend(process.stderr or ()), daemon=True)
+    drain = Thread(target=_drain, args=(process.stderr, complaints, tell), daemon=True)
     watch = Thread(target=_close_when_unwanted, args=(process, is_wanted, done), daemon=True)
     drain.start()
     try:
@@ -67,6 +70,13 @@ def do_run(
         with suppress(OSError, ValueError):
             stream.close()
     return reason_for(code, list(complaints))
+
+
+def _drain(lines: Iterable[str], complaints: deque[str], tell: Tell) -> None:
+    for line in lines:
+        complaints.append(line)
+        if line.startswith(WARNING):
+            tell({"warning": line.removeprefix(WARNING).strip()})
 
 
 def reason_for(code: int, lines: list[str]) -> str | None:

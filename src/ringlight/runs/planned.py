@@ -60,6 +60,11 @@ class PlannedRun:
         possible = [_comparable(recipe) for recipe in settling_on(self.recipe)]
         if _comparable(record.recipe) not in possible or (record.seed, record.scene, record.options) != asked:
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
+        if record.added:
+            raise RunError(
+                f"{self.folder}: holds a run that was extended to {record.steps} steps, and {self.recipe.steps} are "
+                "asked for; give another folder with --out"
+            )
 
     def session(self, device: str = "auto", loaded: Loaded = nobody) -> Session:
         """The training, from its start or from where it stopped; ``loaded`` hears of the scene."""

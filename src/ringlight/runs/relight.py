@@ -152,13 +152,13 @@ def finish_relighting(folder: RunFolder) -> PackReport:
 
 def refuse_other_runs(path: Path, record: RunRecord) -> Path:
     """The model that the run relights. Raises RunError where it does not."""
-    if record.start is None or not _relights(record):
+    if record.start is None or not relights(record):
         raise RunError(f"{path}: does not relight a model; make such a run by: ringlight relight MODEL PHOTOS OUT")
     return Path(record.start)
 
 
-def _relights(record: RunRecord) -> bool:
-    """Whether its recipe is one that :func:`relight_recipe` gives."""
+def relights(record: RunRecord) -> bool:
+    """Whether it is a run that :func:`start_relighting` began, going by its recipe."""
     try:
         return relight_recipe(record.recipe, record.recipe.steps) == record.recipe
     except RecipeError:

@@ -92,6 +92,8 @@ class Session:
             raise DivergedError(f"{broken} and is not saved; {self.way_on()}")
         facts = {
             "program": "ringlight checkpoint",
+            "step": str(self.training.step),
+            "commit": self.commit or "",
             "wall_seconds": repr(self.clock.wall),
             "cpu_seconds": repr(self.clock.cpu),
             "saving_seconds": repr(self.clock.saving),

@@ -7,7 +7,7 @@ from contextlib import suppress
 from threading import Event, Thread
 from typing import Any
 
-from ringlight.runs.many import Happened
+from ringlight.runs.many import Happened, heard_of
 from ringlight.runs.one_process import do_run
 
 
@@ -48,7 +48,7 @@ class SideBySide:
 
     def _do(self, name: str, order: dict[str, Any]) -> None:
         def tell(facts: Mapping[str, Any]) -> None:
-            self._happened.put(Happened("at", name, facts=facts))
+            self._happened.put(heard_of(name, facts))
 
         try:
             reason = do_run(order, tell, lambda: not self._unwanted.is_set(), self._processes.append)

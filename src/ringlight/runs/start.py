@@ -13,7 +13,7 @@ from ringlight.errors import RecipeError
 from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.recipe import Recipe
 from ringlight.runs.clock import Clock
-from ringlight.runs.folder import RunFolder
+from ringlight.runs.folder import RunFolder, refuse_taken
 from ringlight.runs.limits import PreparedRun, prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RunRecord
@@ -48,14 +48,15 @@ def start_run(
 ) -> Session:
     """A new run, from a ``model`` or PLY if one is named; its checkpoint of step 0 then holds what it starts from.
 
-    ``loaded`` hears of the scene before anything is tried on it, which may take long; ``prepared``
-    may change a training before its first step. Raises RecipeError, SceneError,
-    ModelFileError or RunError, with nothing written.
+    ``loaded`` hears of the scene before anything is tried on it, which may take long; ``prepared`` may change a
+    training before its first step. A folder ``out`` that holds anything is refused at once. Raises RecipeError,
+    SceneError, ModelFileError or RunError, with nothing written.
     """
     if recipe.steps < 1:
         raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
     if not 0 <= seed <= LARGEST_SEED:
         raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
+    refuse_taken(out)
     memory = PeakMemory()
     options = kept_options(scene_path, with_points_of(recipe, options))
     start = None if model is None else read_start(model)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ringlight.core.words import counted
+from ringlight.errors import RunError
 from ringlight.files.atomic import write_text
 from ringlight.measure.curves import Chart, Dot, Line, draw_charts
 from ringlight.measure.json_record import to_json
@@ -21,6 +22,8 @@ def study_table(variants: Sequence[Variant], runs: Sequence[StudyRun]) -> StudyT
     for run in runs:
         report = run.report
         if report is not None:
+            if report.psnr is None:
+                raise RunError(f"{run.folder}: has no test views, and a study compares on them; name some (--holdout)")
             results.setdefault(report.scene, {}).setdefault(run.variant.name, {})[run.seed] = report
     labels = [Label(variant.name, variant.about, variant.at, variant.paper) for variant in variants]
     return StudyTable(study_rows(labels, results))

@@ -10,6 +10,7 @@ from ringlight.cli.parse import parse
 from ringlight.cli.train import TrainArguments
 from ringlight.data.bundled import bundled_scene
 from ringlight.data.options import SceneOptions
+from ringlight.methods.relight_recipe import relight_recipe
 from ringlight.methods.table import METHODS
 from ringlight.pages.report.repeated import Setting, commands, options_changed, settings_changed, written
 from ringlight.runs.record import RunRecord
@@ -93,3 +94,12 @@ def test_nothing_differs_from_itself() -> None:
     changed = {one.name: one.value for one in settings_changed(record("ringlight-mirror"))}
     assert changed["shader.levels"] == (4, 16)
     assert changed["undo_collapse"] is False
+
+
+def test_a_relit_run_is_relit_again() -> None:
+    frozen = relight_recipe(RECIPES["ringlight-basis"], 300)
+    [line] = commands(record("ringlight-basis", recipe=frozen, start="/m", device="cpu"))
+    assert shlex.split(line) == [
+        *("ringlight", "relight", "/m", "/a folder/'s scene", "AGAIN", "--steps", "300", "--seed", "3"),
+        *("--device", "cpu"),
+    ]

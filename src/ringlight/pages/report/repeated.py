@@ -10,6 +10,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
 from ringlight.methods.table import METHODS, method_of
 from ringlight.runs.record import RunRecord
+from ringlight.runs.relight import relights
 
 OPEN = "left open"
 """A default that the length of the run, or the scene, decides."""
@@ -63,6 +64,10 @@ def method_asked(preset: str, recipe: Recipe) -> str:
 
 def commands(record: RunRecord) -> list[str]:
     """The lines that train the same again: the first run, then each time that it was extended."""
+    if record.start is not None and relights(record):
+        again = ("--steps", str(record.recipe.steps), "--seed", str(record.seed))
+        device = ("--device", record.device) if record.device != "auto" else ()
+        return [command("relight", record.start, _scene_named(record), "AGAIN", *again, *device)]
     words: list[str] = [_scene_named(record), method_asked(record.preset, record.recipe)]
     for setting in settings_changed(record):
         words += setting.words
