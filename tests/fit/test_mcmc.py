@@ -269,11 +269,21 @@ def test_moves_end_later_than_growth_does_elsewhere_but_not_where_gaussians_are_
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_settings_that_decide_nothing_are_those_of_the_other_kind(kind: Literal["adaptive", "mcmc"], share: float):
     idle = DensifySettings(kind=kind, drop_share=share).without_effect()
-    assert set(idle.values()) == {f"--densify.kind is {kind}"}
+    of_kind = {name for name, reason in idle.items() if reason == f"--densify.kind is {kind}"}
+    assert idle.keys() - of_kind == ({"drop_until", "drop_by"} if share == 0 else set())
     assert ("mcmc.noise" in idle) is (kind == "adaptive")
     assert ("threshold" in idle) is (kind == "mcmc")
     assert ("stop" in idle) is (kind == "mcmc" and share == 0)
     assert not {"begin", "every", "max_gaussians", "drop_share"} & idle.keys()
+
+
+def test_without_resets_what_they_decide_has_no_effect():
+    """Wide Gaussians go from the first reset on, as in 3DGS."""
+    idle = DensifySettings(reset_every=0).without_effect()
+    assert {name: idle.get(name) for name in ("reset_opacity", "prune_scale")} == dict.fromkeys(
+        ("reset_opacity", "prune_scale"), "--densify.reset-every is 0"
+    )
+    assert not {"reset_opacity", "prune_scale"} & DensifySettings().without_effect().keys()
 
 
 @pytest.mark.parametrize("name", ["growth", "first_share", "dead", "stop", "noise", "opacity_penalty", "scale_penalty"])

@@ -11,6 +11,8 @@ from ringlight.core.gradients import COLUMNS
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.files.page.shown import shown_of
+from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import Training, train
 from ringlight.methods.glossy_gaussian import GlossyGaussianRecipe
 from ringlight.methods.table import METHODS
@@ -69,10 +71,34 @@ def test_without_harmonics_of_the_opacity_the_run_is_one_of_3dgs():
 
 
 def test_density_control_carries_the_opacitys_harmonics_along():
-    """Copies of MCMC share the opacity out, also that towards a camera; a budget is met."""
+    """A budget is met, row by row; tests/fit/test_copies.py says what copies get."""
     densify = replace(small("glossy-gaussian", STEPS).densify, kind="mcmc", max_gaussians=300)
     model = splats_of(trained(densify=densify, opacity_rest_rate=2e-2))
     assert len(model) == len(model.columns[OPACITY_REST]) == 300
+
+
+def test_a_reset_lowers_opacities_towards_every_camera():
+    training = small("glossy-gaussian", STEPS).build(SCENE, rasterizer_for("cpu"), 0)
+    model = splats_of(training)
+    drawn = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        model.color.active_opacity_degree.fill_(3)
+        model.columns["opacity_logits"].copy_(torch.linspace(-6, 4, len(model)))
+        model.columns[OPACITY_REST].normal_(0, 0.1, generator=drawn)
+
+    def opacities() -> torch.Tensor:
+        emitted = model.color.emit(model.gaussians, CAMERAS[0], ("rgb",), Want.EXACT)
+        return model.gaussians.opacities * emitted.opacity_factor
+
+    before, means = opacities(), model.gaussians.opacities
+    densify = DensifySettings(reset_every=2, stop=1.0)
+    Densify(densify, SCENE.extent, 10, 0, white=False)._lower(model, training.optimizer)
+    share = model.gaussians.opacities / means
+    assert share.min() < 0.05
+    assert (share == 1).sum() > 3
+    # What is added is not clamped on the way: shares are exact where neither sum was.
+    inside = (before > 0.001) & (before < 0.98)
+    torch.testing.assert_close(opacities()[inside], (before * share)[inside], rtol=1e-3, atol=1e-6)
 
 
 def test_what_depends_on_the_camera_is_exported_as_its_mean_over_the_cameras():

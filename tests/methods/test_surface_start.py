@@ -11,6 +11,7 @@ from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.surface_start import FEWEST_VIEWS, FIRST_GAUSSIANS, LONGEST, SurfaceStart
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
 from tiny_scene import BALLS, tiny_scene
 
 OF_HULL = SurfaceStart(points=500)
@@ -32,6 +33,20 @@ def test_points_of_the_hull_lie_around_the_balls_and_differ_by_seed():
     assert depth.max(1).values.quantile(0.05) > -0.35, "a hull of twelve views is somewhat wider than what it holds"
     assert depth.max() < 0.2, "no point lies deep inside"
     assert not torch.equal(points.positions, OF_HULL.points_in(tiny_scene(views=FEWEST_VIEWS), seed=1).positions)
+
+
+@pytest.mark.parametrize("method", ["3dgs-dr", "gaussian-shader"])
+@pytest.mark.parametrize("views", [FEWEST_VIEWS, FEWEST_VIEWS - 1])
+def test_methods_that_mirror_at_normals_have_some_to_begin_with(method: str, views: int):
+    """Also where photographs have no alpha, or are too few for a hull: of an even background, or of the points."""
+    scene = without_masks(tiny_scene(views=views, size=24))
+    table = small(method, start=SurfaceStart(points=300)).build(scene, rasterizer_for("cpu"), 0).model.gaussians
+    assert (table.log_scales.argmin(1) == 2).all(), "discs"
+    assert not torch.equal(table.quats, table.quats[:1].expand_as(table.quats))
+    assert (table.log_scales[:, 2] < table.log_scales[:, 0] - 0.5).all()
+    paper = small(method, start=SurfaceStart(points=0)).build(scene, rasterizer_for("cpu"), 0).model.gaussians
+    assert len(paper) == len(scene.points.positions)
+    assert torch.equal(paper.quats, paper.quats[:1].expand_as(paper.quats))
 
 
 @pytest.mark.parametrize(

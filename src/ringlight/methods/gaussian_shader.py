@@ -133,7 +133,7 @@ class GaussianShaderRecipe(SplatRecipe):
         return {name: between(short, PAPER_RATE, long) if own is None else own for name, (own, short) in stated.items()}
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.at_length(self.steps).with_normals_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.shaded_gaussians import ShadedGaussians

@@ -48,3 +48,13 @@ class SurfaceStart:
         if not self.points or len(scene.train) < FEWEST_VIEWS:
             return scene.points
         return points_on_hull(masks_of(scene.train), scene, self.points, seed) or scene.points
+
+    def with_normals_in(self, scene: "Scene", seed: int) -> "PointCloud":
+        """Where methods start that mirror at normals: points of the hull, of masks or of an even background, or else
+        the scene's own with normals of the planes through them; without ``points`` the scene's as they are."""
+        from ringlight.data.surface import hull_points, own_points
+
+        if not self.points:
+            return scene.points
+        found = hull_points(scene, self.points, seed) if len(scene.train) >= FEWEST_VIEWS else None
+        return own_points(scene) if found is None else found

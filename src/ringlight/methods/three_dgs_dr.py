@@ -1,8 +1,9 @@
 """3DGS-DR: harmonics, and a distant environment that is reflected once per pixel.
 
-Ye, Hou, Zhou: 3D Gaussian Splatting with Deferred Reflection, SIGGRAPH 2024. Written from the paper. Its schedule is
-that of 61,000 steps on Shiny-Blender, and comes as much earlier as a run is shorter; the rates of geometry and base
-colours are those of ``3dgs`` for the run's length (docs/methods/3dgs-dr.md).
+Ye, Hou, Zhou: 3D Gaussian Splatting with Deferred Reflection, SIGGRAPH 2024. Written from the paper. Its default
+starts on a surface, without the paper's propagation and resets, and with harmonics from the first step; shares of the
+paper's 61,000 steps on Shiny-Blender are settings. The rates of geometry and base colours are those of ``3dgs`` for the
+run's length (docs/methods/3dgs-dr.md).
 """
 
 from dataclasses import dataclass, field, replace
@@ -113,7 +114,7 @@ class ThreeDGSDRRecipe(SplatRecipe):
         return replace(settled, reflection_rate=of_strengths, start=start)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.at_length(self.steps).with_normals_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.reflective_harmonics import ReflectiveHarmonics

@@ -80,9 +80,9 @@ def test_the_papers_warm_up_at_the_papers_length_and_the_degrees_before_or_after
     assert abs(recipe.first_lit - 3000) < 100
     assert list(recipe.degrees.values()) == [1, 2, 3]
     assert min(recipe.degrees) < max(recipe.degrees) < recipe.first_lit
-    as_the_paper = replace(recipe, sh_from=0.6)
-    assert list(as_the_paper.degrees.values()) == [1, 2, 3]
-    assert recipe.first_lit < min(as_the_paper.degrees) < max(as_the_paper.degrees) < recipe.steps
+    late = replace(recipe, sh_from=0.6)
+    assert list(late.degrees.values()) == [1, 2, 3]
+    assert recipe.first_lit < min(late.degrees) < max(late.degrees) < recipe.steps
 
 
 def test_strengths_learn_faster_in_short_runs():

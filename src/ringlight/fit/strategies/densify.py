@@ -14,6 +14,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.room import SHARE, most_rows
+from ringlight.fit.strategies.copies import LEAST
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.morton import morton_order
 from ringlight.models.splats import SplatModel
@@ -48,8 +49,18 @@ class Densify:
         if step > self.first_step and step % self.settings.every == 0:
             self._edit(step, model, optimizer)
         if self.resets(step):
-            ceiling = math.log(self.settings.reset_opacity / (1 - self.settings.reset_opacity))
-            optimizer.replace("columns.opacity_logits", model.columns["opacity_logits"].detach().clamp_max(ceiling))
+            self._lower(model, optimizer)
+
+    def _lower(self, model: SplatModel, optimizer: Optimizer) -> None:
+        """Opacities to at most what a reset leaves, and in the same share what is added to them towards a camera."""
+        ceiling = math.log(self.settings.reset_opacity / (1 - self.settings.reset_opacity))
+        logits = model.columns["opacity_logits"].detach()
+        lowered = logits.clamp_max(ceiling)
+        share = lowered.sigmoid() / logits.sigmoid().clamp_min(LEAST)
+        for name in model.color.opacity_columns:
+            column = model.columns[name].detach()
+            optimizer.replace(f"columns.{name}", column * share.view(-1, *[1] * (column.dim() - 1)))
+        optimizer.replace("columns.opacity_logits", lowered)
 
     def state(self) -> dict[str, Tensor]:
         return {"screen_gradients": self._sums, "views": self._views}

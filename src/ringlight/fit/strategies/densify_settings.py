@@ -29,6 +29,12 @@ OF_ADAPTIVE = (
 )
 """Settings that decide nothing with mcmc."""
 
+OF_RESETS = ("reset_opacity", "prune_scale")
+"""Settings that decide nothing without opacity resets: wide Gaussians are removed from the first on, as in 3DGS."""
+
+OF_DROPPING = ("drop_until", "drop_by")
+"""Settings that decide nothing where nothing is dropped."""
+
 FEWEST_GROWTHS = 5
 """With fewer rounds of density control nothing is dropped: most Gaussians are still the first ones then."""
 
@@ -102,7 +108,8 @@ class DensifySettings:
     Until then there may be max_gaussians / (1 - drop_share), with mcmc there are. 0 keeps all, as 3DGS does. That of
     ringlight-basis goes by the run's length: 0.7 in runs of up to 7,000 steps, 0.4 from 30,000 steps on."""
     drop_until: float = 0.75
-    """Share of all steps at which the last Gaussians are dropped."""
+    """Share of all steps until which Gaussians are dropped, in five rounds: each at the begin of a fifth of what lies
+    between the last that are added and this."""
     drop_by: Literal["weights", "effects"] = later("weights")
     """What a Gaussian adds. weights: its blending weights, added up. effects: the squared change of the pictures if it
     were gone; where its neighbours have its colour that is little."""
@@ -129,11 +136,13 @@ class DensifySettings:
 
     def without_effect(self) -> dict[str, str]:
         """Settings that decide nothing as the others are, "mcmc.noise", and why."""
-        if self.kind == "adaptive":
-            idle = [f"mcmc.{name}" for name in vars(self.mcmc)]
-        else:
+        dropping = {} if self.drop_share != 0 else dict.fromkeys(OF_DROPPING, "--densify.drop-share is 0")
+        if self.kind == "mcmc":
             idle = [*OF_ADAPTIVE, *(("mcmc.stop",) if self.drop_share != 0 else ("stop", "latest"))]
-        return dict.fromkeys(idle, f"--densify.kind is {self.kind}")
+            return dropping | dict.fromkeys(idle, "--densify.kind is mcmc")
+        resets = {} if self.reset_every else dict.fromkeys(OF_RESETS, "--densify.reset-every is 0")
+        idle = [f"mcmc.{name}" for name in vars(self.mcmc)]
+        return dropping | resets | dict.fromkeys(idle, "--densify.kind is adaptive")
 
     def at_length(self, steps: int) -> "DensifySettings":
         """The same with what is left to the run's length, ``steps``, decided."""
