@@ -33,7 +33,7 @@ from ringlight.shade.passthrough import PassThrough
 from small_recipes import SPLATS
 from tiny_scene import tiny_scene
 
-STILL = MCMCSettings(noise=0.0, stop=1.0, dead=0.005, first_share=1.0)
+STILL = MCMCSettings(noise=0.0, stop=1.0, dead=0.005, first_share=1.0, apart=0.0)
 SETTINGS = DensifySettings(kind="mcmc", begin=0, every=1, max_gaussians=8, mcmc=STILL)
 PREDICTION = Rendering(torch.zeros(8, 8, 3), torch.zeros(8, 8, 1), {})
 
@@ -90,6 +90,28 @@ def test_the_dead_become_copies_of_the_living_and_only_those_lose_their_moments(
     for number, opacity in zip(numbers, opacities.tolist(), strict=True):
         before = [0.9, 0.004, 0.5, 0.001, 0.3, 0.2, 0.6, 0.7][number]
         assert opacity == pytest.approx(1 - (1 - before) ** (1 / numbers.count(number)), rel=1e-4)
+
+
+def test_copies_move_apart_by_their_size_and_nothing_else_moves():
+    opacities = [0.9, 0.004, 0.5, 0.001, 0.3, 0.2, 0.6, 0.7] * 40
+    settings = replace(SETTINGS, max_gaussians=len(opacities), mcmc=replace(STILL, apart=1.0))
+    model = model_of(opacities)
+    places = model.columns["means"].detach().clone()
+    with torch.no_grad():
+        model.columns["sh_dc"].copy_(torch.arange(float(len(opacities)))[:, None].expand(-1, 3))
+        model.columns["log_scales"][:, 0] -= 2.0
+    moved(model, settings)
+    numbers = torch.tensor(numbers_of(model))
+    moves = (model.columns["means"].detach() - places[numbers]) / model.gaussians.scales
+    copied = torch.bincount(numbers, minlength=len(opacities))[numbers] > 1
+    assert not moves[~copied].any()
+    assert moves[copied].std(0).sub(1).abs().max() < 0.2, "along each axis"
+    again = model_of(opacities)
+    with torch.no_grad():
+        again.columns["sh_dc"].copy_(torch.arange(float(len(opacities)))[:, None].expand(-1, 3))
+        again.columns["log_scales"][:, 0] -= 2.0
+    moved(again, settings)
+    assert torch.equal(again.columns["means"], model.columns["means"])
 
 
 @given(st.lists(st.floats(0.0011, 0.99), min_size=1, max_size=60), st.integers(1, 80), st.integers(1, 100))
@@ -286,7 +308,9 @@ def test_without_resets_what_they_decide_has_no_effect():
     assert not {"reset_opacity", "prune_scale"} & DensifySettings().without_effect().keys()
 
 
-@pytest.mark.parametrize("name", ["growth", "first_share", "dead", "stop", "noise", "opacity_penalty", "scale_penalty"])
+@pytest.mark.parametrize(
+    "name", ["growth", "apart", "first_share", "dead", "stop", "noise", "opacity_penalty", "scale_penalty"]
+)
 @pytest.mark.parametrize("value", [-0.1, math.inf, math.nan])
 def test_settings_that_make_no_sense_are_refused(name: str, value: float):
     with pytest.raises(RecipeError, match=rf"densify\.mcmc\.{name} is .*; give (0|a share)"):

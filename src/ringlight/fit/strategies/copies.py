@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ringlight.core.gaussians import Gaussians
+from ringlight.fit.strategies.wander import turned
 
 MOST_COPIES = 51
 """More in one place than this get the numbers of as many, as in the paper: the sum below has binomials up to it."""
@@ -49,6 +50,17 @@ def as_copies(
         torch.where(alone, table.opacity_logits, logits),
         table.appearance | dimmed,
     )
+
+
+def moved_apart(table: Gaussians, width: float, draw: torch.Generator) -> Gaussians:
+    """The table with each centre moved by ``width`` standard deviations times a normal number along each of its axes.
+
+    Ours. Copies in one place have all but parallel gradients, and Adam takes their lengths away: they would stay
+    together for much of a short run, and show what one of them could.
+    """
+    drawn = torch.randn(len(table), 3, generator=draw).to(table.means)
+    offsets = turned(width * table.scales * drawn, table.quats)
+    return Gaussians.from_columns(table.columns() | {"means": table.means + offsets})
 
 
 def _in_share(column: Float[Tensor, "N *width"], share: Float[Tensor, "N"]) -> Float[Tensor, "N *width"]:

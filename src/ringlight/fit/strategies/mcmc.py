@@ -17,7 +17,7 @@ from ringlight.core.gradients import COLUMNS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Rendering
 from ringlight.fit.optimizer import Optimizer
-from ringlight.fit.strategies.copies import as_copies, drawn_rows
+from ringlight.fit.strategies.copies import as_copies, drawn_rows, moved_apart
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.mcmc_settings import GROWN_BY, PAPER_EXTENT
 from ringlight.fit.strategies.morton import morton_order
@@ -31,7 +31,8 @@ class MCMC(Stateless):
     """Moves, adds and shakes rows; what was counted is the table itself, so that nothing is kept between steps.
 
     In each round rows that are dead, faint or not ``wanted`` by the colour model, become copies of others that are
-    drawn in proportion to their opacity, and some are added likewise. Rows leave in Morton order.
+    drawn in proportion to their opacity, and some are added likewise; copies of one row move apart. Rows leave in
+    Morton order.
     In the first round rows go that hardly change the pictures of all ``cameras``: among random points these are most,
     and nothing else would clear their places within a short run.
     """
@@ -84,6 +85,8 @@ class MCMC(Stateless):
         # Those in place are new rows too: their moments belong to the Gaussian that they were.
         copied = torch.cat([split, sources])
         added = as_copies(table.rows(copied), copies[copied], self.settings.mcmc.dead, model.color.opacity_columns)
+        if self.settings.mcmc.apart:
+            added = moved_apart(added, self.settings.mcmc.apart, generator(self.seed, step, "apart"))
         left = kept[alive & (copies == 1)]
         rows = torch.cat([left, len(whole) + torch.arange(len(added), device=left.device)])
         optimizer.edit_rows(rows[morton_order(torch.cat([whole.means, added.means])[rows])], added)

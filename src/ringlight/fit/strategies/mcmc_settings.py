@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import PAPER_STEPS
 
@@ -33,6 +34,9 @@ class MCMCSettings:
     first_share: float = 0.5
     """The first round leaves this share of max_gaussians at most, those whose removal would change the pictures most:
     most random points show nothing. Give 1 where a run starts from a model."""
+    apart: float = later(0.0, now=1.0)
+    """Standard deviations of a copy along each of its axes by which it is moved, times a normal number. The paper
+    leaves copies in one place, and so does a short run then (docs/experiments/mcmc.md). 0: none."""
     noise: float = 5e5
     """Size of the noise on centres, times their learning rate and covariance. It holds for a scene whose extent is that
     of NeRF-Synthetic, and is scaled to that of others. 0: none."""
@@ -44,7 +48,7 @@ class MCMCSettings:
     likewise."""
 
     def __post_init__(self) -> None:
-        for name in ("growth", "noise", "opacity_penalty", "scale_penalty"):
+        for name in ("growth", "apart", "noise", "opacity_penalty", "scale_penalty"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < math.inf:
                 raise RecipeError(f"densify.mcmc.{name} is {value:g}; give 0 (none) or more")
