@@ -206,6 +206,18 @@ def test_eval_with_images_elsewhere_keeps_the_runs_pictures_with_its_numbers(
     assert kept == (tmp_path / "x" / "test" / picture_name("test/r_0.png")).read_bytes() != before
 
 
+def test_eval_says_which_test_views_the_model_was_trained_on(
+    tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    """By the cameras in the model's file, where a scene is split in another way than it was."""
+    run = tmp_path / "run"
+    words = ("--steps", "3", "--initial-points", "100", "--quiet", "--lpips", "--holdout", "train/r_0.png")
+    assert ringlight("train", tiny, "3dgs", "--out", run, *words).code == 0
+    done = ringlight("eval", run / "model.safetensors", tiny, "--lpips", "--quiet", "--holdout", "train/r_1.png")
+    assert "was trained on 1 of the 1 test views" in done.out, done.err
+    assert "was trained on" not in ringlight("eval", trained["3dgs"], "--lpips", "--quiet").out
+
+
 def test_eval_of_a_model_file_writes_only_where_it_is_told(
     tiny: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:

@@ -102,14 +102,10 @@ def _training_views(scene: Scene, trained: Sequence[Camera]) -> list[View]:
 
 
 def _trained_on(views: Sequence[View], trained: Sequence[Camera]) -> int:
-    """How many of the views have a camera that the model was trained with: as measures of new views they say nothing.
+    """How many of the views have a pose that the model was trained with: as measures of new views they say nothing.
     Cameras on a tripod share a place and look elsewhere."""
-    known = {_where(camera) for camera in trained}
-    return sum(_where(view.camera) in known for view in views)
-
-
-def _where(camera: Camera) -> tuple[float, ...]:
-    return (*camera.world_to_camera.flatten().tolist(), *camera.focal)
+    known = {tuple(camera.world_to_camera.flatten().tolist()) for camera in trained}
+    return sum(tuple(view.camera.world_to_camera.flatten().tolist()) in known for view in views)
 
 
 def _psnr_thirds(scores: Scores, scene: Scene, trained: Sequence[Camera]) -> tuple[float, ...] | None:
