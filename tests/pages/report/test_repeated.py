@@ -98,7 +98,8 @@ def test_nothing_differs_from_itself() -> None:
 
 def test_a_relit_run_is_relit_again() -> None:
     frozen = relight_recipe(RECIPES["ringlight-basis"], 300)
-    [line] = commands(record("ringlight-basis", recipe=frozen, start="/m", device="cpu"))
+    line, more = commands(record("ringlight-basis", recipe=frozen, start="/m", device="cpu", added=(20,)))
+    assert more == "ringlight train --resume AGAIN --steps 20"
     assert shlex.split(line) == [
         *("ringlight", "relight", "/m", "/a folder/'s scene", "AGAIN", "--steps", "300", "--seed", "3"),
         *("--device", "cpu"),

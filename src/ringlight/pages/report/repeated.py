@@ -64,20 +64,28 @@ def method_asked(preset: str, recipe: Recipe) -> str:
 
 def commands(record: RunRecord) -> list[str]:
     """The lines that train the same again: the first run, then each time that it was extended."""
+    alike = ["--seed", str(record.seed)]
+    alike += ["--device", record.device] if record.device != "auto" else []
     if record.start is not None and relights(record):
-        again = ("--steps", str(record.recipe.steps), "--seed", str(record.seed))
-        device = ("--device", record.device) if record.device != "auto" else ()
-        return [command("relight", record.start, _scene_named(record), "AGAIN", *again, *device)]
-    words: list[str] = [_scene_named(record), method_asked(record.preset, record.recipe)]
+        named = (record.start, _scene_named(record), "AGAIN", "--steps", str(record.recipe.steps))
+        first = command("relight", *named, *alike)
+    else:
+        first = command("train", *_asked_for(record), *alike, *_started_from(record), "--out", "AGAIN")
+    return [first, *(command("train", "--resume", "AGAIN", "--steps", str(steps)) for steps in record.added)]
+
+
+def _asked_for(record: RunRecord) -> list[str]:
+    """Scene, method, and what of both is not the default."""
+    words = [_scene_named(record), method_asked(record.preset, record.recipe)]
     for setting in settings_changed(record):
         words += setting.words
     for option in options_changed(record):
         words += option.words if not isinstance(option.value, bool) else (f"--{option.name.replace('_', '-')}",)
-    words += ["--seed", str(record.seed)]
-    words += ["--device", record.device] if record.device != "auto" else []
-    words += ["--from", record.start] if record.start is not None else []
-    first = command("train", *words, "--out", "AGAIN")
-    return [first, *(command("train", "--resume", "AGAIN", "--steps", str(steps)) for steps in record.added)]
+    return words
+
+
+def _started_from(record: RunRecord) -> list[str]:
+    return [] if record.start is None else ["--from", record.start]
 
 
 def _scene_named(record: RunRecord) -> str:
