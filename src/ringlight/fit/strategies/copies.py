@@ -42,7 +42,7 @@ def as_copies(
     logits = each.clamp(min(faintest, 1 - LEAST), 1 - LEAST).logit().to(table.opacity_logits)
     alone = counted == 1
     share = torch.where(alone, 1.0, each / whole)
-    dimmed = {name: _in_share(table.appearance[name], share) for name in opacity_columns}
+    dimmed = {name: in_share(table.appearance[name], share) for name in opacity_columns}
     return Gaussians(
         table.means,
         torch.where(alone[:, None], table.log_scales, shrunk),
@@ -63,7 +63,8 @@ def moved_apart(table: Gaussians, width: float, draw: torch.Generator) -> Gaussi
     return Gaussians.from_columns(table.columns() | {"means": table.means + offsets})
 
 
-def _in_share(column: Float[Tensor, "N *width"], share: Float[Tensor, "N"]) -> Float[Tensor, "N *width"]:
+def in_share(column: Float[Tensor, "N *width"], share: Float[Tensor, "N"]) -> Float[Tensor, "N *width"]:
+    """Each row times its share."""
     return column * share.to(column).view(-1, *[1] * (column.dim() - 1))
 
 

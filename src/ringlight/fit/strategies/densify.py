@@ -14,7 +14,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.room import SHARE, most_rows
-from ringlight.fit.strategies.copies import LEAST
+from ringlight.fit.strategies.copies import LEAST, in_share
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.morton import morton_order
 from ringlight.models.splats import SplatModel
@@ -58,8 +58,7 @@ class Densify:
         lowered = logits.clamp_max(ceiling)
         share = lowered.sigmoid() / logits.sigmoid().clamp_min(LEAST)
         for name in model.color.opacity_columns:
-            column = model.columns[name].detach()
-            optimizer.replace(f"columns.{name}", column * share.view(-1, *[1] * (column.dim() - 1)))
+            optimizer.replace(f"columns.{name}", in_share(model.columns[name].detach(), share))
         optimizer.replace("columns.opacity_logits", lowered)
 
     def state(self) -> dict[str, Tensor]:
