@@ -1,6 +1,7 @@
 """``ringlight study``: a matrix of runs in folders of the usual kind, that goes on where it stopped."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -120,6 +121,23 @@ def test_a_dry_run_makes_nothing(tiny: Path, tmp_path: Path, ringlight: Command)
     assert "carpaint/cp/seed-1" in listed.out
     assert "24 runs of 30,000 steps, 24 to do" in listed.out
     assert not any(tmp_path.iterdir())
+
+
+def test_a_run_that_was_extended_by_hand_is_refused(
+    study: Path, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    """It has other steps than are asked for, and would be missing without a word."""
+    out = Path(shutil.copytree(study, tmp_path / "study"))
+    run = out / "balls" / "full" / "seed-0"
+    assert ringlight("train", "--resume", run, "--steps", "2", "--quiet", "--lpips").code == 0
+    refused(ringlight("study", "ablation", tiny, "--out", out, *WORDS, *ONLY), 1, run, "extended to 5 steps", "--out")
+
+
+def test_a_run_without_test_views_is_no_zero(study: Path, tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    out = Path(shutil.copytree(study, tmp_path / "study"))
+    report = out / "balls" / "full" / "seed-1" / "report.json"
+    report.write_text(json.dumps(json.loads(report.read_text()) | {"psnr": None}))
+    refused(ringlight("study", "ablation", tiny, "--out", out, *WORDS, *ONLY), 1, report.parent, "no test views")
 
 
 def test_refusals(study: Path, tiny: Path, tmp_path: Path, ringlight: Command) -> None:

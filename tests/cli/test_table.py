@@ -53,6 +53,14 @@ def test_bad_input_is_a_sentence(words: tuple[str, ...], names: list[str], tmp_p
     assert not (tmp_path / "out").exists()
 
 
+def test_flags_that_finished_runs_do_not_heed_are_told(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    words = ("table", tiny, "--methods", "3dgs", "--out", tmp_path / "out", *SETTINGS[:-2])
+    assert "kept as" not in ringlight(*words, "--lpips", "--device", "cpu").err
+    told = ringlight(*words, "--lpips", "--device", "cpu").err
+    assert "--device and --lpips change nothing of the run that is finished" in told
+    assert "another --out" in told
+
+
 @pytest.mark.slow
 def test_runs_are_ordinary_and_a_failure_stops_no_other(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     out = tmp_path / "out"

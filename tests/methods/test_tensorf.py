@@ -107,6 +107,15 @@ def test_rays_that_memory_cannot_hold_are_refused_with_the_most_that_it_can(monk
         built(rays=fits + 1)
 
 
+def test_photographs_that_memory_cannot_hold_are_refused(monkeypatch: pytest.MonkeyPatch):
+    size = 4 * sum(view.camera.width * view.camera.height for view in SCENE.train)
+    monkeypatch.setattr(volume_training, "machine_memory", lambda: 2 * size)
+    volume_training.refuse_too_many_pixels(SCENE)
+    monkeypatch.setattr(volume_training, "machine_memory", lambda: 2 * size - 2)
+    with pytest.raises(RecipeError, match="a volume draws rays from all of them: try --downscale 2"):
+        volume_training.refuse_too_many_pixels(SCENE)
+
+
 def test_more_samples_than_kernels_count_are_refused(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(volume_training, "machine_memory", lambda: 1 << 50)
     with pytest.raises(RecipeError, match="rays is 1048576; each has up to"):

@@ -8,8 +8,9 @@ import pytest
 from scene_folders import colmap_names, write_colmap, write_mask
 
 from ringlight.data.options import FOUND, UNUSED, SceneOptions
-from ringlight.errors import OutputError
+from ringlight.errors import OutputError, RunError
 from ringlight.measure import machine
+from ringlight.methods.table import METHODS
 from ringlight.runs import finish, session
 from ringlight.runs.resume import resume_run
 from ringlight.runs.start import start_run
@@ -64,3 +65,10 @@ def test_a_report_names_the_commit_with_which_its_run_began(tmp_path: Path, monk
     if later is None:
         pytest.skip("needs a checkout of ringlight")
     assert finish.measure_session(run, nets=()).commit == began != later
+
+
+def test_a_folder_that_is_taken_is_refused_before_anything_is_read(tmp_path: Path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mine").write_text("")
+    with pytest.raises(RunError, match="is not an empty folder; give another one with --out"):
+        start_run(tmp_path / "run", tmp_path / "no scene", "3dgs", METHODS["3dgs"], SceneOptions(), 0, "cpu")

@@ -28,8 +28,8 @@ SIGNALLED = 128
 """Plus the signal's number: what shells make of it."""
 
 NO_MEMORY = (
-    "not enough memory; close other programs, or try --downscale 2, a smaller --densify.max-gaussians, or of a volume "
-    "fewer --rays"
+    "not enough memory; close other programs, or try --downscale 2, a smaller --densify.max-gaussians or, for a "
+    "volume, fewer --rays"
 )
 NO_MEMORY_HERE = "not enough memory; close other programs, or ask for less"
 """Of commands that do not train, and have no such flags."""

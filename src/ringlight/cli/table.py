@@ -156,9 +156,8 @@ def _tell_of_kept(asked: TableArguments, finished: "list[Surveyed]") -> None:
     """Say which flags do nothing to runs that are finished."""
     given = [f"--{name}" for name in ("device", "lpips") if getattr(asked, name) != getattr(TableArguments, name)]
     if given and finished and not asked.quiet:
-        kept = counted(len(finished), "run")
-        again = "ringlight eval RUN --lpips NET" if "--lpips" in given else "another --out"
-        sys.stderr.write(f"{' and '.join(given)}: {kept} finished before, and kept as it is; use {again} for more\n")
+        kept = "the run that is" if len(finished) == 1 else f"the {len(finished)} runs that are"
+        sys.stderr.write(f"{' and '.join(given)} change nothing of {kept} finished; give another --out for that\n")
 
 
 def _show(

@@ -23,7 +23,7 @@ from ringlight.volume.marching import meets_box
 from ringlight.volume.model import VolumeModel
 
 SHARE = 0.5
-"""Of the machine's memory for the grid, and for samples of rays; photographs and the system share the rest."""
+"""Of the machine's memory, for the grid, the samples of a step, and the photographs' pixels, each by itself."""
 
 SAMPLE_BYTES = 32
 """Place, distance, weight, light that is left, slope and gradient of a sample, whether it has a colour or not."""

@@ -108,8 +108,8 @@ class DensifySettings:
     Until then there may be max_gaussians / (1 - drop_share), with mcmc there are. 0 keeps all, as 3DGS does. That of
     ringlight-basis goes by the run's length: 0.7 in runs of up to 7,000 steps, 0.4 from 30,000 steps on."""
     drop_until: float = 0.75
-    """Share of all steps until which Gaussians are dropped, in five rounds: each at the begin of a fifth of what lies
-    between the last that are added and this."""
+    """Share of all steps until which Gaussians are dropped, in five rounds: each at the beginning of a fifth of what
+    lies between the last that are added and this."""
     drop_by: Literal["weights", "effects"] = later("weights")
     """What a Gaussian adds. weights: its blending weights, added up. effects: the squared change of the pictures if it
     were gone; where its neighbours have its colour that is little."""
