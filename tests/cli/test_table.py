@@ -55,7 +55,7 @@ def test_bad_input_is_a_sentence(words: tuple[str, ...], names: list[str], tmp_p
 
 def test_flags_that_finished_runs_do_not_heed_are_told(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     words = ("table", tiny, "--methods", "3dgs", "--out", tmp_path / "out", *SETTINGS[:-2])
-    assert "kept as" not in ringlight(*words, "--lpips", "--device", "cpu").err
+    assert "change nothing" not in ringlight(*words, "--lpips", "--device", "cpu").err
     told = ringlight(*words, "--lpips", "--device", "cpu").err
     assert "--device and --lpips change nothing of the run that is finished" in told
     assert "another --out" in told

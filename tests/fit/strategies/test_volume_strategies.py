@@ -40,6 +40,7 @@ def test_each_happens_after_its_steps_and_never_else(method: str):
     assert 1 < empty.steps[0] < empty.steps[-1] < STEPS
     sides, bits, rays = training.model.nodes, training.model.occupied.clone(), training.batches.kept_rays
     assert bits.numel() == 1
+    coarse = sides
     for progress in train(training):
         step = progress.step
         at_refinement, at_look = step in refine.voxels, step in empty.steps
@@ -50,6 +51,7 @@ def test_each_happens_after_its_steps_and_never_else(method: str):
             assert not any(moments.any() for moments in training.optimizer.moments.values())
         sides, bits, rays = training.model.nodes, training.model.occupied.clone(), training.batches.kept_rays
     assert bits.numel() > 1
+    assert all(fine > few for fine, few in zip(sides, coarse, strict=True))
     assert rays < training.batches.all_rays
 
 
