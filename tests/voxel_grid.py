@@ -81,6 +81,9 @@ class VoxelRecipe:
     def settled(self, scene, rasterize, seed):
         return self, None
 
+    def may_settle_on(self, other):
+        return self == other
+
     def build(self, scene, rasterize, seed):
         raise RecipeError("this recipe is of files alone")
 

@@ -295,6 +295,17 @@ def test_starts_that_do_not_fit_are_refused_and_nothing_is_made(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("method", ["tensorf", "3dgs"])
+def test_no_run_starts_from_a_volume(method: str, tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    run, out = tmp_path / "run", tmp_path / "out"
+    coarse = ("--first-side", "8", "--last-side", "12", "--rays", "64")
+    assert ringlight("train", tiny, "tensorf", "--out", run, *coarse, "--steps", "4", *QUIET).code == 0
+    flags = coarse if method == "tensorf" else ()
+    words = ("train", tiny, method, "--from", run, "--out", out, *flags, "--steps", "4", *QUIET)
+    refused(ringlight(*words), 1, run, "tensorf", "--resume RUN --steps N")
+    assert not out.exists()
+
+
 # import
 
 

@@ -90,6 +90,22 @@ def test_runs_are_ordinary_and_a_failure_stops_no_other(tiny: Path, tmp_path: Pa
 
 
 @pytest.mark.slow
+def test_volumes_are_runs_like_others(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    """Their recipes leave their box to the scene."""
+    out = tmp_path / "out"
+    sides = ("tensorf.first-side=8", "tensorf.last-side=12", "putt.coarsest=8", "putt.finest=16")
+    settings = (word for setting in (*sides, "tensorf.rays=64", "putt.rays=64") for word in ("--set", setting))
+    words = ("table", tiny, "--methods", "tensorf,putt", "--out", out, "--steps", 4, "--lpips", "--quiet", *settings)
+    assert ringlight(*words).code == 0
+    kept = snapshot(out / "balls")
+    again = ringlight(*words, "--json")
+    assert again.code == 0
+    assert snapshot(out / "balls") == kept
+    found = json.loads(again.out)["measures"]["psnr"]["scenes"]["balls"]
+    assert all(found[method] is not None for method in ("tensorf", "putt"))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupt_loses_nothing(number: signal.Signals, tmp_path: Path, ringlight: Command) -> None:
     out = tmp_path / "out"

@@ -51,6 +51,18 @@ def test_it_is_a_recipe_that_goes_through_json(name: str):
     assert settled.settled(tiny_scene(), rasterizer_for("auto"), 0)[0] == settled
 
 
+def test_it_knows_what_it_may_settle_on(name: str):
+    """Tables take a run for theirs by it."""
+    asked = TRAINED[name]
+    settled, _ = asked.settled(tiny_scene(), rasterizer_for("auto"), 0)
+    assert asked.may_settle_on(settled)
+    assert asked.may_settle_on(settled.ending_with(77))
+    assert settled.may_settle_on(settled)
+    longer: Any = settled
+    assert not asked.may_settle_on(dataclasses.replace(longer, steps=settled.steps + 1))
+    assert not any(asked.may_settle_on(other) for other in TRAINED.values() if type(other) is not type(asked))
+
+
 def _as_json(values: object) -> object:
     if isinstance(values, dict):
         return {key: _as_json(value) for key, value in values.items()}

@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 import torch
 
+from ringlight.data import rays
 from ringlight.data.rays import RayBatches, rays_of
 from tiny_scene import tiny_scene
 
@@ -55,6 +56,17 @@ def test_only_kept_rays_are_drawn():
     batches.keep(upwards)
     assert batches.kept_rays == int(upwards.sum())
     assert (batches.at(1).rays.directions[:, 2] > 0).all()
+
+
+def test_kept_rays_are_looked_for_piece_by_piece(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(rays, "LOOKED_AT_ONCE", 7)
+    batches = RayBatches(SCENE, COUNT, 0)
+    upwards = batches.looked_at(lambda rays: rays.directions[:, 2] > 0)
+    batches.keep(upwards)
+    assert torch.equal(batches._kept, upwards.nonzero()[:, 0].int())
+    assert batches.bytes_kept + upwards.numel() <= RayBatches.bytes_of(batches.all_rays)
+    batches.keep(~upwards)
+    assert torch.equal(batches._kept, (~upwards).nonzero()[:, 0].int())
 
 
 @pytest.mark.parametrize("background", ["black", "white", "random"])

@@ -42,6 +42,16 @@ def test_its_settings_are_those_of_the_chosen_method(shading: str, method: str):
     assert settled(recipe)[0] == expected
 
 
+def test_it_may_settle_on_what_it_may_choose():
+    for shading, method in METHOD_OF_SHADING.items():
+        recipe = METHODS[method].at_length()
+        assert RINGLIGHT.may_settle_on(recipe)
+        assert RINGLIGHT.may_settle_on(recipe.ending_with(900))
+        told = [RingLightRecipe(shading=other).may_settle_on(recipe) for other in METHOD_OF_SHADING]
+        assert told == [other == shading for other in METHOD_OF_SHADING]
+        assert not RingLightRecipe(steps=70).may_settle_on(recipe)
+
+
 @pytest.mark.parametrize("given", [None, True, False])
 def test_pixels_are_antialiased_unless_that_was_said(given: bool | None):
     for shading in METHOD_OF_SHADING:

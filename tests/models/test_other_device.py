@@ -6,6 +6,7 @@ of its kernels; what mixes devices, or reads numbers natively, fails.
 
 import dataclasses
 from itertools import product
+from pathlib import Path
 
 import pytest
 import torch
@@ -17,6 +18,7 @@ from ringlight.data import hull
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.methods.table import METHODS
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
@@ -87,6 +89,22 @@ def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
         **whole,
     }
     return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)
+
+
+@pytest.mark.parametrize("method", TRAINED)
+def test_a_file_is_shown_elsewhere(method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hull, "FINE_CELLS", 24)
+    scene = tiny_scene(views=6, size=24)
+    model = short_run(method, scene, rasterizer_for("cpu")).model
+    recipe, file = with_settings(METHODS[method], COARSE), tmp_path / "model.safetensors"
+    header = model_header(method, recipe, 0, scene_facts(scene))
+    save_model(file, model, header, [view.camera for view in scene.train])
+    with other_device():
+        there = load_model(file, rasterizer_elsewhere()).model
+        assert {parameter.device.type for parameter in there.parameters()} == {ELSEWHERE.type}
+        shown = pictures(there, scene)
+    for elsewhere, here in zip(shown, pictures(model, scene), strict=True):
+        assert psnr(elsewhere, here) > ALIKE
 
 
 LOSSES_ALIKE = {

@@ -26,6 +26,7 @@ from ringlight.fit.losses.contract import Compared
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.train import Training
+from ringlight.methods.recipe import Recipe
 from ringlight.models.contract import Count, Model
 
 if TYPE_CHECKING:
@@ -213,6 +214,9 @@ class VoxelRecipe:
 
     def settled(self, scene: Scene, rasterize: "Rasterizer", seed: int) -> "tuple[VoxelRecipe, None]":
         return self, None
+
+    def may_settle_on(self, other: Recipe) -> bool:
+        return self == other
 
     @property
     def start(self) -> None:

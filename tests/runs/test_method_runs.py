@@ -9,7 +9,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.methods.table import METHODS
 from ringlight.runs.method_runs import core_seconds, methods_named, order_of, plan
-from ringlight.runs.planned import PlannedRun, settling_on
+from ringlight.runs.planned import PlannedRun
 
 
 def test_settings_are_a_methods_own_and_columns_may_have_names() -> None:
@@ -49,7 +49,6 @@ def test_a_run_is_plain_json_and_back(preset: str, tmp_path: Path) -> None:
     run = PlannedRun(tmp_path, preset, METHODS[preset], 3, tmp_path / "run", options)
     order = json.loads(json.dumps(order_of(run, 2, "auto", ("alex",))))
     assert PlannedRun.from_plain(order["run"]) == run
-    assert settling_on(run.recipe)
 
 
 def test_each_pair_and_seed_has_its_folder_and_an_estimate(tmp_path: Path) -> None:

@@ -71,3 +71,12 @@ def test_lines_of_impossible_length_are_refused(file: Path, tmp_path: Path, node
     write_model_file(spoiled, tensors, stored.header)
     with pytest.raises(ModelFileError, match="do not fit"):
         load_model(spoiled, rasterizer_for("cpu"))
+
+
+@pytest.mark.parametrize("name", ["box", "occupied_box"])
+def test_a_box_has_two_corners_of_three_numbers(file: Path, name: str):
+    """Checkpoints are not held against an outline first."""
+    model = load_model(file, rasterizer_for("cpu")).model
+    tensors = dict(model.state_dict())
+    with pytest.raises(ValueError, match=f"'{name}' has shape"):
+        model.load_tensors(tensors | {name: tensors[name].repeat(1, 2)})

@@ -49,7 +49,7 @@ class StudyArguments:
     """What the variants change: by default the paper's settings. What pareto holds against 3dgs: by default
     ringlight-basis."""
     steps: int | None = None
-    """Training steps of each run, for pareto of the longest; by default the method's 30000."""
+    """Training steps of each run, for pareto of the longest; by default the method's own, 30000 of most."""
     seeds: int = 2
     """Runs of each variant, with seeds 0, 1, .... The table shows mean and standard deviation."""
     out: MaybeFolder = None

@@ -39,7 +39,7 @@ class TableArguments:
     seeds: Annotated[str, tyro.conf.arg(metavar="0,1,...")] = "0"
     """Seeds of each pair, with commas between."""
     steps: int | None = None
-    """Training steps of each run; by default the method's 30000."""
+    """Training steps of each run; by default the method's own, 30000 of most."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="METHOD.key=value")] = ()
     """Settings of one method, as 3dgs.densify.threshold=1e-4; by default its own."""
     options: Annotated[SceneOptions, tyro.conf.arg(name="")] = field(default_factory=SceneOptions)

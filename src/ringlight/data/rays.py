@@ -3,7 +3,7 @@
 Photographs stay 8 bit in one table of pixels; a ray is worked out of its pixel's camera when it is drawn.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -105,6 +105,12 @@ class RayBatches:
         """Those that are drawn from."""
         return self.all_rays if self._kept is None else len(self._kept)
 
+    @staticmethod
+    def bytes_of(pixels: int) -> int:
+        """The most that photographs of so many pixels take: their channels, and of each ray its number and whether it
+        is drawn."""
+        return pixels * (CHANNELS + _number_type(pixels).itemsize + 1)
+
     @property
     def bytes_kept(self) -> int:
         """Of pixels, and of the numbers of kept rays."""
@@ -125,18 +131,22 @@ class RayBatches:
 
     def looked_at(self, meets: Callable[[Rays], Bool[Tensor, "R"]]) -> Bool[Tensor, "P"]:
         """Of all rays those of which ``meets`` says so; their samples are in the middle of their steps."""
-        return torch.cat([meets(rays) for rays in self._all()])
+        found = torch.empty(self.all_rays, dtype=torch.bool)
+        for begin in range(0, self.all_rays, LOOKED_AT_ONCE):
+            index = torch.arange(begin, min(begin + LOOKED_AT_ONCE, self.all_rays))
+            found[begin : begin + len(index)] = meets(self._rays(index, torch.full((len(index),), MIDDLE)))
+        return found
 
     def keep(self, chosen: Bool[Tensor, "P"]) -> None:
         """From now on draw from the ``chosen`` ones of all rays alone."""
-        self._kept = (
-            chosen.nonzero()[:, 0].int() if self.all_rays <= torch.iinfo(torch.int32).max else chosen.nonzero()[:, 0]
-        )
-
-    def _all(self) -> Iterator[Rays]:
-        for begin in range(0, self.all_rays, LOOKED_AT_ONCE):
-            index = torch.arange(begin, min(begin + LOOKED_AT_ONCE, self.all_rays))
-            yield self._rays(index, torch.full((len(index),), MIDDLE))
+        self._kept = None  # before others are made
+        kept = torch.empty(int(chosen.sum()), dtype=_number_type(self.all_rays))
+        end = 0
+        for begin, part in zip(range(0, len(chosen), LOOKED_AT_ONCE), chosen.split(LOOKED_AT_ONCE), strict=True):
+            rows = part.nonzero()[:, 0] + begin  # of all rays together these would be 64 bits each
+            kept[end : end + len(rows)] = rows
+            end += len(rows)
+        self._kept = kept
 
     def _rays(self, index: Int[Tensor, "R"], jitter: Float[Tensor, "R"]) -> Rays:
         view = torch.searchsorted(self._ends, index, right=True)
@@ -162,3 +172,8 @@ def _pixels(view: View) -> Tensor:
     if pixels.shape[-1] == 3:
         pixels = torch.cat([pixels, torch.full_like(pixels[..., :1], OPAQUE)], -1)
     return pixels.reshape(-1, 4)
+
+
+def _number_type(rays: int) -> torch.dtype:
+    """What holds the number of any of so many."""
+    return torch.int32 if rays <= torch.iinfo(torch.int32).max else torch.int64

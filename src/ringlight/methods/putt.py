@@ -29,6 +29,7 @@ from ringlight.methods.volume_recipe import (
     MOST_UNITS,
     Bounds,
     VolumeRecipe,
+    on_device,
 )
 
 if TYPE_CHECKING:
@@ -270,4 +271,4 @@ class _Stored(PuttRecipe):
 
         model = self.model_of(self.side, box)
         model.occupied = torch.zeros(self.bits, dtype=torch.uint8)
-        return model
+        return on_device(model, rasterize)

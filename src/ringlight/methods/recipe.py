@@ -62,6 +62,11 @@ class Recipe(Protocol):
         """This recipe with everything decided that it leaves to the scene, which runs and model files keep, and why."""
         ...
 
+    def may_settle_on(self, other: "Recipe") -> bool:
+        """Whether there may be a scene in which ``other`` is what this recipe is :meth:`settled` as. ``most`` aside:
+        another run may set it, or this machine's memory."""
+        ...
+
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         """The model at its start, and everything that trains it."""
         ...

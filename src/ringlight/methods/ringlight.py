@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from ringlight.core.scene import Scene
     from ringlight.fit.train import Training
+    from ringlight.methods.recipe import Recipe
     from ringlight.models.contract import Model
     from ringlight.rasterize.contract import Rasterizer
 
@@ -84,6 +85,11 @@ class RingLightRecipe:
 
         shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
         return self.chosen(shading), f"method: {SHADINGS[shading][0]}, {SUITS[shading]} ({reason})"
+
+    def may_settle_on(self, other: "Recipe") -> bool:
+        """Whether it is a method that this one chooses, or may choose, their bounds aside."""
+        shadings = SHADINGS if self.shading == "auto" else (self.shading,)
+        return any(self.chosen(shading).may_settle_on(other) for shading in shadings)
 
     def chosen(self, shading: Shading) -> Chosen:
         """The recipe of the method that lights so, with these settings."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ringlight.core.scene import PointCloud, Scene
     from ringlight.fit.train import Training
     from ringlight.methods.assembly import Course
+    from ringlight.methods.recipe import Recipe
     from ringlight.models.splats import SplatModel
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
@@ -50,6 +51,10 @@ class SplatRecipe(ABC):
     def settled(self: Splats, scene: "Scene", rasterize: "Rasterizer", seed: int) -> tuple[Splats, None]:
         """With everything decided that depends on the run's length; nothing depends on the scene."""
         return self.at_length(), None
+
+    def may_settle_on(self, other: "Recipe") -> bool:
+        """Whether it is this one at its length, their bounds aside."""
+        return other.ending_with(None) == self.at_length().ending_with(None)
 
     def at_length(self: Splats) -> Splats:
         """The same with what is left to the run's length decided; ``steps`` is that of the run."""

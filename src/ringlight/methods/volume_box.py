@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ringlight.core.scene import Scene
 from ringlight.data.hull import COARSE_CELLS, Mask, VoxelGrid, depths_inside, masks_of
+from ringlight.data.points import FEWEST_FOR_BOX
 from ringlight.data.surface import guessed_masks
 
 MARGIN = 0.03
@@ -42,7 +43,8 @@ def volume_box(scene: Scene) -> ChosenBox:
             margin = MARGIN * (box[1] - box[0]).max()
             low, high = (box[0] - margin).maximum(scene.box[0]), (box[1] + margin).minimum(scene.box[1])
             return ChosenBox(torch.stack([low, high]), source)
-    return ChosenBox(scene.box, "the points" if scene.points.measured else "the cameras")
+    by_points = scene.points.measured and len(scene.points.positions) >= FEWEST_FOR_BOX
+    return ChosenBox(scene.box, "the points" if by_points else "the cameras")
 
 
 def in_words(chosen: ChosenBox) -> str:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ringlight.core.scene import Scene
     from ringlight.fit.regularizers.contract import Regularizer
     from ringlight.fit.train import Training
+    from ringlight.methods.recipe import Recipe
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.volume.model import VolumeModel
 
@@ -138,6 +139,12 @@ class VolumeRecipe(ABC):
         a, b, c, d, e, f = chosen.box.flatten().tolist()
         return replace(self, bounds=(a, b, c, d, e, f)), in_words(chosen)
 
+    def may_settle_on(self, other: "Recipe") -> bool:
+        """Whether it is this one, with a box where this one has none."""
+        if self.bounds is None and isinstance(other, type(self)):
+            other = replace(other, bounds=None)
+        return self == other
+
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         from ringlight.methods.volume_training import volume_training
 
@@ -145,7 +152,7 @@ class VolumeRecipe(ABC):
         return volume_training(recipe, scene, rasterize, seed)
 
     def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "VolumeModel":
-        return self.first_model(box, 0)
+        return on_device(self.first_model(box, 0), rasterize)
 
     def ending_with(self: Volume, most: int | None, dropping: bool = True) -> Volume:
         """Itself: its grid has the side that it says."""
@@ -184,6 +191,13 @@ class VolumeRecipe(ABC):
                 f"bounds are {' '.join(f'{v:.9g}' for v in self.bounds)}; give the lowest corner, x y z, then the "
                 "highest, each of its numbers above the lowest corner's, and so far that float32 tells them apart"
             )
+
+
+def on_device(model: "VolumeModel", rasterize: "Rasterizer") -> "VolumeModel":
+    """The model, moved to where this back end's models lie, unless it is an outline."""
+    from ringlight.models.outline import is_outline
+
+    return model if is_outline(model) else model.to(rasterize.device)
 
 
 COLD = 0.1

@@ -7,7 +7,7 @@ import torch
 from ringlight.core.memory import machine_memory
 from ringlight.core.scene import Scene
 from ringlight.core.words import MEGABYTE
-from ringlight.data.rays import CHANNELS, RayBatches
+from ringlight.data.rays import RayBatches
 from ringlight.errors import RecipeError
 from ringlight.fit.losses.rays import RayLoss
 from ringlight.fit.optimizer import Optimizer
@@ -70,12 +70,12 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
 
 def refuse_too_many_pixels(scene: Scene) -> None:
     """Raise RecipeError for photographs whose pixels memory cannot hold: rays are drawn from all of them."""
-    size = CHANNELS * sum(view.camera.width * view.camera.height for view in scene.train)
+    size = RayBatches.bytes_of(sum(view.camera.width * view.camera.height for view in scene.train))
     memory = int(SHARE * machine_memory())
     if size > memory:
         raise RecipeError(
-            f"the photographs' pixels take {size / MEGABYTE:,.0f} MB, and {SHARE:.0%} of this machine's memory is "
-            f"{memory / MEGABYTE:,.0f} MB; a volume draws rays from all of them: try --downscale 2"
+            f"the photographs' pixels and their rays take {size / MEGABYTE:,.0f} MB, and {SHARE:.0%} of this machine's "
+            f"memory is {memory / MEGABYTE:,.0f} MB; a volume draws rays from all of them: try --downscale 2"
         )
 
 

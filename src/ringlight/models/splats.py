@@ -20,6 +20,7 @@ from ringlight.core.want import Want
 from ringlight.data.batches import ImageBatch
 from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
+from ringlight.models.outline import is_outline
 from ringlight.models.way_back import ALPHA, WayBack, named_parts, ordered, shaded_in_tiles
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.shade.contract import Shader
@@ -33,8 +34,8 @@ NOUN = "Gaussians"
 
 def move(model: nn.Module, device: torch.device) -> None:
     """All parameters, and what can be made anew; buffers of model files are switches and boxes, which Python reads."""
-    if any(parameter.is_meta for parameter in model.parameters()):
-        return  # an outline has no numbers to move
+    if is_outline(model):
+        return
     saved = model.state_dict().keys()
     kept = {name: buffer for name, buffer in model.named_buffers() if name in saved}
     model.to(device)

@@ -11,8 +11,6 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RunError
 from ringlight.measure.report import REPORT_NAME, Report, read_report
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
-from ringlight.methods.ringlight import SHADINGS, RingLightRecipe
-from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.table import METHODS
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.record import RECORD_NAME, RunRecord
@@ -57,8 +55,8 @@ class PlannedRun:
         record = RunRecord.read(self.folder)
         options = kept_options(self.scene, with_points_of(self.recipe, self.options))
         asked = (self.seed, self.scene.resolve(), options)
-        possible = [_comparable(recipe) for recipe in settling_on(self.recipe)]
-        if _comparable(record.recipe) not in possible or (record.seed, record.scene, record.options) != asked:
+        same = (record.seed, record.scene, record.options) == asked
+        if not same or not self.recipe.may_settle_on(record.recipe):
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
         if record.added:
             raise RunError(
@@ -104,14 +102,6 @@ class PlannedRun:
         )
 
 
-def settling_on(recipe: Recipe) -> tuple[Recipe, ...]:
-    """All recipes that a run may record which was asked for this one, which may leave things to length and scene."""
-    if isinstance(recipe, RingLightRecipe):
-        shadings = SHADINGS if recipe.shading == "auto" else (recipe.shading,)
-        return tuple(recipe.chosen(shading) for shading in shadings)
-    return (recipe.at_length(),) if isinstance(recipe, SplatRecipe) else (recipe,)
-
-
 def scenes_named(paths: Sequence[Path]) -> dict[str, Path]:
     """The scenes' folders by their names, bundled ones too.
 
@@ -133,8 +123,3 @@ def scenes_named(paths: Sequence[Path]) -> dict[str, Path]:
 def with_steps(recipe: Recipe, steps: int | None) -> Recipe:
     """The same of another length, unless ``steps`` is None."""
     return recipe if steps is None else replace(recipe, steps=steps)
-
-
-def _comparable(recipe: Recipe) -> Recipe:
-    """The recipe without the bound on Gaussians, which another run or this machine's memory may have set."""
-    return recipe.ending_with(None)

@@ -34,10 +34,17 @@ class Start:
 
 
 def read_start(path: Path) -> Start:
-    """From a PLY, a model file or a run folder. Raises ModelFileError or RunError."""
+    """From a PLY, a model file or a run folder. Raises ModelFileError, RunError, or RecipeError for a model whose grid
+    is refined while it trains: no run begins with the finest."""
     if path.suffix.lower() == PLY and not path.is_dir():
         return Start(path, model_of_ply(path))
-    return Start(path, open_model(path).stored)
+    start = Start(path, open_model(path).stored)
+    if start.stored.model.resized_prefixes:
+        raise RecipeError(
+            f"{path}: is a model of {start.stored.header.method}, whose grid begins coarse: a run of it cannot start "
+            "from a model; leave out --from, or go on with its own run: ringlight train --resume RUN --steps N"
+        )
+    return start
 
 
 def settled_like(recipe: Recipe, start: Start) -> Recipe:

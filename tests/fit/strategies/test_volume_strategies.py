@@ -13,6 +13,7 @@ from tiny_scene import tiny_scene
 
 SCENE = tiny_scene(views=6, size=20)
 STEPS = 60
+SCENE_RAYS = sum(view.camera.width * view.camera.height for view in SCENE.train)
 
 
 def training_of(method: str) -> Training:
@@ -40,7 +41,7 @@ def test_each_happens_after_its_steps_and_never_else(method: str):
     assert 1 < empty.steps[0] < empty.steps[-1] < STEPS
     sides, bits, rays = training.model.nodes, training.model.occupied.clone(), training.batches.kept_rays
     assert bits.numel() == 1
-    coarse = sides
+    coarse, met = sides, rays
     for progress in train(training):
         step = progress.step
         at_refinement, at_look = step in refine.voxels, step in empty.steps
@@ -52,7 +53,7 @@ def test_each_happens_after_its_steps_and_never_else(method: str):
         sides, bits, rays = training.model.nodes, training.model.occupied.clone(), training.batches.kept_rays
     assert bits.numel() > 1
     assert all(fine > few for fine, few in zip(sides, coarse, strict=True))
-    assert rays < training.batches.all_rays
+    assert rays < met
 
 
 @pytest.mark.parametrize("method", ["tensorf", "putt"])
@@ -71,6 +72,16 @@ def test_a_resumed_run_has_the_same_bits(method: str, after: str):
     assert ends[0].keys() == ends[1].keys()
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[0])
     assert resumed.batches.kept_rays == whole.batches.kept_rays
+
+
+@pytest.mark.parametrize("rays", [0, 8, SCENE_RAYS + 8])
+def test_bits_that_say_nothing_of_these_rays_are_refused(rays: int):
+    """Of a state that was made by hand: none drawn, and of other photographs."""
+    empty, _ = strategies_of(training_of("tensorf"))
+    bits = torch.ones(rays // 8, dtype=torch.uint8) if rays else torch.zeros(SCENE_RAYS // 8, dtype=torch.uint8)
+    with pytest.raises(ValueError, match=f"say which of {SCENE_RAYS:,} rays are drawn"):
+        empty.restore({"kept": bits})
+    assert not len(empty.state()["kept"])
 
 
 def test_where_no_ray_meets_anything_all_are_kept():

@@ -47,6 +47,10 @@ class EmptySpace:
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
-        self._kept = state["kept"].clone()
-        if len(self._kept):
-            self.batches.keep(unpacked(self._kept)[: self.batches.all_rays])
+        kept, rays = state["kept"].clone(), self.batches.all_rays
+        if len(kept):
+            chosen = unpacked(kept)
+            if len(chosen) != -(-rays // BITS) * BITS or not chosen[:rays].any():
+                raise ValueError(f"{len(chosen):,} bits say which of {rays:,} rays are drawn, {int(chosen.sum()):,} do")
+            self.batches.keep(chosen[:rays])
+        self._kept = kept
