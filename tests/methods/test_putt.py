@@ -5,9 +5,9 @@ import torch
 
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
+from ringlight.fit import room
 from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.train import train
-from ringlight.methods import volume_training
 from ringlight.methods.putt import PuttRecipe
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.rasterize.choose import rasterizer_for
@@ -82,7 +82,7 @@ def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
 
 
 def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(volume_training, "machine_memory", lambda: 400_000_000)
+    monkeypatch.setattr(room, "machine_memory", lambda: 400_000_000)
     with pytest.raises(RecipeError, match=r"a grid of 256 cubed takes .* MB .* give --finest (\d+) or less") as caught:
         built(finest=256)
     fits = int(str(caught.value).split("--finest ")[1].split()[0])

@@ -9,6 +9,7 @@ from ringlight.core.scene import Scene
 from ringlight.core.want import Want
 from ringlight.data.rays import rays_of
 from ringlight.errors import RecipeError
+from ringlight.fit import room
 from ringlight.fit.train import train
 from ringlight.methods import volume_training
 from ringlight.methods.tensorf import TensorfRecipe
@@ -81,7 +82,7 @@ def test_a_box_that_no_ray_meets_is_refused():
 
 
 def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(volume_training, "machine_memory", lambda: 40_000_000)
+    monkeypatch.setattr(room, "machine_memory", lambda: 40_000_000)
     with pytest.raises(
         RecipeError, match=r"a grid of 300 cubed takes .* MB .* give --last-side (\d+) or less"
     ) as caught:
@@ -96,7 +97,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
 
 
 def test_rays_that_memory_cannot_hold_are_refused_with_the_most_that_it_can(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(volume_training, "machine_memory", lambda: 40_000_000)
+    monkeypatch.setattr(room, "machine_memory", lambda: 40_000_000)
     with pytest.raises(RecipeError, match=r"rays is 1000000; each has up to .* (\d+) rays are the most") as caught:
         built(rays=1_000_000)
     fits = int(str(caught.value).split(" rays are the most")[0].split()[-1])
@@ -118,7 +119,7 @@ def test_photographs_that_memory_cannot_hold_are_refused(monkeypatch: pytest.Mon
 
 
 def test_more_samples_than_kernels_count_are_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(volume_training, "machine_memory", lambda: 1 << 50)
+    monkeypatch.setattr(room, "machine_memory", lambda: 1 << 50)
     with pytest.raises(RecipeError, match="rays is 1048576; each has up to"):
         TensorfRecipe(rays=1 << 20, first_side=16, last_side=1200, steps=60).build(SCENE, rasterizer_for("cpu"), 0)
 

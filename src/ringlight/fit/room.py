@@ -23,8 +23,11 @@ def most_rows(model: Model, memory: int | None = None, guarded: bool = False) ->
 
     A ``guarded`` training keeps an earlier state besides (fit/guard.py).
     """
-    if memory is None:
-        on_gpu = model.device.type == "cuda"
-        memory = torch.cuda.get_device_properties(model.device).total_memory if on_gpu else machine_memory()
+    memory = memory_of(model.device) if memory is None else memory
     copies = COPIES + (GOOD_COPIES if guarded else 0)
     return max(int(SHARE * memory) // (copies * model.bytes_each() + WORK_BYTES), 1)
+
+
+def memory_of(device: torch.device) -> int:
+    """Bytes that there are for what lies on a device."""
+    return torch.cuda.get_device_properties(device).total_memory if device.type == "cuda" else machine_memory()

@@ -11,6 +11,7 @@ from ringlight.data.rays import RayBatches
 from ringlight.errors import RecipeError
 from ringlight.fit.losses.rays import RayLoss
 from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.room import memory_of
 from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
@@ -39,10 +40,11 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     """
     assert recipe.bounds is not None
     box = torch.tensor(recipe.bounds).view(2, 3)
-    refuse_too_large(recipe, box)
+    memory = int(SHARE * memory_of(rasterize.device))
+    refuse_too_large(recipe, box, memory)
     refuse_too_many_pixels(scene)
     model = recipe.first_model(box, seed)
-    refuse_too_many_rays(recipe, model)
+    refuse_too_many_rays(recipe, model, memory)
     model.gradient_share = recipe.gradient_share
     carving = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
     if carving is not None:
@@ -79,9 +81,8 @@ def refuse_too_many_pixels(scene: Scene) -> None:
         )
 
 
-def refuse_too_large(recipe: VolumeRecipe, box: torch.Tensor) -> None:
-    """Raise RecipeError, with the largest side that fits, for a grid whose training memory cannot hold."""
-    memory = int(SHARE * machine_memory())
+def refuse_too_large(recipe: VolumeRecipe, box: torch.Tensor, memory: int) -> None:
+    """Raise RecipeError, with the largest side that fits, for a grid whose training ``memory`` bytes cannot hold."""
 
     def bytes_of(side: int) -> int:
         return 4 * recipe.numbers_at(box, side)
@@ -92,18 +93,18 @@ def refuse_too_large(recipe: VolumeRecipe, box: torch.Tensor) -> None:
     fits = next((side for side in recipe.smaller_sides if bytes_of(side) <= memory), None)
     raise RecipeError(
         f"a grid of {side} cubed takes {bytes_of(side) / MEGABYTE:,.0f} MB while it trains, and {SHARE:.0%} of this "
-        f"machine's memory is {memory / MEGABYTE:,.0f} MB; {recipe.lighter if fits is None else recipe.remedy(fits)}"
+        f"device's memory is {memory / MEGABYTE:,.0f} MB; {recipe.lighter if fits is None else recipe.remedy(fits)}"
     )
 
 
-def refuse_too_many_rays(recipe: VolumeRecipe, model: VolumeModel) -> None:
-    """Raise RecipeError, with the most that fit, for rays whose samples memory cannot hold, or kernels not count.
+def refuse_too_many_rays(recipe: VolumeRecipe, model: VolumeModel, memory: int) -> None:
+    """Raise RecipeError, with the most that fit, for rays whose samples ``memory`` cannot hold, or kernels not count.
 
     Counted are those of rays through the whole box: what is empty is not known yet. ``model`` is as it is at the start.
     """
     finer = recipe.final_side / math.prod(model.nodes) ** (1 / 3)
     of_ray = math.ceil(model.space().most * finer)
-    most = min(int(SHARE * machine_memory()) // (SAMPLE_BYTES * of_ray), MOST_SAMPLES // of_ray)
+    most = min(memory // (SAMPLE_BYTES * of_ray), MOST_SAMPLES // of_ray)
     if recipe.rays > max(most, 1):
         raise RecipeError(
             f"rays is {recipe.rays}; each has up to {of_ray:,} samples in a grid of {recipe.final_side} cubed, and "
