@@ -13,9 +13,10 @@ from ringlight.errors import RecipeError
 from ringlight.fit import room
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
-from ringlight.fit.strategies.densify import Densify, accumulate_screen_gradients_
+from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.prune import Prune
+from ringlight.fit.strategies.screen_gradients import accumulate_screen_gradients_
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.reference import ReferenceRasterizer
 from ringlight.shade.passthrough import PassThrough

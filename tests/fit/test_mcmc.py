@@ -17,7 +17,7 @@ from ringlight.color.ringlight import MASK, RingLight
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradients
-from ringlight.core.rendering import Rendering
+from ringlight.core.rendering import Footprint, Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
@@ -33,7 +33,7 @@ from ringlight.shade.passthrough import PassThrough
 from small_recipes import SPLATS
 from tiny_scene import tiny_scene
 
-STILL = MCMCSettings(noise=0.0, stop=1.0, dead=0.005, first_share=1.0, apart=0.0)
+STILL = MCMCSettings(noise=0.0, stop=1.0, dead=0.005, first_share=1.0, apart=0.0, draw="opacity", copies="alike")
 SETTINGS = DensifySettings(kind="mcmc", begin=0, every=1, max_gaussians=8, mcmc=STILL)
 PREDICTION = Rendering(torch.zeros(8, 8, 3), torch.zeros(8, 8, 1), {})
 
@@ -50,6 +50,17 @@ def model_of(opacities: list[float]) -> SplatModel:
         {"sh_dc": number, "sh_rest": torch.zeros(count, 15, 3)},
     )
     return SplatModel(table, SphericalHarmonics(), PassThrough(), ReferenceRasterizer())
+
+
+def pulled(gradients: list[float]) -> Rendering:
+    """A picture that drew as many of the first rows, with these gradients across it."""
+    count = 5
+    lengths = torch.zeros(count, 2)
+    lengths[: len(gradients), 0] = torch.tensor(gradients)
+    radii = torch.zeros(count, 2)
+    radii[: len(gradients)] = 1.0
+    footprint = Footprint(torch.zeros(count, 2), radii, lengths)
+    return replace(PREDICTION, footprint=footprint)
 
 
 def optimizer_of(model: SplatModel, rate: float = 0.0) -> Optimizer:
@@ -112,6 +123,41 @@ def test_copies_move_apart_by_their_size_and_nothing_else_moves():
         again.columns["log_scales"][:, 0] -= 2.0
     moved(again, settings)
     assert torch.equal(again.columns["means"], model.columns["means"])
+
+
+def test_copies_are_drawn_where_the_pictures_pull_and_dead_ones_never():
+    """By the mean over the pictures since the last round that drew a row, not by its opacity."""
+    model = model_of([0.9, 0.05, 0.3, 0.2, 0.001])
+    only_round = replace(STILL, draw="gradient", stop=0.1)
+    control = control_of(replace(SETTINGS, every=10, max_gaussians=2000, mcmc=only_round))
+    optimizer = optimizer_of(model)
+    for step in range(1, 11):
+        control.update(step, model, optimizer, pulled([0.0, 0.3, 0.1, 0.0, 5.0] if step % 2 else [0.0, 0.3, 0.1]))
+    counts = torch.bincount(torch.tensor(numbers_of(model)), minlength=5).tolist()
+    assert counts[0] == counts[3] == 1
+    assert counts[4] == 0
+    assert counts[1] / counts[2] == pytest.approx(3, rel=0.6)
+
+
+def test_where_no_picture_says_anything_copies_are_drawn_by_opacity():
+    drawn = []
+    for draw in ("opacity", "gradient"):
+        model = model_of([0.9, 0.1, 0.5])
+        moved(model, replace(SETTINGS, max_gaussians=200, mcmc=replace(STILL, draw=draw)), step=100)
+        drawn.append(sorted(numbers_of(model)))
+    assert drawn[0] == drawn[1]
+
+
+def test_parts_are_as_opaque_as_what_was_copied_and_narrower():
+    opacities = [0.9, 0.001, 0.5, 0.001]
+    model = model_of(opacities)
+    moved(model, replace(SETTINGS, max_gaussians=4, mcmc=replace(STILL, copies="parts", apart=1.0)))
+    numbers = numbers_of(model)
+    table = model.gaussians
+    for number, opacity, scale in zip(numbers, table.opacities.tolist(), table.scales[:, 0].tolist(), strict=True):
+        assert opacity == pytest.approx(opacities[number])
+        assert scale == pytest.approx(math.exp(-3.0) / (1.6 if numbers.count(number) > 1 else 1))
+    assert len(set(numbers)) == 2
 
 
 @given(st.lists(st.floats(0.0011, 0.99), min_size=1, max_size=60), st.integers(1, 80), st.integers(1, 100))

@@ -14,6 +14,9 @@ from ringlight.fit.strategies.wander import turned
 MOST_COPIES = 51
 """More in one place than this get the numbers of as many, as in the paper: the sum below has binomials up to it."""
 
+SHRINK = 1.6
+"""A split Gaussian's children are this much narrower (3DGS: 0.8 times the number of children)."""
+
 LEAST = 1e-6
 """Least opacity, and least share of light that a row lets through: opacities are floats, and beyond it they are one."""
 
@@ -49,6 +52,27 @@ def as_copies(
         table.quats,
         torch.where(alone, table.opacity_logits, logits),
         table.appearance | dimmed,
+    )
+
+
+def as_parts(table: Gaussians, copies: Int[Tensor, "N"], faintest: float) -> Gaussians:
+    """The table with each row of more than one of ``copies`` as narrow as 3DGS makes the children of what it splits
+    (section 5.2), and as opaque as it was, or as ``faintest``.
+
+    Ours. Copies that move apart no longer lie behind each other: with the opacity of :func:`as_copies` together they
+    would show less at each place than the one did, and more around it.
+    """
+    several = copies > 1
+    narrower = table.log_scales - math.log(SHRINK)
+    faintest_logit = math.log(max(faintest, LEAST)) - math.log1p(-max(faintest, LEAST))
+    return Gaussians.from_columns(
+        table.columns()
+        | {
+            "log_scales": torch.where(several[:, None], narrower, table.log_scales),
+            "opacity_logits": torch.where(
+                several, table.opacity_logits.clamp_min(faintest_logit), table.opacity_logits
+            ),
+        }
     )
 
 

@@ -7,22 +7,19 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ringlight import _kernels
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.room import SHARE, most_rows
-from ringlight.fit.strategies.copies import LEAST, in_share
+from ringlight.fit.strategies.copies import LEAST, SHRINK, in_share
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.morton import morton_order
+from ringlight.fit.strategies.screen_gradients import ScreenGradients
 from ringlight.models.splats import SplatModel
 
 CHILDREN = 2
-SHRINK = 1.6
-"""A split Gaussian's children are this much narrower (3DGS: 0.8 times the number of children)."""
-
 WHITE_RESET_STEP = 500
 """3DGS resets the opacities once more, early, where the background is white: white floaters hide before it."""
 
@@ -40,12 +37,12 @@ class Densify:
         self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
         self.reset_every = settings.paced(settings.reset_every, steps)
         self.white_reset = settings.paced(WHITE_RESET_STEP, steps) if white else None
-        self._sums, self._views = torch.zeros(0), torch.zeros(0)
+        self._gradients = ScreenGradients()
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if step > self.last_step:
             return
-        self._observe(model, prediction)
+        self._gradients.observe(model, prediction)
         if step > self.first_step and step % self.settings.every == 0:
             self._edit(step, model, optimizer)
         if self.resets(step):
@@ -62,14 +59,10 @@ class Densify:
         optimizer.replace("columns.opacity_logits", lowered)
 
     def state(self) -> dict[str, Tensor]:
-        return {"screen_gradients": self._sums, "views": self._views}
+        return self._gradients.state()
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
-        if state["screen_gradients"].shape != state["views"].shape:
-            raise ValueError(
-                f"screen-space gradients for {len(state['screen_gradients'])} rows, and views for {len(state['views'])}"
-            )
-        self._sums, self._views = state["screen_gradients"].clone(), state["views"].clone()  # moved by the next step
+        self._gradients.restore(state)
 
     def resets(self, step: int) -> bool:
         """Whether opacities are lowered after this step."""
@@ -78,23 +71,10 @@ class Densify:
             return False
         return step % self.reset_every == 0 or step == self.white_reset
 
-    def _observe(self, model: SplatModel, prediction: Rendering) -> None:
-        if len(self._sums) != len(model):
-            self._sums, self._views = torch.zeros(2, len(model), device=model.device)
-        self._sums, self._views = self._sums.to(model.device), self._views.to(model.device)
-        footprint = prediction.footprint
-        if footprint is None or footprint.means2d_gradient is None:
-            return
-        height, width = prediction.alpha.shape[:2]
-        # Half the size in pixels turns a gradient in pixels into one in normalized device coordinates.
-        accumulate_screen_gradients_(
-            footprint.means2d_gradient, footprint.radii, (width / 2, height / 2), self._sums, self._views
-        )
-
     def _edit(self, step: int, model: SplatModel, optimizer: Optimizer) -> None:
         table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
         widest = table.log_scales.amax(1).exp()
-        strong = self._strongest(self._sums / self._views.clamp_min(1), len(table))
+        strong = self._strongest(self._gradients.means(), len(table))
         small = widest <= self.settings.clone_below * self.extent
         split = strong & ~small
         keep = ~split & self._worth_keeping(step, table, widest, model)
@@ -107,7 +87,7 @@ class Densify:
         if not self.most:
             refuse_more_than_fit(len(rows), step, model)
         optimizer.edit_rows(rows[morton_order(torch.cat([table.means, added.means])[rows])], added)
-        self._sums, self._views = torch.zeros(2, len(model), device=model.device)
+        self._gradients.clear()
 
     def _strongest(self, means: Float[Tensor, "N"], count: int) -> Bool[Tensor, "N"]:
         """Rows over the threshold; where all would exceed the budget, those with the largest gradient."""
@@ -148,35 +128,6 @@ def refuse_more_than_fit(rows: int, step: int, model: SplatModel) -> None:
             f"step {step}: density control, which has no bound here, would make {rows:,} Gaussians, and {SHARE:.0%} of "
             f"this machine's memory holds {fit:,}; bound it with --densify.max-gaussians"
         )
-
-
-def accumulate_screen_gradients_(
-    gradient: Float[Tensor, "N 2"],
-    radii: Float[Tensor, "N 2"],
-    pixels_to_ndc: tuple[float, float],
-    sums: Float[Tensor, "N"],
-    views: Float[Tensor, "N"],
-) -> None:
-    """Add each drawn row's gradient length to ``sums`` and one to ``views``, in place."""
-    if not (gradient.is_cpu and gradient.dtype == torch.float32):
-        accumulate_screen_gradients_reference_(gradient, radii, pixels_to_ndc, sums, views)
-        return
-    _kernels.accumulate_screen_gradient(gradient.contiguous(), radii.contiguous(), *pixels_to_ndc, sums, views)
-
-
-def accumulate_screen_gradients_reference_(
-    gradient: Float[Tensor, "N 2"],
-    radii: Float[Tensor, "N 2"],
-    pixels_to_ndc: tuple[float, float],
-    sums: Float[Tensor, "N"],
-    views: Float[Tensor, "N"],
-) -> None:
-    """The same in torch, on any device."""
-    drawn = radii[:, 0] > 0
-    across, down = pixels_to_ndc
-    lengths = torch.hypot(gradient[:, 0] * across, gradient[:, 1] * down)
-    sums.add_(torch.where(drawn, lengths, 0))
-    views.add_(drawn)
 
 
 def _joined(first: Gaussians, second: Gaussians) -> Gaussians:

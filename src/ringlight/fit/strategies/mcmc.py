@@ -5,7 +5,7 @@ NeurIPS 2024. Written from the paper.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import torch
 from jaxtyping import Float, Int
@@ -17,22 +17,22 @@ from ringlight.core.gradients import COLUMNS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Rendering
 from ringlight.fit.optimizer import Optimizer
-from ringlight.fit.strategies.copies import as_copies, drawn_rows, moved_apart
+from ringlight.fit.strategies.copies import as_copies, as_parts, drawn_rows, moved_apart
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.mcmc_settings import GROWN_BY, PAPER_EXTENT
 from ringlight.fit.strategies.morton import morton_order
 from ringlight.fit.strategies.removal_effects import removal_effects
-from ringlight.fit.strategies.stateless import Stateless
+from ringlight.fit.strategies.screen_gradients import ScreenGradients
 from ringlight.fit.strategies.wander import wander_
 from ringlight.models.splats import SplatModel
 
 
-class MCMC(Stateless):
-    """Moves, adds and shakes rows; what was counted is the table itself, so that nothing is kept between steps.
+class MCMC:
+    """Moves, adds and shakes rows.
 
     In each round rows that are dead, faint or not ``wanted`` by the colour model, become copies of others that are
-    drawn in proportion to their opacity, and some are added likewise; copies of one row move apart. Rows leave in
-    Morton order.
+    drawn in proportion to their screen-space gradient or opacity, and some are added likewise; copies of one row move
+    apart. Rows leave in Morton order.
     In the first round rows go that hardly change the pictures of all ``cameras``: among random points these are most,
     and nothing else would clear their places within a short run.
     """
@@ -51,8 +51,22 @@ class MCMC(Stateless):
         self.most = self._budget = settings.most_growing(steps)
         # Noise goes with the square of lengths and the rate with a length; together they are to move by a length.
         self.noise = settings.mcmc.noise * (PAPER_EXTENT / extent) ** 2
+        self._gradients = ScreenGradients()
+
+    @property
+    def _by_gradient(self) -> bool:
+        return self.settings.mcmc.draw == "gradient"
+
+    def state(self) -> dict[str, Tensor]:
+        return self._gradients.state() if self._by_gradient else {}
+
+    def restore(self, state: Mapping[str, Tensor]) -> None:
+        if self._by_gradient:
+            self._gradients.restore(state)
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
+        if self._by_gradient and step <= self.last_step:
+            self._gradients.observe(model, prediction)
         if self.first_step < step <= self.last_step and step % self.settings.every == 0:
             self._edit(step, model, optimizer)
         if self.noise:
@@ -79,17 +93,33 @@ class MCMC(Stateless):
         missing = int((~alive).sum()) + self._grown(step, len(table)) - len(table)
         if not missing and len(kept) == len(whole):
             return
-        sources = drawn_rows(table.opacities * alive, missing, generator(self.seed, step, "copies"))
+        sources = drawn_rows(self._wanted(table, kept) * alive, missing, generator(self.seed, step, "copies"))
         copies = 1 + torch.bincount(sources, minlength=len(table))
         split = (copies > 1).nonzero()[:, 0]
         # Those in place are new rows too: their moments belong to the Gaussian that they were.
         copied = torch.cat([split, sources])
-        added = as_copies(table.rows(copied), copies[copied], self.settings.mcmc.dead, model.color.opacity_columns)
-        if self.settings.mcmc.apart:
-            added = moved_apart(added, self.settings.mcmc.apart, generator(self.seed, step, "apart"))
+        added = self._copies(table.rows(copied), copies[copied], step, model)
         left = kept[alive & (copies == 1)]
         rows = torch.cat([left, len(whole) + torch.arange(len(added), device=left.device)])
         optimizer.edit_rows(rows[morton_order(torch.cat([whole.means, added.means])[rows])], added)
+        self._gradients.clear()
+
+    def _copies(self, table: Gaussians, copies: Int[Tensor, "N"], step: int, model: SplatModel) -> Gaussians:
+        """Each row as one of so many in its place, or apart from the others."""
+        chosen, dead = self.settings.mcmc, self.settings.mcmc.dead
+        if chosen.copies == "parts":
+            table = as_parts(table, copies, dead)
+        else:
+            table = as_copies(table, copies, dead, model.color.opacity_columns)
+        return moved_apart(table, chosen.apart, generator(self.seed, step, "apart")) if chosen.apart else table
+
+    def _wanted(self, table: Gaussians, kept: Int[Tensor, "K"]) -> Float[Tensor, "K"]:
+        """How much another one is wanted at each of the ``kept`` rows; opacities where no picture says anything."""
+        if self._by_gradient:
+            gradients = self._gradients.means()[kept]
+            if bool((gradients > 0).any()):
+                return gradients
+        return table.opacities
 
     @property
     def _first_round(self) -> int:

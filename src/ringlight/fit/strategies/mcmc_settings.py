@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
@@ -31,9 +32,16 @@ class MCMCSettings:
     growth: float = 0.05
     """Share of the Gaussians that a round adds, until there are max_gaussians; more where the rounds of the run's first
     half of density control would not reach that."""
-    first_share: float = 0.5
+    first_share: float = 0.2
     """The first round leaves this share of max_gaussians at most, those whose removal would change the pictures most:
-    most random points show nothing. Give 1 where a run starts from a model."""
+    most random points show nothing, and the rest of the budget grows where it is missing. Give 1 where a run starts
+    from a model."""
+    draw: Literal["opacity", "gradient"] = later("opacity", now="gradient")
+    """What copies are drawn in proportion to. opacity: that of each Gaussian, as in the paper. gradient: its mean
+    screen-space gradient since the last round, by which adaptive density control finds where Gaussians are missing."""
+    copies: Literal["alike", "parts"] = later("alike", now="parts")
+    """alike: copies and what was copied together show what the one showed (the paper's equation 9). parts: each is as
+    opaque as the one and 1/1.6 as wide, as 3DGS splits; for copies that move apart."""
     apart: float = later(0.0, now=1.0)
     """Standard deviations of a copy along each of its axes by which it is moved, times a normal number. The paper
     leaves copies in one place, and so does a short run then (docs/experiments/mcmc.md). 0: none."""
