@@ -8,9 +8,9 @@ from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import PAPER_STEPS
 
-PAPER_EXTENT = 4.4
-"""Extent of the scenes of NeRF-Synthetic. The paper's noise and scale penalty are in world units: taken relative to it,
-they do the same to a scene of any size."""
+PAPER_EXTENT = 5.2
+"""Extent of scenes of NeRF-Synthetic (lego 5.20, chair 5.25). The paper's noise and scale penalty are in world units:
+taken relative to it, they do the same to a scene of any size."""
 
 PAPER_PENALTY = 0.01
 """The paper's weight of each penalty, in runs of its 30,000 steps."""
