@@ -139,6 +139,16 @@ def test_copies_are_drawn_where_the_pictures_pull_and_dead_ones_never():
     assert counts[1] / counts[2] == pytest.approx(3, rel=0.6)
 
 
+def test_where_pictures_pull_at_the_dead_alone_copies_are_drawn_by_opacity():
+    model = model_of([0.9, 0.05, 0.3, 0.2, 0.001])
+    only_round = replace(STILL, draw="gradient", stop=0.1)
+    control, optimizer = control_of(replace(SETTINGS, every=10, max_gaussians=60, mcmc=only_round)), optimizer_of(model)
+    for step in range(1, 11):
+        control.update(step, model, optimizer, pulled([0.0, 0.0, 0.0, 0.0, 5.0]))
+    assert len(model) == 60
+    assert 4 not in numbers_of(model)
+
+
 def test_where_no_picture_says_anything_copies_are_drawn_by_opacity():
     drawn = []
     for draw in ("opacity", "gradient"):

@@ -15,6 +15,22 @@ def test_a_bound_is_stated_or_left_to_the_scene():
     assert RECIPE.ending_with(70).ending_with(None) == RECIPE
 
 
+def recorded_with(recipe: ThreeDGSRecipe, **mcmc: object) -> ThreeDGSRecipe:
+    """As a run keeps it, with these settings of mcmc in place of its own."""
+    settled = recipe.at_length()
+    changed = dataclasses.replace(settled.densify.mcmc, **mcmc)
+    return dataclasses.replace(settled, densify=dataclasses.replace(settled.densify, mcmc=changed))
+
+
+def test_what_decides_nothing_makes_no_other_run():
+    """Records keep the settings of mcmc of the version that wrote them."""
+    adaptive = ThreeDGSRecipe()
+    assert adaptive.may_settle_on(recorded_with(adaptive, first_share=0.5, draw="opacity"))
+    moving = dataclasses.replace(adaptive, densify=dataclasses.replace(adaptive.densify, kind="mcmc"))
+    assert moving.may_settle_on(recorded_with(moving))
+    assert not moving.may_settle_on(recorded_with(moving, draw="opacity"))
+
+
 def test_what_is_not_dropped_is_not_grown_either():
     dropping = dataclasses.replace(RECIPE, densify=dataclasses.replace(RECIPE.densify, drop_share=0.6))
     assert dropping.ending_with(70).densify.most_growing(4000) == 175

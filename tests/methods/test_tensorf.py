@@ -110,7 +110,7 @@ def test_rays_that_memory_cannot_hold_are_refused_with_the_most_that_it_can(monk
 
 
 def test_photographs_that_memory_cannot_hold_are_refused(monkeypatch: pytest.MonkeyPatch):
-    size = 9 * sum(view.camera.width * view.camera.height for view in SCENE.train)  # and a number and a bit of each ray
+    size = 12 * sum(view.camera.width * view.camera.height for view in SCENE.train)  # 8 of them a number and flags
     monkeypatch.setattr(volume_training, "machine_memory", lambda: 2 * size)
     volume_training.refuse_too_many_pixels(SCENE)
     monkeypatch.setattr(volume_training, "machine_memory", lambda: 2 * size - 2)

@@ -57,6 +57,9 @@ def rays_of(camera: Camera) -> Rays:
 CHANNELS = 4
 """Red, green, blue and alpha, a byte each, of every pixel of all photographs: they stay in memory."""
 
+CHOOSING = 4
+"""Bytes of a ray while it is said which are drawn: the flag, a padded copy, and both of what packs these to bits."""
+
 
 @dataclass(frozen=True)
 class RayBatch:
@@ -107,9 +110,9 @@ class RayBatches:
 
     @staticmethod
     def bytes_of(pixels: int) -> int:
-        """The most that photographs of so many pixels take: their channels, and of each ray its number and whether it
-        is drawn."""
-        return pixels * (CHANNELS + _number_type(pixels).itemsize + 1)
+        """The most that photographs of so many pixels take: their channels, and of each ray its number and, while rays
+        are chosen, whether it is drawn, a few times over."""
+        return pixels * (CHANNELS + _number_type(pixels).itemsize + CHOOSING)
 
     @property
     def bytes_kept(self) -> int:

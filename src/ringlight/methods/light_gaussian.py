@@ -71,7 +71,7 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     """Degree of the spherical harmonics after the distillation, 0 to 3."""
     view_jitter: float = 0.01
     """Standard deviation of the offset of pseudo views along each axis, in units of the scene's extent. The paper has
-    0.05 world units, which is 0.011 of the extent of Blender's scenes."""
+    0.05 world units, which is 0.010 of the extent of Blender's scenes."""
     codebook_size: int = 8192
     """Most codes of harmonics; there is one for every six Gaussians that share them, if these are fewer."""
     codebook_share: float = 0.22

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import GaussianRates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.mcmc_settings import USUAL_MCMC
 from ringlight.methods.surface_start import SurfaceStart
 
 if TYPE_CHECKING:
@@ -53,8 +54,8 @@ class SplatRecipe(ABC):
         return self.at_length(), None
 
     def may_settle_on(self, other: "Recipe") -> bool:
-        """Whether it is this one at its length, their bounds aside."""
-        return other.ending_with(None) == self.at_length().ending_with(None)
+        """Whether it is this one at its length, their bounds and what decides nothing aside."""
+        return isinstance(other, SplatRecipe) and _deciding(other) == _deciding(self.at_length())
 
     def at_length(self: Splats) -> Splats:
         """The same with what is left to the run's length decided; ``steps`` is that of the run."""
@@ -101,3 +102,10 @@ class SplatRecipe(ABC):
         """The same with no more than ``most`` at any step: it ends with what is left of them once some are dropped."""
         drops = bool(self.densify.drop_rounds(self.steps))
         return self.ending_with(max(int(most * (1 - self.densify.growth(self.steps).drop_share)), 1) if drops else most)
+
+
+def _deciding(recipe: SplatRecipe) -> SplatRecipe:
+    """Without a bound, and with the usual settings of mcmc where density control is adaptive: a record has those of the
+    version that wrote it."""
+    free = recipe.ending_with(None)
+    return replace(free, densify=replace(free.densify, mcmc=USUAL_MCMC)) if free.densify.kind == "adaptive" else free

@@ -24,7 +24,8 @@ from ringlight.volume.marching import meets_box
 from ringlight.volume.model import VolumeModel
 
 SHARE = 0.5
-"""Of the machine's memory, for the grid, the samples of a step, and the photographs' pixels, each by itself."""
+"""Of the memory of the device that draws, for the grid and for the samples of a step, and of the machine's for the
+photographs' pixels and rays, each by itself."""
 
 SAMPLE_BYTES = 32
 """Place, distance, weight, light that is left, slope and gradient of a sample, whether it has a colour or not."""

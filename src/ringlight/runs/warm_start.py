@@ -41,8 +41,8 @@ def read_start(path: Path) -> Start:
     start = Start(path, open_model(path).stored)
     if start.stored.model.resized_prefixes:
         raise RecipeError(
-            f"{path}: is a model of {start.stored.header.method}, whose grid begins coarse: a run of it cannot start "
-            "from a model; leave out --from, or go on with its own run: ringlight train --resume RUN --steps N"
+            f"{path}: is a model of {start.stored.header.method}, whose grid begins coarse: no run can start from it; "
+            "leave out --from, or go on with its own run: ringlight train --resume RUN --steps N"
         )
     return start
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from ringlight.core.camera import Camera
@@ -91,9 +91,11 @@ class MCMC:
         if not bool(alive.any()):
             alive = torch.ones_like(alive)  # there is nowhere to move to
         missing = int((~alive).sum()) + self._grown(step, len(table)) - len(table)
+        wanted = self._wanted(table, kept, alive)
+        self._gradients.clear()
         if not missing and len(kept) == len(whole):
             return
-        sources = drawn_rows(self._wanted(table, kept) * alive, missing, generator(self.seed, step, "copies"))
+        sources = drawn_rows(wanted, missing, generator(self.seed, step, "copies"))
         copies = 1 + torch.bincount(sources, minlength=len(table))
         split = (copies > 1).nonzero()[:, 0]
         # Those in place are new rows too: their moments belong to the Gaussian that they were.
@@ -102,7 +104,6 @@ class MCMC:
         left = kept[alive & (copies == 1)]
         rows = torch.cat([left, len(whole) + torch.arange(len(added), device=left.device)])
         optimizer.edit_rows(rows[morton_order(torch.cat([whole.means, added.means])[rows])], added)
-        self._gradients.clear()
 
     def _copies(self, table: Gaussians, copies: Int[Tensor, "N"], step: int, model: SplatModel) -> Gaussians:
         """Each row as one of so many in its place, or apart from the others."""
@@ -113,13 +114,14 @@ class MCMC:
             table = as_copies(table, copies, dead, model.color.opacity_columns)
         return moved_apart(table, chosen.apart, generator(self.seed, step, "apart")) if chosen.apart else table
 
-    def _wanted(self, table: Gaussians, kept: Int[Tensor, "K"]) -> Float[Tensor, "K"]:
-        """How much another one is wanted at each of the ``kept`` rows; opacities where no picture says anything."""
-        if self._by_gradient:
-            gradients = self._gradients.means()[kept]
+    def _wanted(self, table: Gaussians, kept: Int[Tensor, "K"], alive: Bool[Tensor, "K"]) -> Float[Tensor, "K"]:
+        """How much another one is wanted at each of the ``kept`` rows that are alive; their opacities where no picture
+        says anything of them."""
+        if self._by_gradient and len(self._gradients.means()):
+            gradients = self._gradients.means()[kept] * alive
             if bool((gradients > 0).any()):
                 return gradients
-        return table.opacities
+        return table.opacities * alive
 
     @property
     def _first_round(self) -> int:
