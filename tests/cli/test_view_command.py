@@ -76,7 +76,10 @@ def test_runs_of_different_scenes_are_refused(trained: dict[str, Path], tmp_path
 
 @contextmanager
 def command(*words: object) -> Iterator[tuple[subprocess.Popen, Browser, list[str]]]:
-    """A command in a process of its own, a browser where it says to look, and the lines that it said."""
+    """A command in a process of its own, a browser where it says to look, and the lines that it said. What it said
+    before it hung up on the browser is the failure's message."""
+    from websockets.exceptions import ConnectionClosed  # of the [view] extra, without which this file is skipped
+
     line = [sys.executable, "-m", "ringlight", *map(str, words), "--port", "0", "--threads", "1"]
     said: list[str] = []
     with subprocess.Popen(line, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
@@ -85,8 +88,11 @@ def command(*words: object) -> Iterator[tuple[subprocess.Popen, Browser, list[st
             for text in process.stderr:
                 said.append(text.rstrip("\n"))
                 if found := re.match(r"look at (http://127\.0\.0\.1:\d+)", text):
-                    with closing(Browser(found[1])) as browser:
-                        yield process, browser, said
+                    try:
+                        with closing(Browser(found[1])) as browser:
+                            yield process, browser, said
+                    except ConnectionClosed as error:
+                        raise AssertionError("\n".join([*said, process.communicate(timeout=30)[1]])) from error
                     return
             raise AssertionError(said)
         finally:
