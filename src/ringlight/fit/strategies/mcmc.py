@@ -117,7 +117,7 @@ class MCMC:
     def _wanted(self, table: Gaussians, kept: Int[Tensor, "K"], alive: Bool[Tensor, "K"]) -> Float[Tensor, "K"]:
         """How much another one is wanted at each of the ``kept`` rows that are alive; their opacities where no picture
         says anything of them."""
-        if self._by_gradient and len(self._gradients.means()):
+        if self._by_gradient:
             gradients = self._gradients.means()[kept] * alive
             if bool((gradients > 0).any()):
                 return gradients
