@@ -46,6 +46,7 @@ def test_its_grid_doubles_to_the_side_that_it_says():
         sides.append(training.model.field.sides[0])
     assert sorted(set(sides)) == [4, 8, 16]
     assert training.model.counted().number == 16**3
+    assert training.batches.kept_rays < training.batches.all_rays
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,7 @@ def test_its_grid_grows_to_the_side_that_it_says_and_its_box_never_does():
     assert 0.6 < training.model.counted().number / 20**3 <= 1
     inside = (training.model.box[0] >= before[0]) & (training.model.box[1] <= before[1])
     assert inside.all()
+    assert training.batches.kept_rays < training.batches.all_rays
 
 
 def test_the_box_is_that_of_the_masks_or_of_the_scene_and_is_told():
