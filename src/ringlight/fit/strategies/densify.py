@@ -20,6 +20,7 @@ from ringlight.fit.strategies.screen_gradients import ScreenGradients
 from ringlight.models.splats import SplatModel
 
 CHILDREN = 2
+
 WHITE_RESET_STEP = 500
 """3DGS resets the opacities once more, early, where the background is white: white floaters hide before it."""
 
