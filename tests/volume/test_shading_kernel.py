@@ -6,6 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as some
 from torch import Tensor
+from torch.func import functional_call, grad, vmap
 
 from ringlight import _kernels
 from ringlight.core.directions import normalize
@@ -16,8 +17,11 @@ HALVES = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 """Whether products are of bfloat16 where that is asked for."""
 
 EXACT, ROUNDED = 2e-5, 1e-2
-"""Differences of gradients as shares of their length. A product of bfloat16 rounds a sum that lies between two numbers
-up or down by its order, and what follows with it."""
+"""Differences of gradients as shares of what they add up. A product of bfloat16 rounds a sum that lies between two
+numbers up or down by its order, and what follows with it."""
+
+KINK = 1e-5
+"""A unit this near to zero is on or off by the order of a sum; such samples get no gradient here."""
 
 
 class _RoundedLinear(torch.autograd.Function):
@@ -50,8 +54,33 @@ def by_torch(shading: FeatureShading, features: Tensor, directions: Tensor, halv
     return _RoundedLinear.apply(rows, last.weight, last.bias).sigmoid()
 
 
+def at_kinks(shading: FeatureShading, features: Tensor, directions: Tensor) -> Tensor:
+    """Which samples have a unit that is neither on nor off."""
+    rows = torch.cat([features, directions, waves(features), waves(directions)], -1)
+    layers = [layer for layer in shading.network if isinstance(layer, torch.nn.Linear)]
+    found = torch.zeros(len(rows), dtype=torch.bool)
+    for layer in layers[:-1]:
+        rows = layer(rows)
+        found |= (rows.abs() < KINK).any(1)
+        rows = rows.relu()
+    return found
+
+
+def added_lengths(shading: FeatureShading, features: Tensor, directions: Tensor, grad_colors: Tensor) -> list[Tensor]:
+    """Of each parameter the length of its gradients by single samples, added up without their signs."""
+    named = {name: parameter.detach() for name, parameter in shading.named_parameters()}
+
+    def of_sample(values: dict[str, Tensor], row: Tensor, direction: Tensor, upstream: Tensor) -> Tensor:
+        color = functional_call(shading, values, (row[None], direction[None]))
+        return (color[0] * upstream).sum()
+
+    single = vmap(grad(of_sample), in_dims=(None, 0, 0, 0))(named, features, directions, grad_colors)
+    return [single[name].abs().sum(0).norm() for name in named]
+
+
 def compared(widths: tuple[int, int], count: int, seed: int, halves: bool) -> tuple[float, float]:
-    """Largest difference of colours, and of gradients as a share of the length of each."""
+    """Largest difference of colours, and of gradients as a share of the length of what each adds up: samples may cancel
+    each other, and rounding stays."""
     features, hidden = widths
     drawn = torch.Generator().manual_seed(seed)
     shading = FeatureShading(features, hidden, drawn)
@@ -63,10 +92,13 @@ def compared(widths: tuple[int, int], count: int, seed: int, halves: bool) -> tu
     _kernels.volume_shade(seen.detach(), network, rays, directions, halves, colors)
     expected = by_torch(shading, seen, directions[rays.long()], halves and HALVES)
     grad_colors = torch.randn(count, 3, generator=drawn)
+    grad_colors[at_kinks(shading, seen.detach(), directions[rays.long()])] = 0
     wanted = torch.autograd.grad((expected * grad_colors).sum(), [seen, *shading.parameters()])
     found = [torch.full_like(gradient, float("nan")) for gradient in wanted]
     _kernels.volume_shade_gradient(seen.detach(), network, rays, directions, halves, grad_colors, found[0], found[1:])
-    shares = [float((a - b).norm() / b.norm().clamp_min(1e-6)) for a, b in zip(found, wanted, strict=True)]
+    lengths = [wanted[0].norm(), *added_lengths(shading, seen.detach(), directions[rays.long()], grad_colors)]
+    differences = [(a - b).norm() for a, b in zip(found, wanted, strict=True)]
+    shares = [float(a / b.clamp_min(1e-6)) for a, b in zip(differences, lengths, strict=True)]
     return float((colors - expected.detach()).abs().max()), max(shares)
 
 
