@@ -161,6 +161,28 @@ def test_in_added_steps_rates_run_their_course_once_more():
         assert shares[-1] == 1
 
 
+def test_a_scaled_parameter_goes_as_one_in_other_bases_would():
+    """p = S q with S its own transpose: a gradient g of p is S g of q, which torch's Adam steps."""
+    model = Table()
+    scale = torch.tensor([[2.0, 0.5], [0.5, 1.0]])
+    inner = torch.linalg.solve(scale, model.shared.weight.detach().T).T.contiguous().requires_grad_()
+    judge = torch.optim.Adam([inner], lr=0.01, eps=1e-15)
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    optimizer.scale({"shared.weight": lambda rows: rows @ scale})
+    before = model.shared.bias.detach().clone()
+    for step in (1, 2, 3):
+        draw = torch.Generator().manual_seed(step)
+        gradient = torch.randn(2, 2, generator=draw)
+        optimizer.step(step, Gradients({"shared.weight": gradient}))
+        inner.grad = gradient @ scale
+        judge.step()
+    torch.testing.assert_close(model.shared.weight.detach(), inner.detach() @ scale)
+    assert torch.equal(model.shared.bias, before)
+    assert optimizer.scales
+    optimizer.begin_anew()
+    assert not optimizer.scales
+
+
 def test_moments_are_forgotten_where_training_begins_anew():
     model = Table()
     optimizer = Optimizer(model, {"*": GROUP}, steps=10)

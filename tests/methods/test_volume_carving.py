@@ -5,7 +5,7 @@ import dataclasses
 import torch
 
 from ringlight.core.scene import Scene, View
-from ringlight.data.hull import masks_of
+from ringlight.data.hull import COARSE_CELLS, masks_of
 from ringlight.methods.volume_box import volume_box
 from ringlight.methods.volume_carving import carved
 from ringlight.volume.occupancy import centers
@@ -42,6 +42,17 @@ def test_all_of_the_subject_is_left_and_most_of_the_rest_gone():
     left = carved(masks_of(SCENE.train), SCENE.box, NODES)
     assert left is not None
     assert left.float().mean() < 0.4
+
+
+def test_the_box_holds_the_subject_and_little_else():
+    balls = torch.tensor(BALLS).float()
+    low, high = (balls[:, :3] - balls[:, 3:4]).amin(0), (balls[:, :3] + balls[:, 3:4]).amax(0)
+    found = volume_box(SCENE).box
+    pitch = float((SCENE.box[1] - SCENE.box[0]).max()) / COARSE_CELLS
+    assert (found[0] <= low).all()
+    assert (found[0] >= low - pitch).all()
+    assert (found[1] >= high).all()
+    assert (found[1] <= high + pitch).all()
 
 
 def test_what_most_photographs_cut_away_is_left():

@@ -4,7 +4,7 @@ Every change of a parameter's shape goes through the verbs here (``edit_rows``, 
 parameter without its moments is the classic bug of this field.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from itertools import pairwise
 from typing import Any
@@ -14,7 +14,7 @@ from jaxtyping import Int
 from torch import Tensor, nn
 
 from ringlight.core.gaussians import Gaussians
-from ringlight.core.gradients import COLUMNS, Gradient, Gradients
+from ringlight.core.gradients import COLUMNS, Gradient, Gradients, dense
 from ringlight.core.rendering import Footprint
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
@@ -37,6 +37,7 @@ class Optimizer:
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
         self._slowed = dict.fromkeys(self.groups, 1.0)
+        self._scalings: Mapping[str, Callable[[Tensor], Tensor]] = {}
         self._ends = [0, steps]
         # Names are cut once; what they name is looked up each time, for the verbs below and the model replace it.
         self._attributes: dict[tuple[str, ...], list[tuple[str, str]]] = {}
@@ -58,6 +59,7 @@ class Optimizer:
         used: dict[str, Gradient] = {}
         columns: list[Update] = []
         shared: list[Update] = []
+        scaled: list[tuple[Tensor, Tensor, Callable[[Tensor], Tensor]]] = []
         for name, parameter in self._parameters():
             gradient = gradients.get(name)
             if gradient is None:
@@ -65,10 +67,18 @@ class Optimizer:
             group = self.groups[name]
             self._updates[name] += 1
             adam_step = (self.rate(name, step), *group.betas, group.epsilon, self._updates[name])
-            update = Update(parameter, gradient, self._mean[name], self._square[name], adam_step)
+            scaling = self._scalings.get(name)
+            if scaling is None:
+                update = Update(parameter, gradient, self._mean[name], self._square[name], adam_step)
+            else:
+                moved = torch.zeros_like(parameter)
+                update = Update(moved, scaling(dense(gradient)), self._mean[name], self._square[name], adam_step)
+                scaled.append((parameter, moved, scaling))
             (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
             used[name] = gradient
         left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)
+        for parameter, moved, scaling in scaled:
+            parameter += scaling(moved)
         return None if left == 0 else bad_gradient(used, left)
 
     def rate(self, name: str, step: int) -> float:
@@ -85,8 +95,23 @@ class Optimizer:
         """
         self._slowed |= {name: factor for name in self._slowed if name.startswith(prefixes)}
 
+    def scale(self, scalings: Mapping[str, Callable[[Tensor], Tensor]]) -> None:
+        """From now on Adam sees gradients of these parameters through a linear map that is its own transpose, and its
+        steps go through it too; moments are of what it sees.
+
+        Not part of :meth:`state`, as :meth:`slow` is not.
+        """
+        self._scalings = scalings
+
+    @property
+    def scales(self) -> bool:
+        """Whether any parameter has such a map."""
+        return bool(self._scalings)
+
     def begin_anew(self) -> None:
-        """Forget what was stepped so far: moments of zero for the parameters as they are now, of whatever shape."""
+        """Forget what was stepped so far: moments of zero for the parameters as they are now, of whatever shape, and no
+        maps."""
+        self._scalings = {}
         for name, parameter in self._parameters():
             self._mean[name], self._square[name] = torch.zeros_like(parameter), torch.zeros_like(parameter)
         self._updates = dict.fromkeys(self.groups, 0)

@@ -36,7 +36,9 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
+    from ringlight.fit.optimizer import Optimizer
     from ringlight.fit.regularizers.contract import Regularizer
+    from ringlight.fit.strategies.contract import Strategy
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.volume.model import VolumeModel
 
@@ -70,6 +72,9 @@ runs of 15,000 the one at less than half of it had 0.36 dB less. In runs of 1,00
 
 HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
+
+SCALED = 0.75
+"""At it lego_400 at half size gains half a decibel in 1,500 steps (docs/methods/putt.md)."""
 
 ALL_GRADIENTS = 1.0
 """Products of eight matrices feel the noise of drawn gradients (docs/methods/putt.md)."""
@@ -120,6 +125,9 @@ class PuttRecipe(VolumeRecipe):
     """Learning rate of the network, which falls likewise."""
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
+    scaled: float = later(0.0, now=SCALED)
+    """How far steps of a core are scaled by what the other cores make of its indices, from 0 (Adam as it is) to below
+    1: the share of their Gram matrices beside one whose eigenvalues all are their mean."""
     average: float = later(0.0, now=AVERAGED)
     """Share of a run, its last: the kept model is the mean of the models after each of its steps. 0 keeps the last one;
     rates fall to 0.07 then, and to 0.01 over the last fifth."""
@@ -149,6 +157,8 @@ class PuttRecipe(VolumeRecipe):
             raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
         self.refuse_bounds()
         self.refuse_shares()
+        if not 0 <= self.scaled < 1:
+            raise RecipeError(f"scaled is {self.scaled:g}; give 0 (Adam as it is) to below 1")
         self._refuse_size()
 
     def _refuse_size(self) -> None:
@@ -225,6 +235,11 @@ class PuttRecipe(VolumeRecipe):
             "field.*": Adam(self.falling(self.first_rate, last, WARM_UP, settled), BETAS, EPSILON),
             "*": Adam(self.falling(self.network_rate, last, settled_share=settled), BETAS, EPSILON),
         }
+
+    def stepped_by(self, optimizer: "Optimizer") -> "tuple[Strategy, ...]":
+        from ringlight.fit.strategies.scaled_steps import ScaledSteps
+
+        return (ScaledSteps(optimizer, self.scaled),) if self.scaled else ()
 
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
         return self.model_of(self.coarsest, box, seed)

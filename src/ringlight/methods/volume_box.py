@@ -1,5 +1,6 @@
 """The box that a volume covers: what the masks leave, or what the scene's loader found."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -7,13 +8,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.scene import Scene
-from ringlight.data.hull import COARSE_CELLS, Mask, VoxelGrid, depths_inside, masks_of
+from ringlight.data.hull import COARSE_CELLS, FINE_CELLS, Mask, VoxelGrid, depths_inside, masks_of
 from ringlight.data.points import FEWEST_FOR_BOX
 from ringlight.data.surface import guessed_masks
-
-MARGIN = 0.03
-"""Of its longest side, added to a box of masks on each side: a coarse hull is off by less than a cell."""
-
 
 FEW_VIEWS = 0.1
 """Share of the views that must see what belongs into a box of masks. Photographs may cut the subject, so most of them
@@ -37,14 +34,25 @@ def volume_box(scene: Scene) -> ChosenBox:
     """The box of what masks, or an even background, leave where photographs have these; else the scene's."""
     masks, source = subject_masks(scene)
     if masks:
-        grid = VoxelGrid.over(scene.box, COARSE_CELLS)
-        box = grid.bounds(depths_inside(grid.centers(), masks, grid.pitch, FEW_VIEWS) > -grid.pitch)
-        if box is not None:
-            margin = MARGIN * (box[1] - box[0]).max()
-            low, high = (box[0] - margin).maximum(scene.box[0]), (box[1] + margin).minimum(scene.box[1])
-            return ChosenBox(torch.stack([low, high]), source)
+        # Nodes in empty space are lost to a grid that is never cut: the first look's box is twice the subject's.
+        found = _left_by(masks, scene.box, COARSE_CELLS)
+        found = None if found is None else _left_by(masks, found, FINE_CELLS)
+        if found is not None:
+            return ChosenBox(found, source)
     by_points = scene.points.measured and len(scene.points.positions) >= FEWEST_FOR_BOX
     return ChosenBox(scene.box, "the points" if by_points else "the cameras")
+
+
+def _left_by(masks: Sequence[Mask], box: Float[Tensor, "2 3"], cells: int) -> Float[Tensor, "2 3"] | None:
+    """The box of the voxels within ``box``, so many along its longest side, that no mask has by more than a voxel
+    outside the subject; None where there are none."""
+    grid = VoxelGrid.over(box, cells)
+    left = depths_inside(grid.centers(), masks, grid.pitch, FEW_VIEWS) > -grid.pitch
+    at = left.view(grid.shape).nonzero()
+    if not len(at):
+        return None
+    corners = grid.first + grid.pitch * torch.stack([at.amin(0) - 0.5, at.amax(0) + 0.5])
+    return corners.maximum(box[0]).minimum(box[1])
 
 
 def in_words(chosen: ChosenBox) -> str:

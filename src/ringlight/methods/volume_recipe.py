@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from ringlight.core.scene import Scene
+    from ringlight.fit.optimizer import Optimizer
     from ringlight.fit.regularizers.contract import Regularizer
+    from ringlight.fit.strategies.contract import Strategy
     from ringlight.fit.train import Training
     from ringlight.methods.recipe import Recipe
     from ringlight.rasterize.contract import Rasterizer
@@ -96,6 +98,10 @@ class VolumeRecipe(ABC):
     @abstractmethod
     def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
         """What is added to the loss, by name."""
+
+    def stepped_by(self, optimizer: "Optimizer") -> "tuple[Strategy, ...]":
+        """What changes how the field is stepped, after all that changes the grid."""
+        return ()
 
     @property
     def averaged_from(self) -> int | None:

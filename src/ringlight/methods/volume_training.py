@@ -60,12 +60,18 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     if not met.all():
         batches.keep(met)
     averages = () if recipe.averaged_from is None else (AverageAtEnd(recipe.averaged_from, recipe.steps),)
+    optimizer = Optimizer(model, recipe.groups(), recipe.steps)
     return Training(
         model=model,
         batches=batches,
         loss=RayLoss(batches),
-        optimizer=Optimizer(model, recipe.groups(), recipe.steps),
-        strategies=(EmptySpace(batches, emptied), RefineGrid(recipe.refined), *averages),
+        optimizer=optimizer,
+        strategies=(
+            EmptySpace(batches, emptied),
+            RefineGrid(recipe.refined),
+            *averages,
+            *recipe.stepped_by(optimizer),
+        ),
         steps=recipe.steps,
         regularizers=recipe.terms(model),
     )

@@ -11,6 +11,7 @@ from ringlight.volume.halves import multiplies_halves
 from ringlight.volume.prolongation import prolonged
 from ringlight.volume.shading import FeatureShading
 from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
+from ringlight.volume.tt_scaling import Scaling, scalings
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
 
 FIRST_DEVIATION = 0.1
@@ -94,6 +95,13 @@ class TensorTrainField(nn.Module):
 
     def kernels(self, shading: FeatureShading) -> None:
         """None: what is fast about it, torch asks for (``tt_bags``, ``tt_blocks``)."""
+
+    def scalings(self, share: float) -> dict[str, Scaling]:
+        """For steps of its cores, by parameter name; ``share`` in [0, 1) as in :func:`scalings`."""
+        found: dict[str, Scaling] = {}
+        for name, train in (("density_train", self.density_train), ("appearance_train", self.appearance_train)):
+            found |= {f"{name}.cores.{k}": scaling for k, scaling in enumerate(scalings(train.reached, share))}
+        return found
 
     def outline(self, sides: Sides) -> dict[str, Tensor]:
         """See :class:`ringlight.volume.contract.VolumeField`."""

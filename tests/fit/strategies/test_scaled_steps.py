@@ -1,0 +1,52 @@
+"""Steps of tensor trains are scaled by maps that are renewed every so often, kept in a checkpoint, and can be left."""
+
+import pytest
+import torch
+
+from ringlight.fit.strategies.contract import Strategy
+from ringlight.fit.strategies.scaled_steps import RENEWED_EVERY, ScaledSteps
+from ringlight.fit.train import Training, train
+from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
+from tiny_scene import tiny_scene
+
+SCENE = tiny_scene(views=4, size=16)
+STEPS = 26
+
+
+def training_of(**settings: float) -> Training:
+    recipe = small("putt", steps=STEPS, coarsest=4, finest=8, **settings)
+    return recipe.build(SCENE, rasterizer_for("cpu"), 0)
+
+
+def test_maps_are_of_the_last_renewal_or_refinement():
+    training = training_of()
+    [scaled] = [strategy for strategy in training.strategies if isinstance(strategy, ScaledSteps)]
+    assert isinstance(scaled, Strategy)
+    assert not scaled.state()
+    refined = training.optimizer.model.field.levels
+    changed, before = [], {}
+    for progress in train(training):
+        now = scaled.state()
+        same = now.keys() == before.keys() and all(torch.equal(now[name], before[name]) for name in now)
+        levels = training.model.field.levels
+        assert same == (progress.step > 1 and progress.step % RENEWED_EVERY > 0 and levels == refined)
+        changed += [] if same else [progress.step]
+        before, refined = now, levels
+    assert len(changed) > 2 + STEPS // RENEWED_EVERY - 1
+    for name, matrix in before.items():
+        parameter = training.model.get_parameter(name.split(".", 1)[1])
+        assert len(matrix) == parameter.shape[0 if name.startswith("left") else -1]
+
+
+def test_without_a_share_steps_are_those_of_adam_alone():
+    assert not any(isinstance(strategy, ScaledSteps) for strategy in training_of(scaled=0.0).strategies)
+
+
+def test_maps_of_other_sizes_are_refused():
+    training = training_of()
+    next(train(training))
+    state = training.state()
+    name = next(name for name in state if ".left." in name)
+    with pytest.raises(ValueError, match="steps of field.* are scaled by"):
+        training_of().restore(state | {name: torch.eye(3)})
