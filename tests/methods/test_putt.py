@@ -82,6 +82,13 @@ def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
     assert recipe_from_dict(PuttRecipe, written).average == 0
 
 
+def test_steps_of_older_recipes_are_not_scaled():
+    written = recipe_to_dict(PuttRecipe())
+    del written["scaled"]
+    assert recipe_from_dict(PuttRecipe, written).scaled == 0
+    assert PuttRecipe().scaled > 0
+
+
 def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(room, "machine_memory", lambda: 400_000_000)
     with pytest.raises(RecipeError, match=r"a grid of 256 cubed takes .* MB .* give --finest (\d+) or less") as caught:
@@ -109,6 +116,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"size": 12.0, "density_rank": 100}, "size and density_rank are given"),
         ({"gradient_share": float("nan")}, "gradient_share is nan"),
         ({"average": 1.5}, "average is 1.5; give a share"),
+        ({"scaled": 1.0}, "scaled is 1; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),

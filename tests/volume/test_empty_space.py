@@ -7,7 +7,7 @@ from hypothesis import strategies as some
 from ringlight.core.want import Want
 from ringlight.data.rays import RayBatch
 from ringlight.volume.grids import growing, sides_of
-from ringlight.volume.occupancy import centers, everything, is_occupied, packed, unpacked, widened
+from ringlight.volume.occupancy import Carving, centers, everything, is_occupied, packed, unpacked, widened
 from volume.volumes import BACKGROUND, BOX, rays, volume
 
 
@@ -68,6 +68,42 @@ def test_what_was_empty_stays_empty_but_for_a_layer():
     middle, one_cell = (low + high)[0] / 2, (high - low)[0] / model.occupied.shape[0]
     assert low[0] < box[0, 0] < middle
     assert box[1, 0] <= middle + 1.01 * one_cell
+
+
+@given(some.tuples(*[some.integers(-12, 9)] * 3), some.tuples(*[some.integers(1, 20)] * 3), some.integers(0, 1000))
+def test_cells_that_meet_nothing_of_a_carving_are_told(eighths: tuple[int], lengths: tuple[int], seed: int):
+    """By points: none in a cell that is said to meet nothing may lie in what is left."""
+    low = torch.tensor(eighths) / 8
+    ends = torch.stack([low, low + torch.tensor(lengths) / 8])
+    drawn = torch.Generator().manual_seed(seed)
+    carving = Carving(torch.tensor([[-1.0, -1, -1], [1, 1, 1]]), torch.rand(3, 5, 8, generator=drawn) > 0.8)
+    cells = (4, 3, 8)
+    met = carving.met_by(ends, cells)
+    assert met.shape == cells
+    within = torch.rand(200, 3, generator=drawn)
+    places = ends[0] + within * (ends[1] - ends[0])
+    inside = (places.abs() < 1).all(-1)
+    left = inside & is_occupied(packed(carving.left), (places + 1) / 2)
+    x, y, z = (within[:, axis].mul(count).long() for axis, count in enumerate(cells))
+    assert (left <= met[x, y, z]).all()
+
+
+def test_a_carving_meets_its_own_cells_alone():
+    left = torch.rand(6, 5, 16, generator=torch.Generator().manual_seed(0)) > 0.7
+    carving = Carving(BOX, left)
+    assert torch.equal(carving.met_by(BOX, (6, 5, 16)), left)
+    coarse = torch.nn.functional.max_pool3d(left[None, None].float(), (2, 5, 2))[0, 0] > 0
+    assert torch.equal(carving.met_by(BOX, (3, 1, 8)), coarse)
+
+
+def test_nothing_beyond_a_carving_is_found_again():
+    model = ball()
+    left = torch.zeros(10, 10, 16, dtype=torch.bool)
+    left[:5] = True
+    model.skip_all_but(left)
+    middle = model.box[:, 0].mean()
+    assert model.find_empty(Carving(model.box, left))[1, 0] <= middle
+    assert model.find_empty(Carving(model.box, torch.zeros_like(left))).equal(model.box)
 
 
 def test_a_volume_of_which_all_is_empty_keeps_its_box():

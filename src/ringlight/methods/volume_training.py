@@ -22,6 +22,7 @@ from ringlight.methods.volume_recipe import VolumeRecipe
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.volume.marching import meets_box
 from ringlight.volume.model import VolumeModel
+from ringlight.volume.occupancy import Carving
 
 SHARE = 0.5
 """Of the memory of the device that draws, for the grid and for the samples of a step, and of the machine's for the
@@ -47,9 +48,10 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     model = recipe.first_model(box, seed)
     refuse_too_many_rays(recipe, model, memory)
     model.gradient_share = recipe.gradient_share
-    carving = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
-    if carving is not None:
-        model.skip_all_but(carving)
+    left = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
+    carving = None if left is None else Carving(box, left)
+    if left is not None:
+        model.skip_all_but(left)
     model.to(rasterize.device)
     emptied = recipe.emptied
     batches = RayBatches(scene, recipe.rays, seed, emptied[0] if scene.background == "black" else 0)
@@ -67,10 +69,10 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
         loss=RayLoss(batches),
         optimizer=optimizer,
         strategies=(
-            EmptySpace(batches, emptied),
+            EmptySpace(batches, emptied, carving),
             RefineGrid(recipe.refined),
-            *averages,
             *recipe.stepped_by(optimizer),
+            *averages,
         ),
         steps=recipe.steps,
         regularizers=recipe.terms(model),

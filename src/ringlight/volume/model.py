@@ -22,7 +22,7 @@ from ringlight.volume.grids import nodes_around
 from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
 from ringlight.volume.marching import Space
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
-from ringlight.volume.occupancy import cells_of, centers, everything, is_occupied, packed, widened
+from ringlight.volume.occupancy import Carving, box_of, cells_of, centers, everything, is_occupied, packed, widened
 from ringlight.volume.pictures import BUFFERS, against_slopes, picture, surface_layers
 from ringlight.volume.shading import FeatureShading
 from ringlight.volume.torch_march import rendered_in_torch
@@ -201,22 +201,23 @@ class VolumeModel(nn.Module):
         self.occupied, self.occupied_box = packed(occupied.cpu()).to(self.box.device), self.box.clone()
 
     @torch.no_grad()
-    def find_empty(self) -> Float[Tensor, "2 3"]:
+    def find_empty(self, carving: Carving | None = None) -> Float[Tensor, "2 3"]:
         """See which cells of the box are empty now, and skip them from now on, with those that were but for a layer
-        around the others. Returns the box of the others, world units; the whole box where all are empty."""
+        around the others, and with all that meet nothing of what ``carving`` leaves. Returns the box of the others,
+        world units; the whole box where all are empty."""
         cells = cells_of(self.box, max(self.field.sides))
         step = self.space().step / self.unit.item()
         places = centers(cells).to(self.box)
         thickness = [step * self.density_values(part) for part in places.split(PLACES_AT_ONCE)]
         full = (-torch.expm1(-torch.cat(thickness)) >= EMPTY).view(cells)
-        if not full.any():
-            return self.box.clone()
         wide = widened(full)
+        if carving is not None:
+            # The layer would grow beyond it: no ray is drawn there that could clear its fog.
+            wide &= carving.met_by(self.box, cells).to(wide.device)
+        if not wide.any():
+            return self.box.clone()
         self.skip_all_but(wide)
-        of_cells = torch.tensor(cells).to(self.box)
-        at = wide.nonzero()
-        corners = torch.stack([at.amin(0) / of_cells, (at.amax(0) + 1) / of_cells])
-        return self.box[0] + corners * (self.box[1] - self.box[0])
+        return box_of(wide, self.box)
 
     @torch.no_grad()
     def shrink(self, box: Float[Tensor, "2 3"]) -> bool:

@@ -11,8 +11,8 @@ from ringlight.volume.halves import multiplies_halves
 from ringlight.volume.prolongation import prolonged
 from ringlight.volume.shading import FeatureShading
 from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
-from ringlight.volume.tt_scaling import Scaling, scalings
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
+from ringlight.volume.tt_scaling import Scaling, scalings
 
 FIRST_DEVIATION = 0.1
 """Standard deviation of a grid's entries at the start."""

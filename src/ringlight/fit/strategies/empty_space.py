@@ -12,24 +12,25 @@ from ringlight.core.rendering import Rendering
 from ringlight.data.rays import RayBatches
 from ringlight.fit.optimizer import Optimizer
 from ringlight.volume.model import VolumeModel
-from ringlight.volume.occupancy import BITS, packed, unpacked
+from ringlight.volume.occupancy import BITS, Carving, packed, unpacked
 
 
 class EmptySpace:
-    """After each of ``steps`` empty cells are found. After the first the grid is cut to the box of the others, and Adam
-    begins anew; after the second only rays that meet one of the others are drawn."""
+    """After each of ``steps`` empty cells are found, with all that ``carving`` does not leave. After the first the grid
+    is cut to the box of the others, and Adam begins anew; after the second only rays that meet one of the others are
+    drawn."""
 
     most = None
 
-    def __init__(self, batches: RayBatches, steps: tuple[int, ...]):
-        self.batches, self.steps = batches, steps
+    def __init__(self, batches: RayBatches, steps: tuple[int, ...], carving: Carving | None = None):
+        self.batches, self.steps, self.carving = batches, steps, carving
         self._kept: Tensor = torch.zeros(0, dtype=torch.uint8)
 
     def update(self, step: int, model: VolumeModel, optimizer: Optimizer, prediction: Rendering) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
         if step not in self.steps:
             return
-        box = model.find_empty()
+        box = model.find_empty(self.carving)
         if step == self.steps[0] and model.shrink(box):
             optimizer.begin_anew()
         if step == self.steps[-1] and len(self.steps) > 1:
