@@ -73,7 +73,7 @@ runs of 15,000 the one at less than half of it had 0.36 dB less. In runs of 1,00
 HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
 
-SCALED = 0.75
+SCALED = 0.6
 """At it lego_400 at half size gains half a decibel in 1,500 steps (docs/methods/putt.md)."""
 
 ALL_GRADIENTS = 1.0
