@@ -1,5 +1,8 @@
 """What is empty is found, and never what is not; a box that shrinks shows the same."""
 
+from fractions import Fraction
+from itertools import pairwise
+
 import torch
 from hypothesis import given
 from hypothesis import strategies as some
@@ -70,22 +73,21 @@ def test_what_was_empty_stays_empty_but_for_a_layer():
     assert box[1, 0] <= middle + 1.01 * one_cell
 
 
+def overlaps(low: Fraction, high: Fraction, cells: int, of: int) -> torch.Tensor:
+    """[cells of]: whether cells from ``low`` to ``high`` meet those from -1 to 1, in exact numbers."""
+    mine = [low + (high - low) * Fraction(k, cells) for k in range(cells + 1)]
+    theirs = [-1 + Fraction(2 * k, of) for k in range(of + 1)]
+    return torch.tensor([[a < d and c < b for c, d in pairwise(theirs)] for a, b in pairwise(mine)])
+
+
 @given(some.tuples(*[some.integers(-12, 9)] * 3), some.tuples(*[some.integers(1, 20)] * 3), some.integers(0, 1000))
-def test_cells_that_meet_nothing_of_a_carving_are_told(eighths: tuple[int], lengths: tuple[int], seed: int):
-    """By points: none in a cell that is said to meet nothing may lie in what is left."""
-    low = torch.tensor(eighths) / 8
-    ends = torch.stack([low, low + torch.tensor(lengths) / 8])
-    drawn = torch.Generator().manual_seed(seed)
-    carving = Carving(torch.tensor([[-1.0, -1, -1], [1, 1, 1]]), torch.rand(3, 5, 8, generator=drawn) > 0.8)
-    cells = (4, 3, 8)
-    met = carving.met_by(ends, cells)
-    assert met.shape == cells
-    within = torch.rand(200, 3, generator=drawn)
-    places = ends[0] + within * (ends[1] - ends[0])
-    inside = (places.abs() < 1).all(-1)
-    left = inside & is_occupied(packed(carving.left), (places + 1) / 2)
-    x, y, z = (within[:, axis].mul(count).long() for axis, count in enumerate(cells))
-    assert (left <= met[x, y, z]).all()
+def test_cells_that_meet_something_of_a_carving_are_told(eighths: tuple[int], lengths: tuple[int], seed: int):
+    low, high = eighths, tuple(start + length for start, length in zip(eighths, lengths, strict=True))
+    left = torch.rand(3, 5, 8, generator=torch.Generator().manual_seed(seed)) > 0.8
+    found = Carving(torch.tensor([[-1.0, -1, -1], [1, 1, 1]]), left).met_by(torch.tensor([low, high]) / 8, (4, 3, 8))
+    sides = zip(low, high, (4, 3, 8), left.shape, strict=True)
+    x, y, z = (overlaps(Fraction(a, 8), Fraction(b, 8), cells, of).float() for a, b, cells, of in sides)
+    assert torch.equal(found, torch.einsum("ai,bj,ck,ijk->abc", x, y, z, left.float()) > 0)
 
 
 def test_a_carving_meets_its_own_cells_alone():

@@ -47,10 +47,11 @@ def test_a_core_is_multiplied_from_both_sides():
     torch.testing.assert_close(Scaling(None, None)(core), core)
 
 
-@pytest.mark.parametrize("empty", [0, 1, 3])
-def test_a_train_of_zeros_has_finite_maps(empty: int):
-    cores = drawn_cores(2, 4, 9)
-    cores[empty] = torch.zeros_like(cores[empty])
+@pytest.mark.parametrize("size", [0.0, 1e-30, 1e30, float("inf"), float("nan")])
+@pytest.mark.parametrize("which", [0, 1, 3])
+def test_maps_are_finite_whatever_a_core_is(which: int, size: float):
+    cores = drawn_cores(2, 4, 9, dtype=torch.float32)
+    cores[which] = cores[which] * size
     for scaling in scalings(cores, 0.75):
         for matrix in (scaling.left, scaling.right):
             assert matrix is None or matrix.isfinite().all()

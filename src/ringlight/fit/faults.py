@@ -1,7 +1,8 @@
 """Numbers that go wrong while a model trains: named, left out, and after too many steps in a row the end of the run.
 
 A loss that is not finite has no gradient worth following: the step leaves every parameter as it was. A gradient that
-is not finite, or too large for Adam's moments, leaves its own element as it was, and the others are updated. So no
+is not finite, or too large for Adam's moments, leaves its own element as it was, and the others are updated but for
+those that a map of steps mixes it with (``Optimizer.scale``). So no
 parameter ever becomes NaN or infinite; a parameter or a moment that is (set so by a strategy or by hand) ends the run
 at once.
 """

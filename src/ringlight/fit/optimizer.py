@@ -96,8 +96,9 @@ class Optimizer:
         self._slowed |= {name: factor for name in self._slowed if name.startswith(prefixes)}
 
     def scale(self, scalings: Mapping[str, Callable[[Tensor], Tensor]]) -> None:
-        """From now on Adam sees gradients of these parameters through a linear map that is its own transpose, and its
-        steps go through it too; moments are of what it sees.
+        """From now on Adam sees gradients of these parameters, no columns, through a linear map that is its own
+        transpose, and its steps go through it too; moments are of what it sees. What is mixed with a gradient that is
+        not finite is not moved either.
 
         Not part of :meth:`state`, as :meth:`slow` is not.
         """
@@ -160,6 +161,7 @@ class Optimizer:
         else:
             setattr(module, attribute, parameter)
         self._mean[name], self._square[name] = torch.zeros_like(parameter), torch.zeros_like(parameter)
+        self._scalings = {other: scaling for other, scaling in self._scalings.items() if other != name}
 
     def state(self) -> dict[str, Tensor]:
         """Everything that a resumed run needs, by name."""

@@ -7,7 +7,7 @@ Representations, ICML 2024. The numbers are those of its published settings. Wha
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 from ringlight.core.kernel_limits import TRAIN_MOST_LEVELS
 from ringlight.core.later import later
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from ringlight.fit.strategies.contract import Strategy
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.volume.model import VolumeModel
+    from ringlight.volume.tensor_train_field import TensorTrainField
+    from ringlight.volume.tt_scaling import Scaling
 
 REFINED = (250, 500, 2000, 4000, 6000, 8000, 10_000, 12_000)
 """Steps of a run of 30,000 after which the grid is refined; the paper doubles it four times."""
@@ -74,7 +76,7 @@ HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
 
 SCALED = 0.6
-"""At it lego_400 at half size gains half a decibel in 1,500 steps (docs/methods/putt.md)."""
+"""At it lego_400 at half size gains 0.3 dB in 3,000 steps (docs/methods/putt.md)."""
 
 ALL_GRADIENTS = 1.0
 """Products of eight matrices feel the noise of drawn gradients (docs/methods/putt.md)."""
@@ -82,8 +84,9 @@ ALL_GRADIENTS = 1.0
 SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 """One level for blocks and one for nodes in them; and what kernels take."""
 
-COPIES = 6
-"""Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and one spare."""
+COPIES = 9
+"""Of the trains while they are trained: values, gradients, those of a regularizer, two moments, scaled gradients and
+steps, the maps that scale them (up to two thirds of one), and the sum of which a mean is made."""
 
 
 @dataclass(frozen=True)
@@ -236,10 +239,15 @@ class PuttRecipe(VolumeRecipe):
             "*": Adam(self.falling(self.network_rate, last, settled_share=settled), BETAS, EPSILON),
         }
 
-    def stepped_by(self, optimizer: "Optimizer") -> "tuple[Strategy, ...]":
+    def stepped_by(self, optimizer: "Optimizer", model: "VolumeModel") -> "tuple[Strategy, ...]":
         from ringlight.fit.strategies.scaled_steps import ScaledSteps
 
-        return (ScaledSteps(optimizer, self.scaled),) if self.scaled else ()
+        field = cast("TensorTrainField", model.field)
+
+        def maps() -> "dict[str, Scaling]":
+            return {f"field.{name}": scaling for name, scaling in field.scalings(self.scaled).items()}
+
+        return (ScaledSteps(optimizer, maps),) if self.scaled else ()
 
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
         return self.model_of(self.coarsest, box, seed)

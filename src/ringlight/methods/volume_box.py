@@ -11,6 +11,7 @@ from ringlight.core.scene import Scene
 from ringlight.data.hull import COARSE_CELLS, FINE_CELLS, Mask, VoxelGrid, depths_inside, masks_of
 from ringlight.data.points import FEWEST_FOR_BOX
 from ringlight.data.surface import guessed_masks
+from ringlight.methods.volume_carving import reach
 
 FEW_VIEWS = 0.1
 """Share of the views that must see what belongs into a box of masks. Photographs may cut the subject, so most of them
@@ -34,21 +35,21 @@ def volume_box(scene: Scene) -> ChosenBox:
     """The box of what masks, or an even background, leave where photographs have these; else the scene's."""
     masks, source = subject_masks(scene)
     if masks:
-        # Nodes in empty space are lost to a grid that is never cut: the first look's box is twice the subject's.
-        found = _left_by(masks, scene.box, COARSE_CELLS)
-        found = None if found is None else _left_by(masks, found, FINE_CELLS)
-        if found is not None:
-            return ChosenBox(found, source)
+        coarse = _left_by(masks, scene.box, COARSE_CELLS)
+        if coarse is not None:
+            # Nodes in empty space are lost to a grid that is never cut.
+            fine = _left_by(masks, coarse, FINE_CELLS)
+            return ChosenBox(coarse if fine is None else fine, source)
     by_points = scene.points.measured and len(scene.points.positions) >= FEWEST_FOR_BOX
     return ChosenBox(scene.box, "the points" if by_points else "the cameras")
 
 
 def _left_by(masks: Sequence[Mask], box: Float[Tensor, "2 3"], cells: int) -> Float[Tensor, "2 3"] | None:
-    """The box of the voxels within ``box``, so many along its longest side, that no mask has by more than a voxel
-    outside the subject; None where there are none."""
+    """The box of the voxels within ``box``, so many along its longest side, that no mask has by more than
+    :func:`reach` outside the subject; None where there are none."""
     grid = VoxelGrid.over(box, cells)
-    left = depths_inside(grid.centers(), masks, grid.pitch, FEW_VIEWS) > -grid.pitch
-    at = left.view(grid.shape).nonzero()
+    outside = reach(masks, box, grid.pitch)
+    at = (depths_inside(grid.centers(), masks, outside, FEW_VIEWS) > -outside).view(grid.shape).nonzero()
     if not len(at):
         return None
     corners = grid.first + grid.pitch * torch.stack([at.amin(0) - 0.5, at.amax(0) + 0.5])

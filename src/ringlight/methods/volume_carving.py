@@ -11,23 +11,39 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ringlight.data.hull import Mask, depths_inside
-from ringlight.volume.occupancy import cells_of, centers
+from ringlight.volume.occupancy import Carving, cells_of, centers, widened
 
 UNSEEN = 0.0
 """Share of the views that must see a cell which is left: what is carved never comes back, so a mask has to say so."""
+
+DOUBT = 2.0
+"""Pixels by which masks and cameras may be wrong: silhouettes are blurred by one, and poses are found."""
+
+
+def reach(masks: Sequence[Mask], box: Float[Tensor, "2 3"], cell: float) -> float:
+    """How far outside a silhouette a place may be and still be left, world units: a ``cell``, or DOUBT pixels at the
+    box's middle where these are more, by the median of the views."""
+    middle = box.mean(0)
+    pixels = [float((mask.camera.position - middle).norm()) / max(mask.camera.focal) for mask in masks]
+    return max(cell, DOUBT * float(torch.tensor(pixels).median()))
 
 
 def carved(masks: Sequence[Mask], box: Float[Tensor, "2 3"], nodes: int) -> Bool[Tensor, "X Y Z"] | None:
     """Cells of ``box``, world units, that the masks leave; None where these leave nothing, or there are none.
 
     As many as a grid with ``nodes`` along the longest side has at most. A cell is left if no mask that sees its centre
-    has it further outside the subject than the cell's longest side.
+    has it further outside the subject than :func:`reach` of the cell's longest side.
     """
     if not masks:
         return None
     cells = cells_of(box, nodes)
     sides = (box[1] - box[0]) / torch.tensor(cells)
-    reach = float(sides.max())
+    outside = reach(masks, box, float(sides.max()))
     places = box[0] + centers(cells) * (box[1] - box[0])
-    left = (depths_inside(places, masks, reach, UNSEEN) > -reach).view(cells)
+    left = (depths_inside(places, masks, outside, UNSEEN) > -outside).view(cells)
     return left if left.any() else None
+
+
+def never_left(box: Float[Tensor, "2 3"], left: Bool[Tensor, "X Y Z"]) -> Carving:
+    """What looks at empty space may never go beyond: the carved cells and one more around each, since masks err."""
+    return Carving(box, widened(left))

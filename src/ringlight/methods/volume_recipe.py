@@ -99,8 +99,8 @@ class VolumeRecipe(ABC):
     def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
         """What is added to the loss, by name."""
 
-    def stepped_by(self, optimizer: "Optimizer") -> "tuple[Strategy, ...]":
-        """What changes how the field is stepped, after all that changes the grid."""
+    def stepped_by(self, optimizer: "Optimizer", model: "VolumeModel") -> "tuple[Strategy, ...]":
+        """What changes how the model's field is stepped; it comes after what changes the grid."""
         return ()
 
     @property

@@ -212,7 +212,7 @@ class VolumeModel(nn.Module):
         full = (-torch.expm1(-torch.cat(thickness)) >= EMPTY).view(cells)
         wide = widened(full)
         if carving is not None:
-            # The layer would grow beyond it: no ray is drawn there that could clear its fog.
+            # The layer would grow beyond it, where too few rays are drawn to clear its fog.
             wide &= carving.met_by(self.box, cells).to(wide.device)
         if not wide.any():
             return self.box.clone()

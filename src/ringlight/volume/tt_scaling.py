@@ -15,6 +15,9 @@ from torch import Tensor
 from ringlight.volume.products import by_columns, by_rows
 from ringlight.volume.tensor_train import Cores
 
+SMALLEST = 1e-30
+"""Of a core's largest entry, that is divided by."""
+
 
 @dataclass(frozen=True)
 class Scaling:
@@ -47,15 +50,16 @@ def _grams(cores: Cores) -> list[Tensor]:
     found = []
     for core in cores:
         found.append(gram)
+        core = core / core.abs().max().clamp_min(SMALLEST)  # squares of what a diverging run has would overflow
         rows = core.flatten(0, 1)
         gram = _even(by_rows(rows.T, by_columns(gram, core.flatten(1)).view_as(rows)))
     return found
 
 
 def _even(gram: Float[Tensor, "r r"]) -> Float[Tensor, "r r"]:
-    """Symmetric, and of mean eigenvalue one; the identity for one of zeros."""
+    """Symmetric, and of mean eigenvalue one; the identity for one of zeros or of what is not finite."""
     mean = gram.diagonal().mean()
-    if not mean > 0:
+    if not (mean > 0 and gram.isfinite().all()):
         return torch.eye(len(gram)).to(gram)
     return (gram + gram.T) / (2 * mean)
 

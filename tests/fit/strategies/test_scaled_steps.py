@@ -33,7 +33,7 @@ def test_maps_are_of_the_last_renewal_or_refinement():
         assert same == (progress.step > 1 and progress.step % RENEWED_EVERY > 0 and levels == refined)
         changed += [] if same else [progress.step]
         before, refined = now, levels
-    assert len(changed) > 2 + STEPS // RENEWED_EVERY - 1
+    assert len(changed) > 1 + STEPS // RENEWED_EVERY
     for name, matrix in before.items():
         parameter = training.model.get_parameter(name.split(".", 1)[1])
         assert len(matrix) == parameter.shape[0 if name.startswith("left") else -1]
@@ -43,10 +43,24 @@ def test_without_a_share_steps_are_those_of_adam_alone():
     assert not any(isinstance(strategy, ScaledSteps) for strategy in training_of(scaled=0.0).strategies)
 
 
-def test_maps_of_other_sizes_are_refused():
+def hostile(maps: dict[str, torch.Tensor], change: str) -> dict[str, torch.Tensor]:
+    name = next(name for name in maps if ".left." in name)
+    kind = name.split(".left.")[0]
+    if change == "missing":
+        return {other: matrix for other, matrix in maps.items() if other != name}
+    if change == "unknown":
+        return maps | {f"{kind}.left.nonsense": torch.eye(3), f"{kind}.foo": torch.eye(3)}
+    bad = {
+        "size": torch.eye(3),
+        "type": maps[name].long(),
+        "not a number": torch.full_like(maps[name], float("nan")),
+    }
+    return maps | {name: bad[change]}
+
+
+@pytest.mark.parametrize("change", ["missing", "unknown", "size", "type", "not a number"])
+def test_maps_that_cores_cannot_have_are_refused(change: str):
     training = training_of()
     next(train(training))
-    state = training.state()
-    name = next(name for name in state if ".left." in name)
-    with pytest.raises(ValueError, match="steps of field"):
-        training_of().restore(state | {name: torch.eye(3)})
+    with pytest.raises(ValueError, match="scaled"):
+        training_of().restore(hostile(training.state(), change))
