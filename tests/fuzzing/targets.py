@@ -33,7 +33,7 @@ from ringlight.data.true_normals import read_true_normals, refuse_turned_away, v
 from ringlight.errors import RinglightError
 from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
 from ringlight.files.tensor_file import read_tensors, write_tensors
-from ringlight.fit.train import Training
+from ringlight.fit.train import Training, train
 from ringlight.measure.json_record import to_json
 from ringlight.measure.report import REPORT_NAME, read_report
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
@@ -185,6 +185,7 @@ def train_checkpoint() -> Target:
 
 def _checkpoints(method: str) -> Target:
     training = _training(method)
+    next(train(training))  # what the first step brings is kept too
     own = {name: tensor.clone() for name, tensor in training.state().items()}
     fresh = _training(method)
     folder = RunFolder(HOME / f"run-{method}")
