@@ -5,6 +5,7 @@ See :mod:`ringlight.volume.tt_scaling`.
 
 from collections.abc import Callable, Mapping
 
+import torch
 from torch import Tensor, nn
 
 from ringlight.core.rendering import Rendering
@@ -13,9 +14,6 @@ from ringlight.volume.tt_scaling import Scaling
 
 RENEWED_EVERY = 10
 """Steps. Cores change little in so many, and to look at all of them takes half as long as a step."""
-
-LEFT, RIGHT = "left.", "right."
-"""Of a map's name in a checkpoint, before that of its parameter."""
 
 
 class ScaledSteps:
@@ -35,33 +33,32 @@ class ScaledSteps:
         self._take(self.made())
 
     def state(self) -> dict[str, Tensor]:
-        """Both maps, [r r] and [s s], of each parameter that has them; none before the first step."""
-        return _named(self._scalings)
+        """Numbers of all maps, one after another; none before the first step."""
+        matrices = _matrices(self._scalings)
+        return {"maps": torch.cat([m.flatten() for m in matrices.values()]) if matrices else torch.zeros(0)}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
-        """See :class:`ringlight.fit.strategies.contract.Strategy`. Raises ValueError for maps that these parameters
-        cannot have."""
-        if not state:
-            self._take({})
-            return
-        scalings = self.made()
-        expected = _named(scalings)
-        if state.keys() != expected.keys():
-            name = min(state.keys() ^ expected.keys())
-            raise ValueError(f"steps of cores are scaled by other maps than it has: {name} is one too many or missing")
-        for name, matrix in expected.items():
-            found = state[name]
-            if found.shape != matrix.shape or found.dtype != matrix.dtype or not found.isfinite().all():
-                raise ValueError(f"{name}, by which steps are scaled, is no finite {matrix.dtype} of {matrix.shape}")
-        copies = {name: matrix.to(expected[name], copy=True) for name, matrix in state.items()}
-        self._take({name: Scaling(copies.get(LEFT + name), copies.get(RIGHT + name)) for name in scalings})
+        """See :class:`ringlight.fit.strategies.contract.Strategy`. Raises ValueError for maps that the parameters,
+        which are restored already, cannot have."""
+        numbers = state["maps"]
+        scalings = self.made() if len(numbers) else {}
+        matrices = _matrices(scalings)
+        count = sum(matrix.numel() for matrix in matrices.values())
+        if numbers.shape != (count,) or not numbers.is_floating_point() or not numbers.isfinite().all():
+            raise ValueError(f"steps are scaled by {count:,} finite numbers, not by {numbers.dtype} {numbers.shape}")
+        parts = numbers.split([matrix.numel() for matrix in matrices.values()]) if matrices else ()
+        kept = {
+            key: part.view_as(matrix).to(matrix, copy=True)
+            for (key, matrix), part in zip(matrices.items(), parts, strict=True)
+        }
+        self._take({name: Scaling(kept.get((name, 0)), kept.get((name, 1))) for name in scalings})
 
     def _take(self, scalings: Mapping[str, Scaling]) -> None:
         self._scalings = scalings
         self.optimizer.scale(scalings)
 
 
-def _named(scalings: Mapping[str, Scaling]) -> dict[str, Tensor]:
-    """As a checkpoint names them."""
-    sides = ((prefix + name, m) for name, s in scalings.items() for prefix, m in ((LEFT, s.left), (RIGHT, s.right)))
-    return {name: matrix for name, matrix in sides if matrix is not None}
+def _matrices(scalings: Mapping[str, Scaling]) -> dict[tuple[str, int], Tensor]:
+    """By parameter name, and 0 for the map of the left index, 1 for the right one's."""
+    both = (((name, side), m) for name, s in scalings.items() for side, m in enumerate((s.left, s.right)))
+    return {key: matrix for key, matrix in both if matrix is not None}
