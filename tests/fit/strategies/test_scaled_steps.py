@@ -15,7 +15,7 @@ STEPS = 26
 
 
 def training_of(**settings: float) -> Training:
-    recipe = small("putt", steps=STEPS, coarsest=4, finest=8, **settings)
+    recipe = small("putt", steps=STEPS, coarsest=4, finest=8, **{"scaled": 0.6, **settings})
     return recipe.build(SCENE, rasterizer_for("cpu"), 0)
 
 
