@@ -19,6 +19,7 @@ COARSE = {
     "coarsest": 8,
     "finest": 16,
     "rays": 256,
+    "scaled": 0.6,
     "bounds": (-1.3, -1.3, -0.9, 1.3, 1.3, 0.9),
 }
 """Settings of volumes for the tiny scene at a few pixels: its box is not carved from masks anew each time."""
