@@ -22,6 +22,9 @@ from ringlight.core.stages import counted
 COARSE_CELLS, FINE_CELLS = 64, 160
 """Voxels along the longest side: of the scene's box, to find the subject, and then of the subject's own box."""
 
+BLURRED = 2
+"""Voxels around a subject that the blur of its surface needs."""
+
 MOST_VIEWS = 120
 """Photographs that carve; more of them cost time and shave off little."""
 
@@ -169,12 +172,12 @@ class VoxelGrid:
         axes = [self.first[axis] + self.pitch * torch.arange(count) for axis, count in enumerate(self.shape)]
         return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).view(-1, 3)
 
-    def bounds(self, occupied: Bool[Tensor, "P"]) -> Float[Tensor, "2 3"] | None:
-        """The box of the occupied voxels and two more on each side, which the blur of the surface needs."""
+    def bounds(self, occupied: Bool[Tensor, "P"], more: int = BLURRED) -> Float[Tensor, "2 3"] | None:
+        """The box of the occupied voxels and so many ``more`` on each side; None where there are none."""
         cells = occupied.view(self.shape).nonzero()
         if not len(cells):
             return None
-        low, high = cells.amin(0) - 2.5, cells.amax(0) + 2.5
+        low, high = cells.amin(0) - (more + 0.5), cells.amax(0) + (more + 0.5)
         return self.first + self.pitch * torch.stack([low, high])
 
 

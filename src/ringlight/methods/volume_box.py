@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -49,11 +48,8 @@ def _left_by(masks: Sequence[Mask], box: Float[Tensor, "2 3"], cells: int) -> Fl
     :func:`reach` outside the subject; None where there are none."""
     grid = VoxelGrid.over(box, cells)
     outside = reach(masks, box, grid.pitch)
-    at = (depths_inside(grid.centers(), masks, outside, FEW_VIEWS) > -outside).view(grid.shape).nonzero()
-    if not len(at):
-        return None
-    corners = grid.first + grid.pitch * torch.stack([at.amin(0) - 0.5, at.amax(0) + 0.5])
-    return corners.maximum(box[0]).minimum(box[1])
+    found = grid.bounds(depths_inside(grid.centers(), masks, outside, FEW_VIEWS) > -outside, more=0)
+    return None if found is None else found.maximum(box[0]).minimum(box[1])
 
 
 def in_words(chosen: ChosenBox) -> str:

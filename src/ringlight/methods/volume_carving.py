@@ -44,6 +44,6 @@ def carved(masks: Sequence[Mask], box: Float[Tensor, "2 3"], nodes: int) -> Bool
     return left if left.any() else None
 
 
-def never_left(box: Float[Tensor, "2 3"], left: Bool[Tensor, "X Y Z"]) -> Carving:
-    """What looks at empty space may never go beyond: the carved cells and one more around each, since masks err."""
+def limit_of(box: Float[Tensor, "2 3"], left: Bool[Tensor, "X Y Z"]) -> Carving:
+    """Beyond which no look at empty space may go: what carving left and a cell more around it, since masks err."""
     return Carving(box, widened(left))

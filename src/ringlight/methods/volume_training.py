@@ -17,7 +17,7 @@ from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training
 from ringlight.methods.volume_box import subject_masks
-from ringlight.methods.volume_carving import carved, never_left
+from ringlight.methods.volume_carving import carved, limit_of
 from ringlight.methods.volume_recipe import VolumeRecipe
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.volume.marching import meets_box
@@ -48,7 +48,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     refuse_too_many_rays(recipe, model, memory)
     model.gradient_share = recipe.gradient_share
     left = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
-    carving = None if left is None else never_left(box, left)
+    carving = None if left is None else limit_of(box, left)
     if left is not None:
         model.skip_all_but(left)
     model.to(rasterize.device)
