@@ -81,9 +81,9 @@ ALL_GRADIENTS = 1.0
 SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 """One level for blocks and one for nodes in them; and what kernels take."""
 
-COPIES = 9
-"""Of the trains while they are trained: values, gradients, those of a regularizer, two moments, scaled gradients and
-steps, the maps that scale them (up to two thirds of one), and the sum of which a mean is made."""
+COPIES, SCALED_COPIES = 6, 3
+"""Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and the mean of models;
+and where steps are scaled, scaled gradients and steps, and the maps that scale them, up to two thirds of one."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,8 @@ class PuttRecipe(VolumeRecipe):
         # share them out.
         entries = 2 * 8**levels
         matrices = 4 * 8 ** (levels // 2) * self.features * self.ranks[1]
-        return COPIES * numbers_of_both(self.features, levels, self.ranks) + entries + matrices
+        copies = COPIES + (SCALED_COPIES if self.scaled else 0)
+        return copies * numbers_of_both(self.features, levels, self.ranks) + entries + matrices
 
     @property
     def first_rate(self) -> float:

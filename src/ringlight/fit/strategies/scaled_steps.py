@@ -13,7 +13,7 @@ from ringlight.fit.optimizer import Optimizer
 from ringlight.volume.tt_scaling import Scaling
 
 RENEWED_EVERY = 10
-"""Steps. Cores change little in so many, and to look at all of them takes half as long as a step."""
+"""Steps. Cores change little in so many, and to look at all of them takes a third as long as a step."""
 
 
 class ScaledSteps:
@@ -41,7 +41,7 @@ class ScaledSteps:
         """See :class:`ringlight.fit.strategies.contract.Strategy`. Raises ValueError for maps that the parameters,
         which are restored already, cannot have."""
         numbers = state["maps"]
-        scalings = self.made() if len(numbers) else {}
+        scalings = self.made() if numbers.numel() else {}
         matrices = _matrices(scalings)
         count = sum(matrix.numel() for matrix in matrices.values())
         if numbers.shape != (count,) or not numbers.is_floating_point() or not numbers.isfinite().all():
