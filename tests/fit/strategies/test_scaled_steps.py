@@ -40,9 +40,7 @@ def test_without_a_share_steps_are_those_of_adam_alone():
     assert not any(isinstance(strategy, ScaledSteps) for strategy in training_of(scaled=0.0).strategies)
 
 
-@pytest.mark.parametrize(
-    "change", ["shorter", "a number", "of another shape", "of another type", "not a number"]
-)
+@pytest.mark.parametrize("change", ["shorter", "a number", "of another shape", "of another type", "not a number"])
 def test_maps_that_cores_cannot_have_are_refused(change: str):
     training = training_of()
     next(train(training))
