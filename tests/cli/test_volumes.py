@@ -14,7 +14,7 @@ from small_recipes import COARSE, with_settings
 STEPS = 60
 SIZES = {
     "tensorf": ("--first-side", "12", "--last-side", "20", "--rays", "256"),
-    "putt": ("--coarsest", "8", "--finest", "16", "--rays", "256"),
+    "putt": ("--coarsest", "8", "--finest", "16", "--rays", "256", "--scaled", "0.6"),
 }
 
 
