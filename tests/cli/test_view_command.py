@@ -25,6 +25,10 @@ from ringlight.view.standpoint import standpoint_at
 pytest.importorskip("viser", reason="the [view] extra is not installed")
 
 
+LONG = "5000000"
+"""Steps of a training that nothing but a signal ends: 100,000 of them took 22 seconds, less than a busy browser."""
+
+
 @contextmanager
 def taken_port() -> Iterator[int]:
     with socket.socket() as other:
@@ -148,7 +152,7 @@ def test_a_model_without_its_scene_is_shown_with_a_sentence(
 def test_a_training_that_is_looked_at_pauses_saves_and_ends_as_ever(tiny: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     words = [word for word in QUICK if word != "--quiet"]
-    with command("train", tiny, "3dgs", "--out", run, "--view", *words, "--steps", "100000") as (process, browser, _):
+    with command("train", tiny, "3dgs", "--out", run, "--view", *words, "--steps", LONG) as (process, browser, _):
         browser.stand(standpoint_at(load_scene(tiny).test[0].camera, 20, 20))
         seen(browser, lambda: browser.picture is not None)
         browser.press("pause")
