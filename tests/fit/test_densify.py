@@ -14,7 +14,7 @@ from ringlight.fit import room
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.strategies.densify import Densify
-from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.densify_settings import PAPER_CLONE_BELOW, DensifySettings
 from ringlight.fit.strategies.prune import Prune
 from ringlight.fit.strategies.screen_gradients import accumulate_screen_gradients_
 from ringlight.models.splats import SplatModel
@@ -24,6 +24,7 @@ from ringlight.shade.passthrough import PassThrough
 EXTENT = 1.0
 SIZE = 8
 SETTINGS = DensifySettings(threshold=0.1, begin=0, every=1, reset_every=0, stop=1.0, max_gaussians=1000)
+COPYING = replace(SETTINGS, clone_below=PAPER_CLONE_BELOW)
 
 
 def model_of(log_scales: list[float], opacities: list[float]) -> SplatModel:
@@ -56,9 +57,9 @@ def densify_once(model: SplatModel, lengths: list[float], settings: DensifySetti
 SMALL, LARGE = math.log(0.005), math.log(0.05)
 
 
-def test_small_ones_with_large_gradients_are_cloned():
+def test_small_ones_with_large_gradients_are_cloned_as_in_3dgs():
     model = model_of([SMALL, SMALL], [0.5, 0.5])
-    densify_once(model, [0.2, 0.05])
+    densify_once(model, [0.2, 0.05], COPYING)
     means = model.columns["means"].detach()
     assert len(means) == 3
     assert (means == torch.tensor([0.0, 1.0, 2.0])).all(1).sum() == 2
@@ -66,10 +67,24 @@ def test_small_ones_with_large_gradients_are_cloned():
 
 def test_large_ones_with_large_gradients_become_two_narrower_ones():
     model = model_of([LARGE, SMALL], [0.5, 0.5])
-    densify_once(model, [0.2, 0.0])
+    densify_once(model, [0.2, 0.0], COPYING)
     scales = model.columns["log_scales"].detach()[:, 0].sort().values
     assert len(model) == 3
     assert scales[1:].tolist() == pytest.approx([LARGE - math.log(1.6)] * 2)
+
+
+def test_short_runs_split_small_ones_too():
+    model = model_of([SMALL, SMALL], [0.5, 0.5])
+    densify_once(model, [0.2, 0.05])
+    scales = model.columns["log_scales"].detach()[:, 0].sort().values
+    assert scales.tolist() == pytest.approx([SMALL - math.log(1.6)] * 2 + [SMALL])
+    assert len(model.columns["means"].detach().unique(dim=0)) == 3
+
+
+@pytest.mark.parametrize(("steps", "share"), [(1_000, 0.0), (29_999, 0.0), (30_000, PAPER_CLONE_BELOW)])
+def test_runs_as_long_as_those_of_3dgs_clone_as_it_does(steps: int, share: float):
+    assert DensifySettings().at_length(steps).clone_below == share
+    assert DensifySettings(clone_below=0.3).at_length(steps).clone_below == 0.3
 
 
 def test_faint_and_huge_ones_are_removed():
@@ -80,9 +95,7 @@ def test_faint_and_huge_ones_are_removed():
 
 def test_the_budget_goes_to_the_largest_gradients():
     model = model_of([SMALL] * 4, [0.5] * 4)
-    densify_once(
-        model, [0.2, 0.5, 0.3, 0.4], DensifySettings(threshold=0.1, begin=0, every=1, max_gaussians=6, stop=1.0)
-    )
+    densify_once(model, [0.2, 0.5, 0.3, 0.4], replace(COPYING, max_gaussians=6))
     counts = [(model.columns["means"].detach()[:, 0] == 3.0 * row).sum().item() for row in range(4)]
     assert counts == [1, 2, 1, 2]
 
@@ -118,7 +131,7 @@ def test_never_everything_is_removed():
 
 def test_faint_ones_with_large_gradients_do_not_empty_the_table():
     model = model_of([SMALL] * 3, [0.001, 0.003, 0.002])
-    densify_once(model, [0.5, 0.0, 0.5])
+    densify_once(model, [0.5, 0.0, 0.5], COPYING)
     assert model.columns["opacity_logits"].sigmoid().tolist() == pytest.approx([0.003])
 
 
@@ -201,7 +214,7 @@ def test_prune_drops_faint_rows_and_waits_for_its_turn():
 
 def test_rows_leave_in_morton_order_with_their_columns():
     model = model_of([SMALL] * 5, [0.5] * 5)
-    densify_once(model, [0.2] * 5)
+    densify_once(model, [0.2] * 5, COPYING)
     means, colors = model.columns["means"].detach(), model.columns["sh_dc"].detach()
     assert len(model) == 10
     assert torch.equal(means[:, 0].sort().values, means[:, 0])
@@ -211,7 +224,7 @@ def test_rows_leave_in_morton_order_with_their_columns():
 @pytest.mark.parametrize(("steps", "begin"), [(30_000, 500), (5_000, 500), (3_000, 300), (9, 0)])
 def test_it_begins_early_in_short_runs(steps: int, begin: int):
     assert DensifySettings().first_step(steps) == begin
-    assert DensifySettings().at_length(steps) == DensifySettings(begin=begin)
-    assert DensifySettings(begin=40).at_length(steps) == DensifySettings(begin=40)
+    assert DensifySettings().at_length(steps).begin == begin
+    assert DensifySettings(begin=40).at_length(steps).begin == 40
     densify = Densify(DensifySettings(every=1), EXTENT, steps=steps, seed=0, white=False)
     assert densify.first_step == begin

@@ -332,7 +332,7 @@ def test_penalties_that_are_left_open_are_the_papers_in_its_runs_and_less_in_sho
         decided = settings.at_length(steps)
         assert (decided.mcmc.opacity_penalty, decided.mcmc.scale_penalty) == (pytest.approx(expected), 0.2)
         assert decided.at_length(7) == decided
-    adaptive = DensifySettings(begin=3)
+    adaptive = DensifySettings(begin=3, clone_below=0.01)
     assert adaptive.at_length(3_000) == adaptive
 
 

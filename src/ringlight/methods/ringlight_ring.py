@@ -25,7 +25,7 @@ from ringlight.fit.rates import (
     Rate,
     check_rates,
 )
-from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
+from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, PAPER_CLONE_BELOW, DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ PAPER = dataclasses.replace(
     field_rate_end=1e-4,
     field_epsilon=1e-8,
     undo_collapse=False,
-    densify=DensifySettings(begin=PAPER_BEGIN, threshold=1.1, pixel_bound=False),
+    densify=DensifySettings(begin=PAPER_BEGIN, threshold=1.1, clone_below=PAPER_CLONE_BELOW, pixel_bound=False),
     loss=PhotometricLoss(pixel="l2", scale=PAPER_SCALE),
 )
 """The paper's settings, statement by statement in docs/reproduction.md.

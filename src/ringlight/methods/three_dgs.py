@@ -20,7 +20,7 @@ from ringlight.fit.rates import (
     check_rates,
     shorter_by,
 )
-from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
+from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, PAPER_CLONE_BELOW, DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.surface_start import SurfaceStart
 
@@ -140,7 +140,7 @@ PAPER = ThreeDGSRecipe(
     sh_rate=PAPER_DC_RATE,
     sh_rest_rate=PAPER_REST_RATE,
     rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES, hold=1.0),
-    densify=DensifySettings(begin=PAPER_BEGIN),
+    densify=DensifySettings(begin=PAPER_BEGIN, clone_below=PAPER_CLONE_BELOW),
 )
 """The paper's rates and coarse photographs at any length: made for 30,000 steps, and starved in shorter runs. The
 harmonics' degree rises faster in short runs, as in the default."""

@@ -36,6 +36,7 @@ class Densify:
         self.settings, self.extent, self.seed = settings, extent, seed
         self.first_step, self.threshold = settings.first_step(steps), settings.growth(steps).threshold
         self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
+        self.clone_below = settings.cloned_below(steps)
         self.reset_every = settings.paced(settings.reset_every, steps)
         self.white_reset = settings.paced(WHITE_RESET_STEP, steps) if white else None
         self._gradients = ScreenGradients()
@@ -76,7 +77,7 @@ class Densify:
         table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
         widest = table.log_scales.amax(1).exp()
         strong = self._strongest(self._gradients.means(), len(table))
-        small = widest <= self.settings.clone_below * self.extent
+        small = widest <= self.clone_below * self.extent
         split = strong & ~small
         keep = ~split & self._worth_keeping(step, table, widest, model)
         if not bool((keep | split).any()):  # clones come from rows that are kept

@@ -19,6 +19,11 @@ PAPER_BEGIN = 500
 BEGIN_SHARE = 10
 """In runs of under 5,000 steps it begins after a tenth of them: 1.8 dB on chair_400 after 1,000 steps."""
 
+PAPER_CLONE_BELOW = 0.01
+"""3DGS's share of the scene's extent up to which a Gaussian is copied into its own place. In shorter runs all are
+split: 0.2 to 0.5 dB more for 3dgs on matte scenes after 3,000 steps, with as many Gaussians
+(docs/experiments/growing-and-dropping.md)."""
+
 PIXELS_PER_GAUSSIAN = 4
 """With mcmc, which ends with the bound itself; adaptive control seldom comes near one a pixel (3dgs, 3,000 steps: one
 for 4 pixels of chair_400, for 2.6 of lego_400)."""
@@ -81,8 +86,9 @@ class DensifySettings:
     """No Gaussians are added after this step, however long the run."""
     every: int = 100
     """Steps between two rounds."""
-    clone_below: float = 0.01
-    """Gaussians up to this share of the scene's extent are cloned; wider ones are split."""
+    clone_below: float | None = None
+    """Gaussians up to this share of the scene's extent are cloned; wider ones are split. By default 0.01 as in 3DGS in
+    a run of its 30,000 steps or more, and 0 in shorter ones: all are split."""
     prune_opacity: float = 0.005
     """Fainter Gaussians are removed."""
     prune_scale: float = 0.1
@@ -149,7 +155,13 @@ class DensifySettings:
         begin, mcmc = self.begin, self.mcmc.at_length(steps) if self.kind == "mcmc" else self.mcmc
         if begin is None:
             begin = PAPER_BEGIN if self.in_proportion else self.first_step(steps)
-        return replace(self, begin=begin, mcmc=mcmc, **self.growth(steps)._asdict())
+        clone_below = self.cloned_below(steps)
+        return replace(self, begin=begin, clone_below=clone_below, mcmc=mcmc, **self.growth(steps)._asdict())
+
+    def cloned_below(self, steps: int) -> float:
+        """Share of the scene's extent up to which Gaussians are cloned in a run of so many ``steps``."""
+        usual = PAPER_CLONE_BELOW if steps >= PAPER_STEPS else 0.0
+        return usual if self.clone_below is None else self.clone_below
 
     def growth(self, steps: int) -> Growth:
         """What a run of so many ``steps`` adds and drops."""
