@@ -26,6 +26,9 @@ from ringlight.poses.run import find_poses
 
 PINHOLE = PosesOptions(lens="simple-pinhole")
 
+PATIENCE = 180
+"""Seconds until a process has its first features, on a machine that does other work: it imports COLMAP first."""
+
 
 def ignore(stage: str, done: int, total: int) -> None:
     """Nobody watches."""
@@ -120,16 +123,19 @@ def test_a_killed_run_goes_on_with_what_it_had(
 ):
     out = tmp_path / "scene"
     words = [sys.executable, "-m", "ringlight", "poses", room[0], out, "--lens", "simple-pinhole", "--threads", "1"]
-    process = subprocess.Popen(list(map(str, words)), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    told = tmp_path / "told.txt"
+    with told.open("w") as file:
+        process = subprocess.Popen(list(map(str, words)), stderr=file, stdout=file)
     database = FeatureDatabase(out / "poses" / "database.db")
-    until = time.monotonic() + 60
-    while time.monotonic() < until and not _has_features(database):
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until and process.poll() is None and not _has_features(database):
         time.sleep(0.01)
+    assert process.poll() is None, f"it ended by itself: {told.read_text()}"
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     time.sleep(1)  # the worker notices that it is alone
     had = set(database.features())
-    assert had
+    assert had, f"no features after {PATIENCE} seconds: {told.read_text()}"
     assert not (out / "sparse").exists()
     orders = _spied(monkeypatch)
     found(room[0], out)
