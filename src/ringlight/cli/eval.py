@@ -44,7 +44,7 @@ class EvalArguments:
     images: MaybeFolder = None
     """New folder for the pictures alone: test/ as rendered, truth/ as photographed."""
     lpips: tuple[Net, ...] = ("alex",)
-    """Networks of LPIPS. 'ringlight fetch-lpips' gets their weights."""
+    """Networks of LPIPS; the flag without a name measures none. 'ringlight fetch-lpips' gets their weights."""
     device: Device = "auto"
     """Rasterizer: auto is the fastest that this machine has."""
     threads: int = 0

@@ -39,7 +39,8 @@ class RunOptions:
     port: int = 8080
     """Port at which --view listens; 0 is any that is free."""
     lpips: tuple[Net, ...] = ("alex",)
-    """Networks of LPIPS, measured at the end. 'ringlight fetch-lpips' gets their weights."""
+    """Networks of LPIPS, measured at the end; the flag without a name measures none. 'ringlight fetch-lpips' gets their
+    weights."""
     json: bool = False
     """Print the report as JSON on standard output instead of the table."""
     quiet: bool = False

@@ -57,7 +57,7 @@ class StudyArguments:
     only: tuple[str, ...] = ()
     """Variants to run and show, by name; --dry-run lists them."""
     lpips: tuple[Net, ...] = ("alex",)
-    """Networks of LPIPS. 'ringlight fetch-lpips' gets their weights."""
+    """Networks of LPIPS; the flag without a name measures none. 'ringlight fetch-lpips' gets their weights."""
     jobs: int = 1
     """Runs side by side on this machine, each a process."""
     threads: int = 0

@@ -55,7 +55,7 @@ class TableArguments:
     device: Device = "auto"
     """Rasterizer."""
     lpips: tuple[Net, ...] = ("alex",)
-    """Networks of LPIPS. 'ringlight fetch-lpips' gets their weights."""
+    """Networks of LPIPS; the flag without a name measures none. 'ringlight fetch-lpips' gets their weights."""
     dry_run: bool = False
     """List the runs, which of them are finished, and about how long the others take. Nothing is run."""
     json: bool = False
