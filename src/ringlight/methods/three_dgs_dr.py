@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates, shorter_by
-from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.densify_settings import PAPER_CLONE_BELOW, DensifySettings
 from ringlight.fit.strategies.propagation_settings import PropagationSettings
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.surface_start import FIRST_GAUSSIANS, SurfaceStart
@@ -87,9 +87,12 @@ class ThreeDGSDRRecipe(SplatRecipe):
     (``--propagation.until 0.5``: 3DGS-DR's)."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
-    densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0))
+    densify: DensifySettings = field(
+        default_factory=lambda: DensifySettings(clone_below=PAPER_CLONE_BELOW, reset_every=0)
+    )
     """Adaptive density control, without opacity resets, which would tear a surface open that is there from the first
-    step. 3DGS-DR resets every 3,000 steps."""
+    step. 3DGS-DR resets every 3,000 steps. Small Gaussians are cloned in short runs too: on chrome splitting all costs
+    0.4 to 0.5 dB after 3,000 steps (docs/experiments/growing-and-dropping.md)."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
     """What is compared with the photographs."""
 
