@@ -11,7 +11,7 @@ from ringlight.core.scene import Scene, View
 from ringlight.data import hull
 from ringlight.errors import RecipeError
 from ringlight.fit.train import train
-from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe, most_gaussians
+from ringlight.methods.ringlight_mirror import DECAY, RingLightMirrorRecipe, most_gaussians
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
@@ -43,6 +43,18 @@ def test_the_shader_is_switched_on_after_the_warm_up_and_learns():
     for progress in train(training):
         assert bool(training.model.get_buffer("shader.lit")) == (progress.step >= 10)
     assert all(not torch.equal(value, before[name]) for name, value in training.model.shader.named_parameters())
+
+
+def test_the_light_keeps_its_rates_while_the_normals_settle():
+    for hold, kept in ((0.75, 1.0), (0.0, DECAY**0.7)):
+        groups = dataclasses.replace(RECIPE, light_hold=hold).course(tiny_scene()).groups
+        lit = {"shader.maps.*", "shader.mlp.*", "columns.latents", "columns.basis_weights", "color.varying.basis"}
+        for name in (*lit, "columns.normals"):
+            rate, share = groups[name].rate, DECAY**0.7 if name == "columns.normals" else kept
+            assert rate.at(0.7) == pytest.approx(share * rate.at(0.0))
+            assert rate.at(1.0) == pytest.approx(DECAY * rate.at(0.0))
+    with pytest.raises(RecipeError, match="light_hold is 1; give a share"):
+        dataclasses.replace(RECIPE, light_hold=1.0)
 
 
 def test_where_no_hull_cuts_the_subject_out_there_may_be_a_gaussian_for_every_pixel():

@@ -82,6 +82,10 @@ class RingLightMirrorRecipe(SplatRecipe):
     """Learning rate of the factors that the maps' features have at the reflecting point, at the start."""
     sphere_rate: float = 5e-3
     """Learning rate of the parallax spheres at the start."""
+    light_hold: float = later(0.0, now=0.75)
+    """Share of the lit steps in which the rates of shader, latents and weights are kept; then they fall to a tenth. 0:
+    they fall all along, as the normals' does: held, it costs 0.1 to 0.3 dB
+    (docs/experiments/mirrors.md)."""
     undo_collapse: bool = later(False, now=True)
     """Whether a shader that collapses is noticed, and the run set back to where it was good, with half of the shader's
     rates from there on."""
@@ -122,6 +126,8 @@ class RingLightMirrorRecipe(SplatRecipe):
             raise RecipeError(f"basis_size is {self.basis_size}; give 0 (constant base colours) to {SH_MAX_BASIS}")
         if not 0 <= self.warmup <= 1:
             raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
+        if not 0 <= self.light_hold < 1:
+            raise RecipeError(f"light_hold is {self.light_hold:g}; give a share of the steps, from 0 to below 1")
         if not 0 < self.opacity < 1:
             raise RecipeError(f"opacity is {self.opacity:g}; an opacity lies between 0 and 1")
         if not 0 < self.start_share <= 1:
@@ -172,8 +178,8 @@ class RingLightMirrorRecipe(SplatRecipe):
 
         first_lit = max(int(self.warmup * self.steps), 1)
 
-        def lit(rate: float) -> Adam:
-            return Adam(Rate(rate, DECAY * rate), begins=first_lit)
+        def lit(rate: float, hold: float = self.light_hold) -> Adam:
+            return Adam(Rate(rate, DECAY * rate, hold), begins=first_lit)
 
         varying = {
             "columns.basis_weights": lit(self.weights_rate),
@@ -184,7 +190,7 @@ class RingLightMirrorRecipe(SplatRecipe):
             groups={
                 "columns.base": Adam(Rate.constant(self.base_rate)),
                 **(varying if self.basis_size else {}),
-                "columns.normals": lit(self.normals_rate),
+                "columns.normals": lit(self.normals_rate, hold=0.0),
                 "columns.latents": lit(self.latents_rate),
                 "shader.maps.*": lit(self.maps_rate),
                 "shader.mlp.*": lit(self.network_rate),
