@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from command import Command
+from PIL import Image
 from refusal import refused, snapshot
 
 from ringlight.measure.report import read_report
@@ -59,6 +61,27 @@ def test_flags_that_finished_runs_do_not_heed_are_told(tiny: Path, tmp_path: Pat
     told = ringlight(*words, "--lpips", "--device", "cpu").err
     assert "--device and --lpips change nothing of the run that is finished" in told
     assert "another --out" in told
+
+
+def test_runs_of_a_scene_without_masks_are_kept_until_it_has_some(
+    tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    """A run keeps that it found none, whatever was asked for."""
+    plain = tmp_path / "plain"
+    shutil.copytree(tiny, plain)
+    for path in plain.rglob("*.png"):
+        Image.open(path).convert("RGB").save(path)
+    words = ("table", plain, "--methods", "3dgs", "--out", tmp_path / "out", *SETTINGS)
+    assert ringlight(*words).code == 0
+    kept = snapshot(tmp_path / "out" / "plain")
+    assert ringlight(*words).code == 0
+    assert snapshot(tmp_path / "out" / "plain") == kept
+    for path in plain.rglob("*.png"):
+        shutil.copy(tiny / path.relative_to(plain), path)
+    again = ringlight(*words)
+    assert again.code == 1
+    assert "holds a run of other settings" in " ".join(again.out.split())
+    assert snapshot(tmp_path / "out" / "plain") == kept
 
 
 @pytest.mark.slow

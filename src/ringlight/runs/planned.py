@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ringlight.data.bundled import BUNDLED, scene_folder
-from ringlight.data.load import kept_options
-from ringlight.data.options import SceneOptions
+from ringlight.data.load import kept_options, load_scene, with_absent_masks_left_out
+from ringlight.data.options import FOUND, UNUSED, SceneOptions
 from ringlight.errors import RunError
 from ringlight.measure.report import REPORT_NAME, Report, read_report
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
@@ -53,8 +53,7 @@ class PlannedRun:
         if not (self.folder / RECORD_NAME).is_file():
             return
         record = RunRecord.read(self.folder)
-        options = kept_options(self.scene, with_points_of(self.recipe, self.options))
-        asked = (self.seed, self.scene.resolve(), options)
+        asked = (self.seed, self.scene.resolve(), self._options_beside(record.options))
         same = (record.seed, record.scene, record.options) == asked
         if not same or not self.recipe.may_settle_on(record.recipe):
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
@@ -63,6 +62,13 @@ class PlannedRun:
                 f"{self.folder}: holds a run that was extended to {record.steps} steps, and {self.recipe.steps} are "
                 "asked for; give another folder with --out"
             )
+
+    def _options_beside(self, kept: SceneOptions) -> SceneOptions:
+        """What a run of this keeps. The scene is read only where ``kept`` has no masks, and they were to be found."""
+        options = kept_options(self.scene, with_points_of(self.recipe, self.options))
+        if options.masks == FOUND and kept == replace(options, masks=UNUSED):
+            return with_absent_masks_left_out(options, load_scene(self.scene, options))
+        return options
 
     def session(self, device: str = "auto", loaded: Loaded = nobody) -> Session:
         """The training, from its start or from where it stopped; ``loaded`` hears of the scene."""
