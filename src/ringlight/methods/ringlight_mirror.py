@@ -84,7 +84,7 @@ class RingLightMirrorRecipe(SplatRecipe):
     """Learning rate of the parallax spheres at the start."""
     light_hold: float = later(0.0, now=0.75)
     """Share of the lit steps in which the rates of shader, latents and weights are kept; then they fall to a tenth. 0:
-    they fall all along, as the normals' does: held, it costs 0.1 to 0.3 dB
+    they fall all along, as the rate of the normals does in any case: to keep that too costs 0.1 to 0.5 dB
     (docs/experiments/mirrors.md)."""
     undo_collapse: bool = later(False, now=True)
     """Whether a shader that collapses is noticed, and the run set back to where it was good, with half of the shader's
