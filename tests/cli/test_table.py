@@ -16,6 +16,7 @@ from PIL import Image
 from refusal import refused, snapshot
 
 from ringlight.measure.report import read_report
+from ringlight.runs.planned import without_absent_masks
 
 SETTINGS = ("--set", "3dgs.densify.begin=5", "--steps", "4", "--initial-points", "100", "--lpips", "--quiet")
 
@@ -78,10 +79,27 @@ def test_runs_of_a_scene_without_masks_are_kept_until_it_has_some(
     assert snapshot(tmp_path / "out" / "plain") == kept
     for path in plain.rglob("*.png"):
         shutil.copy(tiny / path.relative_to(plain), path)
+    without_absent_masks.cache_clear()  # as in another process
     again = ringlight(*words)
     assert again.code == 1
     assert "holds a run of other settings" in " ".join(again.out.split())
     assert snapshot(tmp_path / "out" / "plain") == kept
+
+
+def test_runs_with_inverted_masks_are_kept(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    masked = tmp_path / "masked"
+    shutil.copytree(tiny, masked)
+    for path in list(masked.rglob("*.png")):
+        rgba = Image.open(path)
+        mask = masked / "masks" / path.relative_to(masked)
+        mask.parent.mkdir(parents=True, exist_ok=True)
+        rgba.getchannel("A").point(lambda value: 255 - value).save(mask)
+        rgba.convert("RGB").save(path)
+    words = ("table", masked, "--methods", "3dgs", "--out", tmp_path / "out", "--invert-masks", *SETTINGS)
+    assert ringlight(*words).code == 0
+    kept = snapshot(tmp_path / "out" / "masked")
+    assert ringlight(*words).code == 0
+    assert snapshot(tmp_path / "out" / "masked") == kept
 
 
 @pytest.mark.slow

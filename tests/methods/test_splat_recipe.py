@@ -28,6 +28,10 @@ def test_what_decides_nothing_makes_no_other_run():
     assert adaptive.may_settle_on(recorded_with(adaptive, first_share=0.5, draw="opacity"))
     moving = dataclasses.replace(adaptive, densify=dataclasses.replace(adaptive.densify, kind="mcmc"))
     assert moving.may_settle_on(recorded_with(moving))
+    cloned = dataclasses.replace(moving, densify=dataclasses.replace(moving.densify, clone_below=0.01))
+    assert moving.may_settle_on(cloned.at_length())
+    cloned = dataclasses.replace(adaptive, densify=dataclasses.replace(adaptive.densify, clone_below=0.3))
+    assert not adaptive.may_settle_on(cloned.at_length())
     assert not moving.may_settle_on(recorded_with(moving, draw="opacity"))
 
 

@@ -105,7 +105,9 @@ class SplatRecipe(ABC):
 
 
 def _deciding(recipe: SplatRecipe) -> SplatRecipe:
-    """Without a bound, and with the usual settings of mcmc where density control is adaptive: a record has those of the
-    version that wrote it."""
+    """Without a bound, and without what decides nothing with its kind of density control: a record has the usual
+    settings of the version that wrote it."""
     free = recipe.ending_with(None)
-    return replace(free, densify=replace(free.densify, mcmc=USUAL_MCMC)) if free.densify.kind == "adaptive" else free
+    adaptive = free.densify.kind == "adaptive"
+    idle = {"mcmc": USUAL_MCMC} if adaptive else {"clone_below": None}
+    return replace(free, densify=replace(free.densify, **idle))

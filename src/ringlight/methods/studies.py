@@ -99,11 +99,12 @@ def _ablation(base: str, recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
 
 
 def _controls(recipe: RingLightRingRecipe) -> tuple[Variant, ...]:
-    """3DGS as it is; with the base's pixel term; and that with no more Gaussians than the base ends with."""
+    """3DGS as it is; with the base's pixel term, cloning what it clones; and that with no more Gaussians than the base
+    ends with."""
     plain = ThreeDGSRecipe(steps=recipe.steps)
     loss = PhotometricLoss(pixel=recipe.loss.pixel, ssim_weight=recipe.loss.ssim_weight)
-    same_loss = replace(plain, loss=loss)
-    eager = replace(same_loss, densify=replace(plain.densify, threshold=EAGER_THRESHOLD))
+    same_loss = replace(plain, loss=loss, densify=replace(plain.densify, clone_below=recipe.densify.clone_below))
+    eager = replace(same_loss, densify=replace(same_loss.densify, threshold=EAGER_THRESHOLD))
     return (
         Variant("3dgs", "3dgs", plain, "3DGS", paper=28.87),
         Variant("3dgs-loss", "3dgs", same_loss, f"3DGS with this loss ({loss.pixel.upper()})"),

@@ -92,7 +92,7 @@ class ThreeDGSDRRecipe(SplatRecipe):
     )
     """Adaptive density control, without opacity resets, which would tear a surface open that is there from the first
     step. 3DGS-DR resets every 3,000 steps. Small Gaussians are cloned in short runs too: on chrome splitting all costs
-    0.4 to 0.5 dB after 3,000 steps (docs/experiments/growing-and-dropping.md)."""
+    0.4 to 0.6 dB after 3,000 steps (docs/experiments/growing-and-dropping.md)."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
     """What is compared with the photographs."""
 

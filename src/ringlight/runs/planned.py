@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,13 +50,13 @@ class PlannedRun:
         return "started" if RunFolder(self.folder).recorded else "to do"
 
     def refuse_other(self) -> None:
-        """Raises RunError where the folder holds a run of other settings, which would be taken for this one."""
+        """Raises RunError where the folder holds a run of other settings, which would be taken for this one, SceneError
+        where only the scene could tell and cannot be read."""
         if not (self.folder / RECORD_NAME).is_file():
             return
         record = RunRecord.read(self.folder)
-        asked = (self.seed, self.scene.resolve(), self._options_beside(record.options))
-        same = (record.seed, record.scene, record.options) == asked
-        if not same or not self.recipe.may_settle_on(record.recipe):
+        same = (record.seed, record.scene) == (self.seed, self.scene.resolve())
+        if not (same and self.recipe.may_settle_on(record.recipe) and self._reads_as(record.options)):
             raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
         if record.added:
             raise RunError(
@@ -63,12 +64,13 @@ class PlannedRun:
                 "asked for; give another folder with --out"
             )
 
-    def _options_beside(self, kept: SceneOptions) -> SceneOptions:
-        """What a run of this keeps. The scene is read only where ``kept`` has no masks, and they were to be found."""
+    def _reads_as(self, kept: SceneOptions) -> bool:
+        """Whether a run of this keeps these options. Only the scene tells whether there are masks to be found; raises
+        SceneError where it cannot be read."""
         options = kept_options(self.scene, with_points_of(self.recipe, self.options))
-        if options.masks == FOUND and kept == replace(options, masks=UNUSED):
-            return with_absent_masks_left_out(options, load_scene(self.scene, options))
-        return options
+        if kept.masks == UNUSED and replace(kept, masks=FOUND) == options:
+            return kept == without_absent_masks(self.scene.resolve(), options)
+        return kept == options
 
     def session(self, device: str = "auto", loaded: Loaded = nobody) -> Session:
         """The training, from its start or from where it stopped; ``loaded`` hears of the scene."""
@@ -106,6 +108,12 @@ class PlannedRun:
             Path(values["folder"]),
             recipe_from_dict(SceneOptions, values["options"], "options"),
         )
+
+
+@lru_cache(maxsize=64)
+def without_absent_masks(scene: Path, options: SceneOptions) -> SceneOptions:
+    """What a run on it keeps of these; the scene is read once for all runs of a process."""
+    return with_absent_masks_left_out(options, load_scene(scene, options))
 
 
 def scenes_named(paths: Sequence[Path]) -> dict[str, Path]:

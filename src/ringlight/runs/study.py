@@ -50,7 +50,8 @@ class StudyRun:
         return self.planned.state
 
     def checked(self) -> "StudyRun":
-        """Itself. Raises RunError where the folder holds a run of other settings, which would be taken for this one."""
+        """Itself. Raises RunError where the folder holds a run of other settings, which would be taken for this one,
+        SceneError where only the scene could tell and cannot be read."""
         self.planned.refuse_other()
         return self
 
@@ -89,8 +90,8 @@ def runs_of_study(
 ) -> tuple[StudyRun, ...]:
     """All runs, scene by scene and seed by seed, each variant after those whose size bounds it.
 
-    Raises RunError for two scenes of one name, or a folder that holds a run of other settings, RecipeError for options
-    that leave no test views.
+    Raises RunError for two scenes of one name, or a folder that holds a run of other settings, SceneError for a scene
+    that cannot be read, RecipeError for options that leave no test views.
     """
     if options.holdout_every == 0 and options.holdout is None and not options.validate:
         raise RecipeError("a study compares on test views, and --holdout-every 0 leaves none; leave it out")

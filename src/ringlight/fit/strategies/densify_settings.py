@@ -21,7 +21,7 @@ BEGIN_SHARE = 10
 
 PAPER_CLONE_BELOW = 0.01
 """3DGS's share of the scene's extent up to which a Gaussian is copied into its own place. In shorter runs all are
-split: 0.2 to 0.5 dB more for 3dgs on matte scenes after 3,000 steps, with as many Gaussians
+split: 0.2 to 0.6 dB more for 3dgs on matte scenes after 3,000 steps, with as many Gaussians
 (docs/experiments/growing-and-dropping.md)."""
 
 PIXELS_PER_GAUSSIAN = 4
