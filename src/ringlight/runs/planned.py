@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -110,7 +110,7 @@ class PlannedRun:
         )
 
 
-@lru_cache(maxsize=64)
+@cache
 def without_absent_masks(scene: Path, options: SceneOptions) -> SceneOptions:
     """What a run on it keeps of these; the scene is read once for all runs of a process."""
     return with_absent_masks_left_out(options, load_scene(scene, options))
