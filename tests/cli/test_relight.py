@@ -41,9 +41,20 @@ def pressed(session: Session) -> None:
     signal.raise_signal(signal.SIGINT)
 
 
-@pytest.mark.parametrize("method", ["ringlight-basis", "ringlight-ring", "ringlight-mirror"])
+@pytest.mark.parametrize(
+    ("method", "on_seen", "on_held_out"),
+    # A mirror learns most, and of photographs as few and small as these by heart.
+    [("ringlight-basis", 0.1, 0.1), ("ringlight-ring", 0.1, 0.1), ("ringlight-mirror", 1.0, 0.0)],
+)
 def test_light_is_learned_and_all_else_stays(
-    method: str, trained: dict[str, Path], mirror: Path, evening: Path, tmp_path: Path, ringlight: Command
+    method: str,
+    on_seen: float,
+    on_held_out: float,
+    trained: dict[str, Path],
+    mirror: Path,
+    evening: Path,
+    tmp_path: Path,
+    ringlight: Command,
 ) -> None:
     run, out, relit = (trained | {"ringlight-mirror": mirror})[method], tmp_path / "out", tmp_path / "relit.safetensors"
     done = ringlight("relight", run, evening, out, *STEPS, "--json")
@@ -52,9 +63,8 @@ def test_light_is_learned_and_all_else_stays(
     assert told["pack"]["bytes_file"] == (out / "light.safetensors").stat().st_size
     assert told["pack"]["picture_psnr"] > 40
     own = json.loads(ringlight("eval", run, evening, "--json", "--lpips", "--quiet").out)
-    assert told["report"]["psnr"] > own["psnr"]
-    # Six small photographs say little of others: of what is learned from them they tell more.
-    assert told["report"]["psnr_train"] > own["psnr_train"] + 0.1
+    assert told["report"]["psnr"] > own["psnr"] + on_held_out
+    assert told["report"]["psnr_train"] > own["psnr_train"] + on_seen
 
     before, after = (read_tensors(folder / "model.safetensors").tensors for folder in (run, out))
     for name in before:
