@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import GaussianRates
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.strategies.mcmc_settings import USUAL_MCMC
 from ringlight.methods.surface_start import SurfaceStart
 
 if TYPE_CHECKING:
@@ -105,9 +104,7 @@ class SplatRecipe(ABC):
 
 
 def _deciding(recipe: SplatRecipe) -> SplatRecipe:
-    """Without a bound, and without what decides nothing with its kind of density control: a record has the usual
-    settings of the version that wrote it."""
+    """Without a bound, and without what decides nothing in its density control: a record has the usual settings of the
+    version that wrote it."""
     free = recipe.ending_with(None)
-    adaptive = free.densify.kind == "adaptive"
-    idle = {"mcmc": USUAL_MCMC} if adaptive else {"clone_below": None}
-    return replace(free, densify=replace(free.densify, **idle))
+    return replace(free, densify=free.densify.deciding())

@@ -150,6 +150,13 @@ class DensifySettings:
         idle = [f"mcmc.{name}" for name in vars(self.mcmc)]
         return dropping | resets | dict.fromkeys(idle, "--densify.kind is adaptive")
 
+    def deciding(self) -> "DensifySettings":
+        """The same with what decides nothing as usual: two are the same density control if these are equal."""
+        idle, usual = self.without_effect(), DensifySettings()
+        moves = {name: value for name, value in vars(usual.mcmc).items() if f"mcmc.{name}" in idle}
+        rest = {name: value for name, value in vars(usual).items() if name in idle}
+        return replace(self, mcmc=replace(self.mcmc, **moves), **rest)
+
     def at_length(self, steps: int) -> "DensifySettings":
         """The same with what is left to the run's length, ``steps``, decided."""
         begin, mcmc = self.begin, self.mcmc.at_length(steps) if self.kind == "mcmc" else self.mcmc
