@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scene_folders import nerfstudio_document, write_blender, write_colmap, write_nerfstudio
 
+from ringlight.data.doubts import NEAREST
 from ringlight.data.load import load_scene
+from ringlight.rasterize.convention import NEAR
 from shared_data import shared
 
 
@@ -46,6 +48,29 @@ def test_a_camera_far_from_all_others_is_named(tmp_path: Path):
     assert any("the camera of images/0003.png stands" in note for note in found)
     (tmp_path / "transforms.json").write_text(json.dumps(nerfstudio_document()))
     assert warnings(tmp_path) == []
+
+
+@pytest.mark.parametrize(("scale", "said"), [(1.0, None), (1e-3, "by 1000"), (1e-6, "by 1e+06")])
+def test_a_scene_that_is_nearer_than_what_is_drawn_is_said(tmp_path: Path, scale: float, said: str | None):
+    document = nerfstudio_document()
+    for frame in document["frames"]:
+        for row in range(3):
+            frame["transform_matrix"][row][3] *= scale
+    found = warnings(write_nerfstudio(tmp_path, document))
+    assert found == [] if said is None else any("nothing is drawn" in note and note.endswith(said) for note in found)
+
+
+def test_doubts_know_where_rasterizers_begin_to_draw():
+    assert NEAREST == NEAR
+
+
+@pytest.mark.parametrize(("offset", "said"), [(1e4, False), (1e7, True)])
+def test_a_scene_far_from_the_origin_is_said(tmp_path: Path, offset: float, said: bool):
+    document = nerfstudio_document()
+    for frame in document["frames"]:
+        frame["transform_matrix"][0][3] += offset
+    found = warnings(write_nerfstudio(tmp_path, document))
+    assert any("single precision blurs" in note for note in found) is said
 
 
 def test_random_points_that_no_camera_sees_are_no_doubt(tmp_path: Path):
