@@ -72,3 +72,21 @@ def test_a_folder_that_is_taken_is_refused_before_anything_is_read(tmp_path: Pat
     (tmp_path / "run" / "mine").write_text("")
     with pytest.raises(RunError, match="is not an empty folder; give another one with --out"):
         start_run(tmp_path / "run", tmp_path / "no scene", "3dgs", METHODS["3dgs"], SceneOptions(), 0, "cpu")
+
+
+def test_a_checkpoint_of_another_run_is_refused_though_its_shapes_fit(tmp_path: Path):
+    scene = write_colmap(tmp_path / "scene")
+    first, second = (tmp_path / f"run-{seed}" for seed in (0, 1))
+    for seed, folder in enumerate((first, second)):
+        recipe = replace(small("3dgs", steps=2), steps=2)
+        run = start_run(folder, scene, "3dgs", recipe, SceneOptions(), seed, "cpu")
+        for _ in run.steps():
+            pass
+        run.save()
+        run.lock.release()
+    own = (second / "checkpoint.safetensors").read_bytes()
+    (second / "checkpoint.safetensors").write_bytes((first / "checkpoint.safetensors").read_bytes())
+    with pytest.raises(RunError, match=r"it is of 3dgs with seed 0, and the run of 3dgs with seed 1\); it is another"):
+        resume_run(second)
+    (second / "checkpoint.safetensors").write_bytes(own)
+    assert resume_run(second).training.step == 2

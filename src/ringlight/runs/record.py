@@ -71,6 +71,11 @@ class RunRecord:
         """The length of the run with all that was added."""
         return self.recipe.steps + sum(self.added)
 
+    @property
+    def made_by(self) -> str:
+        """What a checkpoint of it is told apart by, besides shapes."""
+        return f"{method_of(self.recipe)} with seed {self.seed}"
+
     def extended(self, steps: int) -> "RunRecord":
         """The same with ``steps`` added to the run. Raises RecipeError for what is no number of steps."""
         if not 1 <= steps <= MOST_STEPS - self.steps:

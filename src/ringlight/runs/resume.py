@@ -46,6 +46,7 @@ def resume_run(path: Path, more: int = 0, loaded: Loaded = nobody) -> Session:
     scene, photographs = _reloaded(folder, record, loaded)
     training = _with_added(record.recipe.build(scene, rasterizer_for(record.device), record.seed), record)
     try:
+        _refuse_another(stored, record)
         clock, views = _restored(stored, training)
         session = Session(
             folder, record, scene, training, clock, lock, memory, photographs, warnings, _good=training.step
@@ -77,6 +78,14 @@ def _with_added(training: Training, record: RunRecord) -> Training:
     for added in record.added:
         training.extend(added)
     return training
+
+
+def _refuse_another(stored: TensorFile, record: RunRecord) -> None:
+    """Raises ValueError for a checkpoint whose shapes may fit, but which another run wrote; earlier versions did not
+    say which."""
+    made_by = stored.metadata.get("made_by", record.made_by)
+    if made_by != record.made_by:
+        raise ValueError(f"it is of {made_by}, and the run of {record.made_by}")
 
 
 def _restored(stored: TensorFile, training: Training) -> tuple[Clock, int]:

@@ -94,6 +94,7 @@ class Session:
             "program": "ringlight checkpoint",
             "step": str(self.training.step),
             "commit": self.commit or "",
+            "made_by": self.record.made_by,
             "wall_seconds": repr(self.clock.wall),
             "cpu_seconds": repr(self.clock.cpu),
             "saving_seconds": repr(self.clock.saving),
