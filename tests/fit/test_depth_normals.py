@@ -54,3 +54,25 @@ def test_what_is_not_covered_has_no_say(model: Model):
     term = DepthNormals(1.0).term(1, model, plane(-NORMAL, alpha=0.5))
     assert term.value.item() == 0
     assert not term.grad_buffers
+
+
+def test_every_few_steps_it_counts_as_often_and_looks_at_other_pixels_each_time(model: Model):
+    wrong = normalize(NORMAL + torch.tensor([0.3, 0.0, 0.0]))
+    few, always = DepthNormals(1.0, 2, every=3), DepthNormals(1.0, 2)
+    assert [step for step in range(1, 10) if few.looks(step)] == [3, 6, 9]
+    assert [step for step in range(1, 10) if DepthNormals(1.0, every=3, last=8).looks(step)] == [3, 6]
+    assert all(always.looks(step) for step in range(1, 10))
+    for look in range(1, 5):
+        seldom, often = few.term(3 * look, model, plane(wrong)), always.term(look, model, plane(wrong))
+        torch.testing.assert_close(seldom.value, 3 * often.value)
+        for name, gradient in often.grad_buffers.items():
+            torch.testing.assert_close(seldom.grad_buffers[name], 3 * gradient)
+
+
+def test_pixels_whose_normals_differ_much_are_left_out(model: Model):
+    wrong = normalize(NORMAL + torch.tensor([0.3, 0.0, 0.0]))
+    cosine = float(wrong @ NORMAL)
+    for least, heard in ((cosine - 0.01, True), (cosine + 0.01, False)):
+        term = DepthNormals(1.0, least_cosine=least).term(1, model, plane(wrong))
+        assert term.value.item() == pytest.approx((1 - cosine) if heard else 0.0, abs=1e-4)
+        assert all(bool(gradient.any()) is heard for gradient in term.grad_buffers.values())

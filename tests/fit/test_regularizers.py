@@ -11,7 +11,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
-from ringlight.fit.regularizers.contract import Regularizer, Term
+from ringlight.fit.regularizers.contract import NowAndThen, Regularizer, Term
 from ringlight.fit.regularizers.mean_mask import MeanMask
 from ringlight.fit.train import Training, gradients_of, train
 from ringlight.methods.table import METHODS
@@ -42,7 +42,7 @@ def training_of(method: str, regularizers: dict[str, Regularizer]) -> Training:
 def found_gradients(training: Training) -> dict[str, Tensor]:
     """Of the regularizers alone, by parameter name."""
     batch = training.batches.at(1)
-    prediction = training.model.predict(batch, Want.GRADIENTS, training.buffers)
+    prediction = training.model.predict(batch, Want.GRADIENTS, training.buffers_at(1))
     compared = training.loss.compare(prediction, batch, training.model)
     compared = dataclasses.replace(compared, grad_color=torch.zeros_like(compared.grad_color))
     terms = {name: r.term(1, training.model, prediction) for name, r in training.regularizers.items()}
@@ -102,7 +102,7 @@ def test_a_buffers_regularizer_has_the_gradient_of_finite_differences(method: st
 def test_buffers_that_several_look_at_are_blended_once_and_their_gradients_add_up():
     depth = TorchRegularizer(smooth, buffers=("depth",))
     (one, two) = ({"a": depth}, {"a": depth, "b": depth})
-    assert training_of("ringlight-mirror", two).buffers == ("depth",)
+    assert training_of("ringlight-mirror", two).buffers_at(1) == ("depth",)
     single, double = (found_gradients(training_of("ringlight-mirror", chosen)) for chosen in (one, two))
     assert single["columns.means"].any()
     assert single.keys() == double.keys()
@@ -168,3 +168,24 @@ def test_a_regularizer_of_ones_own_is_one():
     assert mine["columns.opacity_logits"].any()
     for name, gradient in theirs.items():
         torch.testing.assert_close(mine[name], gradient)
+
+
+def test_one_that_looks_now_and_then_is_asked_in_those_steps_alone_and_only_there_is_its_buffer_blended():
+    class EveryThird:
+        buffers: tuple[str, ...] = ("depth",)
+
+        def looks(self, step: int) -> bool:
+            return step % 3 == 0
+
+        def term(self, step: int, model: object, prediction: Rendering) -> Term:
+            assert "depth" in prediction.buffers
+            return Term(torch.tensor(0.5))
+
+    assert isinstance(EveryThird(), NowAndThen)
+    assert not isinstance(MeanMask(0.1), NowAndThen)
+    mean = TorchRegularizer(lambda of: of["alpha"].mean(), buffers=("alpha",))
+    training = training_of("ringlight-mirror", {"third": EveryThird(), "mean": mean})
+    assert [training.buffers_at(step) for step in (2, 3)] == [("alpha",), ("depth", "alpha")]
+    for progress, _ in zip(train(training), range(7), strict=False):
+        third = {"third"} if progress.step % 3 == 0 else set()
+        assert progress.losses.keys() == {"photometric", "mean"} | third

@@ -43,7 +43,7 @@ def test_materials_normals_and_environment_are_learned():
 def test_a_weight_of_zero_leaves_a_term_out():
     training, _ = trained(consistency=0.0, zero_one=0.0)
     assert set(training.regularizers) == {"residuals"}
-    assert training.buffers == ()
+    assert training.buffers_at(1) == ()
 
 
 @pytest.mark.parametrize("ambient", [False, True])

@@ -57,6 +57,20 @@ def test_the_light_keeps_its_rates_while_the_normals_settle():
         dataclasses.replace(RECIPE, light_hold=1.0)
 
 
+def test_normals_are_asked_to_agree_with_depths_at_first():
+    scene = tiny_scene(views=4, size=24)
+    settings = {"consistency": 0.2, "consistency_every": 2, "consistency_until": 0.3}
+    training = dataclasses.replace(RECIPE, **settings).build(scene, rasterizer_for("auto"), seed=0)
+    asked = [progress.step for progress in train(training) if "consistency" in progress.losses]
+    assert asked == [2, 4, 6]
+    without = dataclasses.replace(RECIPE, consistency=0.0)
+    assert not without.course(scene).regularizers
+    assert without.without_effect()["consistency_every"] == "--consistency is 0"
+    for name, value in {"consistency": -1.0, "consistency_every": 0, "consistency_until": 1.5}.items():
+        with pytest.raises(RecipeError, match=f"{name} is {value:g}; give"):
+            dataclasses.replace(RECIPE, **{name: value})
+
+
 def test_where_no_hull_cuts_the_subject_out_there_may_be_a_gaussian_for_every_pixel():
     scene = tiny_scene(views=2, size=110)
     opaque = dataclasses.replace(scene, train=tuple(without_mask(view) for view in scene.train))

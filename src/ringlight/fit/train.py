@@ -16,7 +16,7 @@ from ringlight.fit.faults import FaultCounter, bad_loss, predicted
 from ringlight.fit.guard import Guard, sentences
 from ringlight.fit.losses.contract import Compared, Loss
 from ringlight.fit.optimizer import Optimizer
-from ringlight.fit.regularizers.contract import Regularizer, Term
+from ringlight.fit.regularizers.contract import NowAndThen, Regularizer, Term
 from ringlight.fit.strategies.contract import AtTheEnd, Strategy
 from ringlight.models.contract import Model
 
@@ -51,10 +51,14 @@ class Training:
         for name, regularizer in self.regularizers.items():
             self.model.refuse_unblended(regularizer.buffers, f"the {name} regularizer")
 
-    @property
-    def buffers(self) -> tuple[str, ...]:
-        """What the loss and regularizers look at of a prediction."""
-        lookers: tuple[Loss | Regularizer, ...] = (self.loss, *self.regularizers.values())
+    def regularizers_at(self, step: int) -> dict[str, Regularizer]:
+        """Those that look at this step."""
+        every = self.regularizers.items()
+        return {name: each for name, each in every if not isinstance(each, NowAndThen) or each.looks(step)}
+
+    def buffers_at(self, step: int) -> tuple[str, ...]:
+        """What the loss and regularizers look at of this step's prediction."""
+        lookers: tuple[Loss | Regularizer, ...] = (self.loss, *self.regularizers_at(step).values())
         return tuple({name: None for looker in lookers for name in looker.buffers})
 
     def extend(self, added: int) -> None:
@@ -155,9 +159,9 @@ def train(training: Training) -> Iterator[Progress]:
     while training.step < training.steps:
         step = training.step + 1
         batch = training.batches.at(step)
-        prediction = predicted(model, step, batch, Want.GRADIENTS, training.buffers)
+        prediction = predicted(model, step, batch, Want.GRADIENTS, training.buffers_at(step))
         compared = training.loss.compare(prediction, batch, model)
-        terms = {name: r.term(step, model, prediction) for name, r in training.regularizers.items()}
+        terms = {name: r.term(step, model, prediction) for name, r in training.regularizers_at(step).items()}
         losses = {"photometric": compared.value} | {name: term.value for name, term in terms.items()}
         fault = bad_loss(losses)
         if fault is None:

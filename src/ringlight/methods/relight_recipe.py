@@ -37,6 +37,7 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
             normals_rate=0.0,
             latents_rate=0.0,
             weights_rate=0.0,
+            consistency=0.0,
             maps_rate=MAPS_RATE,
             network_rate=NETWORK_RATE,
             axes_rate=AXES_RATE,

@@ -30,3 +30,12 @@ class Regularizer(Protocol):
     def term(self, step: int, model: Model, prediction: Rendering) -> Term:
         """Value and gradients at this step, without a graph."""
         ...
+
+
+@runtime_checkable
+class NowAndThen(Protocol):
+    """A regularizer that looks at some steps alone: in the others nobody asks it, and nothing is blended for it."""
+
+    def looks(self, step: int) -> bool:
+        """Whether it does at this step; the same whenever it is asked."""
+        ...

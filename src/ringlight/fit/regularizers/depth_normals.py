@@ -4,6 +4,8 @@ A pixel shows the point depth / alpha along its ray; the surface's normal is the
 points below and above it, and to its right and left. All four must be covered, so that no silhouette has a normal.
 """
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -32,14 +34,23 @@ Places = tuple[slice, slice]
 class DepthNormals:
     """``weight`` times the mean of 1 - cosine between blended normal and depth's normal over pixels within a surface.
 
-    Each step looks at every ``stride``-th row and column, another of them each time. Predictions without a camera, and
-    without such a pixel, give nothing.
+    It looks at each ``every``-th step up to ``last``, where it counts ``every`` times, and there at every ``stride``-th
+    row and column, another of them each time. A pixel whose cosine is not above ``least_cosine`` has no say: its
+    neighbours lie on surfaces one behind the other. Predictions without a camera, and without a pixel within a surface,
+    give nothing.
     """
 
     buffers: tuple[str, ...] = ("normal", "depth", "alpha")
 
-    def __init__(self, weight: float, stride: int = 1):
-        self.weight, self.stride = weight, stride
+    def __init__(
+        self, weight: float, stride: int = 1, every: int = 1, last: int | None = None, least_cosine: float = -math.inf
+    ):
+        self.weight, self.stride, self.every, self.last = weight * every, stride, every, last
+        self.least_cosine = least_cosine
+
+    def looks(self, step: int) -> bool:
+        """See :class:`ringlight.fit.regularizers.contract.NowAndThen`."""
+        return step % self.every == 0 and (self.last is None or step <= self.last)
 
     def term(self, step: int, model: Model, prediction: Rendering) -> Term:
         """See :class:`ringlight.fit.regularizers.contract.Regularizer`."""
@@ -47,7 +58,8 @@ class DepthNormals:
         height, width = buffers["alpha"].shape[:2]
         if camera is None or min(height, width) < 2 + self.stride:
             return Term(buffers["alpha"].new_zeros(()))
-        first = step // self.stride % self.stride, step % self.stride
+        look = step // self.every
+        first = look // self.stride % self.stride, look % self.stride
         places = {name: self._places(first, offset, (height, width)) for name, offset in WINDOW.items()}
         covered = torch.stack([buffers["alpha"][at][..., 0] > COVERED for at in places.values()]).all(0)
         count = int(covered.sum())
@@ -58,7 +70,8 @@ class DepthNormals:
             points = {name: surface_points(of[f"depth {name}"], places[name], camera) for name in NEIGHBOURS}
             normals = normalize(of["normal"] @ camera.world_to_camera[:3, :3].to(of["normal"]).T)
             made = _unit(torch.linalg.cross(points["below"] - points["above"], points["right"] - points["left"]))
-            cosines = torch.where(covered, (normals * made).sum(-1), 1.0)
+            cosines = (normals * made).sum(-1)
+            cosines = torch.where(covered & (cosines.detach() > self.least_cosine), cosines, 1.0)
             return {"term": self.weight / count * (1 - cosines).sum()}
 
         # The leaves are pictures of few pixels, and the division by alpha is done here: autograd would fill a whole
