@@ -5,7 +5,6 @@ and the number of the signal for a run that one stopped.
 Each verb is a module of this folder, imported only when it is asked for: ``--help`` must not wait for torch.
 """
 
-import errno
 import os
 import signal
 import sys
@@ -19,7 +18,7 @@ from typing import Any, NoReturn
 
 from ringlight import __version__
 from ringlight.cli.streams import Lasting, lasting_streams, what_flushing_met
-from ringlight.core.lost_disk import LOST_DISK, MOUNT_AGAIN, what_helps
+from ringlight.cli.system_refusals import met_in_links, sentence_on
 from ringlight.errors import FallbackWarning, RinglightError, RunError
 
 WRONG_INPUT, WRONG_USAGE = 1, 2
@@ -142,6 +141,9 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _complain("interrupted", SIGNALLED + signal.SIGINT)
     except (MemoryError, RuntimeError) as error:
+        circle = met_in_links(error)
+        if circle is not None:
+            return _system_refused(circle)
         if not is_out_of_memory(error):
             raise
         return _complain(NO_MEMORY if verb in TRAINING else NO_MEMORY_HERE, WRONG_INPUT)
@@ -198,15 +200,11 @@ def is_out_of_memory(error: BaseException) -> bool:
 
 
 def _system_refused(error: OSError) -> int:
-    """A full or lost disk or a missing permission is the user's to mend; anything else is a bug and raised again."""
-    if error.errno not in {errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS} | LOST_DISK:
+    """What the user can mend is a sentence; anything else is a bug and raised again."""
+    sentence = sentence_on(error)
+    if sentence is None:
         raise error
-    if error.filename is None and error.errno in LOST_DISK:  # a descriptor's, of one file or another
-        return _complain(f"a file cannot be read or written ({error.strerror}); {MOUNT_AGAIN}", WRONG_INPUT)
-    if error.filename is None:  # a stream's
-        return _complain(f"standard output: {error.strerror}; free some space, or send it to another file", WRONG_INPUT)
-    choose = what_helps(error, "choose another place with --out")
-    return _complain(f"{error.filename}: {error.strerror}; {choose}", WRONG_INPUT)
+    return _complain(sentence, WRONG_INPUT)
 
 
 def _complain(sentence: str, code: int) -> int:
