@@ -43,6 +43,8 @@ def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
         ("--steps", "0"),
         ("--seed", "-1"),
         ("--threads", "-1"),
+        ("--threads", "1025"),
+        ("--threads", "99999999999"),
         ("--seed", str(2**63)),
         ("--sh-degree", "4"),
         ("--densify.every", "0"),

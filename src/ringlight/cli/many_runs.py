@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ringlight.cli.main import Stopped
 from ringlight.cli.signals import kept_signals
+from ringlight.cli.threads import MOST_THREADS
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ class Doing:
             return self.threads
         from ringlight.measure.machine import usable_cores
 
-        return max(1, usable_cores() // min(self.jobs, runs))
+        return min(max(1, usable_cores() // min(self.jobs, runs)), MOST_THREADS)
 
     def place(self) -> "Place":
         """Where they are done. Raises RecipeError for a scheduler that does not answer."""

@@ -10,8 +10,9 @@ import tyro
 from ringlight.cli.deferred_end import ended_in_order
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
+from ringlight.cli.threads import check_threads
 from ringlight.core.command_line import command
-from ringlight.errors import RecipeError, SceneError
+from ringlight.errors import SceneError
 from ringlight.poses.options import PosesOptions
 
 if TYPE_CHECKING:
@@ -41,8 +42,7 @@ class PosesArguments:
     """No progress line."""
 
     def __post_init__(self) -> None:
-        if self.threads < 0:
-            raise RecipeError(f"--threads is {self.threads}; give a number of threads, or 0 for every core")
+        check_threads(self.threads)
 
 
 def main(arguments: list[str]) -> int:

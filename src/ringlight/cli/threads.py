@@ -2,6 +2,10 @@
 
 from ringlight.errors import BackendError, RecipeError
 
+MOST_THREADS = 1024
+"""Few machines have more cores. A million threads are begun, and take ten times as long; beyond 32 bits the kernels
+cannot even be told the number."""
+
 TORCH_THREADS = 1
 """torch cuts long arrays into a part for each of its threads, and rounds the last numbers of a part otherwise (sigmoid)
 or adds the parts up (mean): with more than one, bits would depend on ``--threads``. Its share is small, but for
@@ -9,16 +13,16 @@ products of tensor trains, which ``core/shared_pieces.py`` shares out."""
 
 
 def check_threads(count: int) -> None:
-    """Raises RecipeError for fewer threads than none; nothing is loaded for it."""
-    if count < 0:
-        raise RecipeError(f"--threads is {count}; give a number of threads, or 0 for every core")
+    """Raises RecipeError for fewer threads than none, or more than MOST_THREADS; nothing is loaded for it."""
+    if not 0 <= count <= MOST_THREADS:
+        raise RecipeError(f"--threads is {count}; give a number of threads up to {MOST_THREADS}, or 0 for every core")
 
 
 def use_threads(count: int) -> None:
     """``count`` threads for the kernels, 0 for every core, and one for torch; freed arrays are kept for the next step.
 
-    Raises RecipeError for fewer than none, BackendError where the kernels cannot run: every command that calls this
-    needs them, whatever the rasterizer.
+    Raises RecipeError as :func:`check_threads`, BackendError where the kernels cannot run: every command that calls
+    this needs them, whatever the rasterizer.
     """
     check_threads(count)
     import torch
