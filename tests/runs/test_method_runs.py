@@ -35,12 +35,16 @@ def test_settings_are_a_methods_own_and_columns_may_have_names() -> None:
         (["3dgs"], ["3dgs.steps"], "is no METHOD.key=value"),
         (["3dgs"], ["3dgs.densify.every=often"], "no value that 3dgs takes"),
         (["3dgs"], ["3dgs.steps.more=1"], "no setting 'more'"),
+        (["a=3dgs"], ["a.densify.threshold=" + "9" * 400], "no value that 3dgs takes"),
+        (["a=3dgs"], ["a.densify.threshold=" + "[" * 20_000], "no value that 3dgs takes"),
+        (["a=3dgs"], ["a.densify.threshold=" + "[" * 800 + "]" * 800], "no value that 3dgs takes"),
     ],
 )
 def test_what_is_wrong_is_a_sentence(names: list[str], settings: list[str], words: str) -> None:
     with pytest.raises(RecipeError) as refused:
         methods_named(names, settings, None)
     assert words in str(refused.value)
+    assert len(str(refused.value)) < 200
 
 
 @pytest.mark.parametrize("preset", METHODS)

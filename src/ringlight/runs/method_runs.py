@@ -21,6 +21,10 @@ CORE_SECONDS_A_STEP = 0.03
 """Where no run tells: 3,000 steps of README's table took 31 to 118 core seconds."""
 
 
+MOST_QUOTED = 40
+"""Characters of a value that a sentence repeats: enough to find it again, and still one line."""
+
+
 @dataclass(frozen=True)
 class AskedMethod:
     """A column: ``name`` is the method's own, or one that was given to it with its settings."""
@@ -78,17 +82,25 @@ def _with(method: AskedMethod, key: str, text: str) -> Recipe:
         kind = getattr(kind, part)
         if part is not last:
             place = place[part]
-    try:
-        value = json.loads(text)
-    except ValueError:
-        value = text
-    is_whole = isinstance(value, int) and not isinstance(value, bool)
-    place[last] = float(value) if is_whole and isinstance(kind, float) else value
+    place[last] = _value(text, kind)
     try:
         return recipe_from_dict(type(method.recipe), values, method.preset)
-    except RecipeError:
-        sentence = f"{text!r} is no value that {method.preset} takes there; see 'ringlight train SCENE {method.preset}"
-        raise RecipeError(f"--set {method.name}.{key}: {sentence} --help'") from None
+    except (RecipeError, RecursionError):
+        given = f"{text[:MOST_QUOTED]!r} is no value that {method.preset} takes there"
+        raise RecipeError(
+            f"--set {method.name}.{key}: {given}; see 'ringlight train SCENE {method.preset} --help'"
+        ) from None
+
+
+def _value(text: str, before: Any) -> Any:
+    """``text`` as JSON, with whole numbers as floats where ``before`` is one; else ``text``, which settings that are no
+    words refuse: for what is no JSON, nested too deep or too large."""
+    try:
+        value = json.loads(text)
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        return float(value) if is_whole and isinstance(before, float) else value
+    except (ValueError, OverflowError, RecursionError):
+        return text
 
 
 def plan(
