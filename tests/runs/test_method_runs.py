@@ -35,6 +35,8 @@ def test_settings_are_a_methods_own_and_columns_may_have_names() -> None:
         (["3dgs"], ["3dgs.steps"], "is no METHOD.key=value"),
         (["3dgs"], ["3dgs.densify.every=often"], "no value that 3dgs takes"),
         (["3dgs"], ["3dgs.steps.more=1"], "no setting 'more'"),
+        (["a=3dgs"], ["a.steps=0"], "--set a.steps is 0; give at least 1"),
+        (["a=tensorf"], ["a.steps=-5"], "--set a.steps is -5; give at least 1"),
         (["a=3dgs"], ["a.densify.threshold=" + "9" * 400], "no value that 3dgs takes"),
         (["a=3dgs"], ["a.densify.threshold=" + "[" * 20_000], "no value that 3dgs takes"),
         (["a=3dgs"], ["a.densify.threshold=" + "[" * 800 + "]" * 800], "no value that 3dgs takes"),

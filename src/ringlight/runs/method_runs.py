@@ -47,7 +47,8 @@ class Surveyed:
 def methods_named(names: Sequence[str], settings: Sequence[str], steps: int | None) -> tuple[AskedMethod, ...]:
     """The columns: ``METHOD`` or ``NAME=METHOD``, with ``NAME.key=value`` of ``settings``.
 
-    Raises RecipeError for an unknown method or setting, with the nearest, and for two columns of one name.
+    Raises RecipeError for an unknown method or setting, with the nearest, for two columns of one name, and for a run
+    without steps.
     """
     asked: dict[str, AskedMethod] = {}
     for word in names:
@@ -64,7 +65,10 @@ def methods_named(names: Sequence[str], settings: Sequence[str], steps: int | No
             raise RecipeError(f"--set {setting}: is no METHOD.key=value, as 3dgs.densify.threshold=1e-4")
         if name not in asked:
             raise RecipeError(f"--set {setting}: {name!r} is not among --methods; it has {', '.join(asked)}")
-        asked[name] = replace(asked[name], recipe=_with(asked[name], key, value))
+        recipe = _with(asked[name], key, value)
+        if recipe.steps < 1:
+            raise RecipeError(f"--set {name}.steps is {recipe.steps}; give at least 1")
+        asked[name] = replace(asked[name], recipe=recipe)
     return tuple(asked.values())
 
 
