@@ -56,6 +56,25 @@ def test_bad_input_is_a_sentence(words: tuple[str, ...], names: list[str], tmp_p
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("more", [(), ("--dry-run",)])
+def test_a_file_in_place_of_the_folder_is_told_before_any_run(
+    more: tuple[str, ...], tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    for out in (file, file / "deeper" / "out"):
+        words = ("table", tiny, "--methods", "3dgs", "--out", out, *more)
+        refused(ringlight(*words), 1, f"{out}: cannot be made ({file} is a file)", "--out")
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_any_run(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    out = tmp_path / "link"
+    out.symlink_to(tmp_path / "gone")
+    refused(ringlight("table", tiny, "--methods", "3dgs", "--out", out), 1, f"{out}: cannot be made", "--out")
+    assert list(tmp_path.iterdir()) == [out]
+
+
 def test_flags_that_finished_runs_do_not_heed_are_told(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     words = ("table", tiny, "--methods", "3dgs", "--out", tmp_path / "out", *SETTINGS[:-2])
     assert "change nothing" not in ringlight(*words, "--lpips", "--device", "cpu").err

@@ -90,13 +90,16 @@ def main(arguments: list[str]) -> int:
 
     variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))
     from ringlight.measure.json_record import to_json
+    from ringlight.runs.folder import make_folder, refuse_file_in_the_way
     from ringlight.runs.study import runs_of_study
 
     out = asked.out or Path("runs") / f"study-{base_of(asked.what, asked.base)}"
+    refuse_file_in_the_way(out)
     runs = runs_of_study(variants, asked.scenes, asked.seeds, out, asked.options)
     if asked.dry_run:
         sys.stdout.write(to_json({"runs": _listed(runs)}) if asked.json else _listing(runs))
         return 0
+    make_folder(out)
     failed = _run_all(asked, runs)
     if any(run.state == "finished" for run in runs):
         _show(asked, out, variants, runs)

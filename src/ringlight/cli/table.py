@@ -76,6 +76,7 @@ def main(arguments: list[str]) -> int:
     check_threads(asked.threads)
     if asked.options.holdout_every == 0 and asked.options.holdout is None and not asked.options.validate:
         raise RecipeError("a table compares on test views, and --holdout-every 0 leaves none; leave it out")
+    from ringlight.runs.folder import make_folder, refuse_file_in_the_way
     from ringlight.runs.method_runs import methods_named, plan
 
     names = [word.strip() for word in asked.methods.split(",") if word.strip()]
@@ -83,10 +84,12 @@ def main(arguments: list[str]) -> int:
         refuse("table", "--methods names none; give some with commas between, as 3dgs,ringlight")
     methods = methods_named(names, asked.set, asked.steps)
     out = asked.out or Path("runs") / "table"
+    refuse_file_in_the_way(out)
     runs = plan(asked.scenes, methods, seeds, out, asked.options)
     if asked.dry_run:
         _list(asked, runs)
         return 0
+    make_folder(out)
     failed = _run(asked, runs)
     return _show(asked, out, runs, seeds, failed)
 

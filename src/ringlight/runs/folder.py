@@ -121,6 +121,13 @@ def make_folder(path: Path, flag: str = "--out") -> Path:
     return path
 
 
+def refuse_file_in_the_way(path: Path, flag: str = "--out") -> None:
+    """Raises RunError where a file stands at ``path`` or above it, for those who make no folder yet."""
+    there = next(place for place in (path, *path.parents) if place.exists() or not place.name)
+    if not there.is_dir():
+        raise RunError(f"{path}: cannot be made ({there} is a file); give another folder with {flag}")
+
+
 def free_folder(wish: Path) -> Path:
     """The folder, or with the first number behind it that is free."""
     number, folder = 2, wish
