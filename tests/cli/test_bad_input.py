@@ -56,6 +56,9 @@ def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
         ("--densify.stop", "7"),
         ("--densify.stop", "nan"),
         ("--densify.threshold", "-1"),
+        ("--densify.threshold", "inf"),
+        ("--densify.clone-below", "inf"),
+        ("--densify.prune-scale", "inf"),
         ("--eval-at", "30001"),
         ("--save-every", "nan"),
     ],
@@ -67,7 +70,10 @@ def test_settings_beyond_their_range(flag: tuple[str, str], tiny: Path, tmp_path
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("flag", [("--warmup", "2"), ("--base-rate", "nan"), ("--light.ring.rank", "0")])
+@pytest.mark.parametrize(
+    "flag",
+    [("--warmup", "2"), ("--base-rate", "nan"), ("--light.ring.rank", "0"), ("--light.ring.core_scale", "inf")],
+)
 def test_settings_of_the_light_beyond_their_range(
     flag: tuple[str, str], tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:
@@ -294,6 +300,13 @@ def test_settings_of_another_type(value: object, run_folder: Path, ringlight: Co
 def test_a_seed_that_is_none(value: object, run_folder: Path, ringlight: Command) -> None:
     edit_json(run_folder / "recipe.json", lambda record: record.update(seed=value))
     refused(ringlight("train", "--resume", run_folder), 1, run_folder / "recipe.json", "seed")
+
+
+def test_a_setting_that_was_infinite_in_an_earlier_version(run_folder: Path, ringlight: Command) -> None:
+    edit_json(run_folder / "recipe.json", lambda record: record["recipe"]["densify"].update(threshold=float("inf")))
+    assert "Infinity" in (run_folder / "recipe.json").read_text()
+    assert ringlight("train", "--resume", run_folder, "--steps", 2, *QUIET).code == 0
+    assert "Infinity" not in (run_folder / "recipe.json").read_text(), "with the added steps it is valid JSON"
 
 
 @pytest.mark.parametrize("value", [10**400, -(2**63)])

@@ -1,6 +1,8 @@
 """Recipes survive JSON; what a file holds instead is refused with the place where it stands."""
 
 import json
+import math
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -57,6 +59,28 @@ def without_later(record: Any) -> tuple[dict[str, Any], Any]:
         else:
             stored[field.name] = value
     return stored, replace(record, **before)
+
+
+def each_number(settings: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    """Where numbers that are no whole ones stand."""
+    for name, value in settings.items():
+        if isinstance(value, dict):
+            yield from each_number(value)
+        elif isinstance(value, float):
+            yield settings, name
+
+
+@pytest.mark.parametrize("preset", METHODS)
+def test_no_setting_is_infinite_or_no_number(preset: str):
+    recipe = METHODS[preset]
+    stored = recipe_to_dict(recipe)
+    for place, name in each_number(stored):
+        before = place[name]
+        for value in (math.inf, -math.inf, math.nan):
+            place[name] = value
+            with pytest.raises(RecipeError):
+                recipe_from_dict(type(recipe), stored)
+        place[name] = before
 
 
 def changed(stored: dict, changes: dict) -> dict:

@@ -5,6 +5,7 @@ other readers call damage.
 """
 
 import math
+import sys
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -32,6 +33,16 @@ def read_back(value: Any) -> Any:
     if isinstance(value, list):
         return [read_back(item) for item in value]
     return float(value) if isinstance(value, str) and value in NON_FINITE else value
+
+
+def without_infinity(value: Any) -> Any:
+    """The same with the largest number in place of infinity, which settings of earlier versions may be: what compares
+    with them finds both alike."""
+    if isinstance(value, dict):
+        return {key: without_infinity(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [without_infinity(item) for item in value]
+    return sys.float_info.max if value == math.inf else value
 
 
 def refuse_constant(name: str) -> float:

@@ -1,5 +1,6 @@
 """Settings of the light fields; free of torch, so that the command line can print them at once."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -57,6 +58,8 @@ class RingSettings:
         for name in ("rank", "features", "head_hidden"):
             if getattr(self, name) < 1:
                 raise RecipeError(f"light.ring.{name} is {getattr(self, name)}; give at least 1")
+        if not 0 <= self.core_scale < math.inf:
+            raise RecipeError(f"light.ring.core_scale is {self.core_scale:g}; give 0 or more, but finite")
         self._refuse_codes()
         self._refuse_tables()
 

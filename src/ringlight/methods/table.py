@@ -3,6 +3,7 @@
 from difflib import get_close_matches
 from typing import Any
 
+from ringlight.core.json_numbers import without_infinity
 from ringlight.errors import RecipeError
 from ringlight.methods import ringlight_ring, three_dgs
 from ringlight.methods.gaussian_shader import GaussianShaderRecipe
@@ -51,7 +52,7 @@ def recipe_of_method(name: str, values: Any, where: str) -> Recipe:
     Raises KeyError for any other name, RecipeError as :func:`recipe_from_dict`.
     """
     kinds = {method_of(recipe): type(recipe) for preset, recipe in METHODS.items() if preset not in CHOOSERS}
-    return recipe_from_dict(kinds[name], values, where)
+    return recipe_from_dict(kinds[name], without_infinity(values), where)
 
 
 def method_named(name: str) -> Recipe:

@@ -83,7 +83,11 @@ class RunRecord:
         return dataclasses.replace(self, added=(*self.added, steps))
 
     def write(self, folder: Path) -> None:
-        """Write recipe.json into the run folder, all or nothing."""
+        """Write recipe.json into the run folder, all or nothing. Raises RecipeError as :meth:`to_json`."""
+        write_text(folder / RECORD_NAME, self.to_json())
+
+    def to_json(self) -> str:
+        """What recipe.json holds. Raises RecipeError for a setting that JSON has not: infinity, or no number."""
         values = {
             "preset": self.preset,
             "method": method_of(self.recipe),
@@ -96,7 +100,12 @@ class RunRecord:
             **({"added": list(self.added)} if self.added else {}),
             **({"start": self.start} if self.start is not None else {}),
         }
-        write_text(folder / RECORD_NAME, json.dumps(values, indent=2) + "\n")
+        try:
+            return json.dumps(values, indent=2, allow_nan=False) + "\n"
+        except ValueError:
+            raise RecipeError(
+                f"{RECORD_NAME}: a setting of {self.preset} or of the scene is infinite or no number; give a finite one"
+            ) from None
 
     @staticmethod
     def read(folder: Path) -> "RunRecord":

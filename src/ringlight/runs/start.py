@@ -71,6 +71,7 @@ def start_run(
     record = RunRecord(preset, run.recipe, scene_path.resolve(), options, seed, device, ringlight.__version__)
     if model is not None:
         record = replace(record, start=str(model.resolve()))
+    record.to_json()  # what it refuses leaves no folder
     folder = RunFolder.create(out)
     lock = RunLock(folder.path)
     record.write(folder.path)

@@ -127,8 +127,8 @@ class DensifySettings:
             if (getattr(self, name) or 0) < least:
                 raise RecipeError(f"densify.{name} is {getattr(self, name)}; give at least {least}")
         for name in ("threshold", "clone_below", "prune_scale"):
-            if not (getattr(self, name) or 0) >= 0:
-                raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 or more")
+            if not 0 <= (getattr(self, name) or 0) < math.inf:
+                raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 or more, but finite")
         if self.drop_share is not None and not 0 <= self.drop_share < 1:
             raise RecipeError(f"densify.drop_share is {self.drop_share:g}; give 0 (keep all) or more, below 1")
         if not 0 <= self.drop_until <= 1:

@@ -1,5 +1,6 @@
 """Settings of normal propagation, and when its rounds come. Torch-free: recipes hold these."""
 
+import math
 from dataclasses import dataclass
 
 from ringlight.errors import RecipeError
@@ -42,10 +43,10 @@ class PropagationSettings:
                 raise RecipeError(f"propagation.{name} is {getattr(self, name)}; give at least 1 step")
         if not 0 < self.opacity < 1:
             raise RecipeError(f"propagation.opacity is {self.opacity:g}; an opacity lies between 0 and 1")
-        if not self.enlarge >= 1:
-            raise RecipeError(f"propagation.enlarge is {self.enlarge:g}; give 1 (nothing is enlarged) or more")
-        if not self.sabotage >= 0:
-            raise RecipeError(f"propagation.sabotage is {self.sabotage:g}; give 0 (no noise) or more")
+        if not 1 <= self.enlarge < math.inf:
+            raise RecipeError(f"propagation.enlarge is {self.enlarge:g}; give 1 (nothing is enlarged) or more, finite")
+        if not 0 <= self.sabotage < math.inf:
+            raise RecipeError(f"propagation.sabotage is {self.sabotage:g}; give 0 (no noise) or more, but finite")
 
     def paced(self, steps: int) -> int:
         """Steps between two rounds in a run of so many ``steps``."""
