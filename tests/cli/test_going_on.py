@@ -279,7 +279,9 @@ def test_starts_that_do_not_fit_are_refused_and_nothing_is_made(
 
     other = ("--light.ring.rank", "2")
     refused(ringlight(*start("ringlight-ring", trained["ringlight-ring"], *SMALL_LIGHT, *other)), 1, "ringlight info")
-    refused(ringlight(*start("3dgs", trained["3dgs"], "--sh-degree", "1")), 1, "sh_rest", trained["3dgs"])
+    refused(
+        ringlight(*start("3dgs", trained["3dgs"], "--sh-degree", "1")), 1, "sh_rest", trained["3dgs"], "--sh-degree 3"
+    )
     refused(ringlight(*start("3dgs", tmp_path / "none.ply")), 1, tmp_path / "none.ply")
     refused(ringlight(*start("3dgs", tiny)), 1, tiny)
     cut = tmp_path / "cut.ply"
@@ -391,3 +393,14 @@ def test_a_foreign_ply_is_imported_as_another_parser_reads_it(tmp_path: Path, ri
         np.testing.assert_array_equal(found[f"columns.{name}"].numpy(), getattr(theirs, other), err_msg=name)
         np.testing.assert_array_equal(found[f"columns.{name}"].numpy(), columns[other], err_msg=name)
     assert int(found["color.active_degree"]) == 2
+
+
+@pytest.mark.parametrize("method", ["light-gaussian", "3dgs"])
+def test_a_model_of_harmonics_that_were_cut_names_their_degree(
+    method: str, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    cut = tmp_path / "cut"
+    assert ringlight("train", tiny, "light-gaussian", "--out", cut, *QUICK).code == 0
+    words = ("train", tiny, method, "--from", cut, "--steps", "4", *QUIET, "--out", tmp_path / "next")
+    refused(ringlight(*words), 1, cut, "give --sh-degree 2,")
+    assert ringlight(*words, "--sh-degree", "2").code == 0

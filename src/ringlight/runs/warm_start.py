@@ -10,6 +10,7 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.scene import PointCloud, Scene
+from ringlight.core.sh_basis import MAX_DEGREE, basis_count
 from ringlight.errors import RecipeError, RunError
 from ringlight.fit.room import SHARE, most_rows
 from ringlight.fit.train import Training
@@ -17,6 +18,7 @@ from ringlight.methods.recipe import Recipe
 from ringlight.methods.ringlight import SHADINGS, RingLightRecipe
 from ringlight.methods.store import StoredModel
 from ringlight.methods.table import CHOOSERS, method_of
+from ringlight.models.narrowed_splats import REST
 from ringlight.models.splats import SplatModel
 from ringlight.runs.imported import PLY, model_of_ply
 from ringlight.runs.opened import open_model
@@ -86,14 +88,14 @@ def begin_with(training: Training, recipe: Recipe, scene: Scene, start: Start) -
         raise RunError(f"{start.path}: has {rows}, and {SHARE:.0%} of this machine's memory holds {most:,}; prune it")
     methods = {start.stored.header.method, method_of(recipe)}
     if len(methods) == 1 or methods == set(HARMONICS):
-        model.load_tensors(_all_of(start, training))
+        model.load_tensors(_all_of(start, training, recipe))
     else:
         model.load_tensors(model.state_dict() | _table_of(start, training))
     _refuse_unseen(model.splats(), scene, start)
     training.optimizer.begin_anew()
 
 
-def _all_of(start: Start, training: Training) -> dict[str, Tensor]:
+def _all_of(start: Start, training: Training, recipe: Recipe) -> dict[str, Tensor]:
     """Every tensor of the start, and columns that only training needs as they begin."""
     model, own, found = training.model, training.model.state_dict(), dict(start.stored.model.state_dict())
     splats, source = model.splats(), start.stored.model.splats()
@@ -107,9 +109,20 @@ def _all_of(start: Start, training: Training) -> dict[str, Tensor]:
             shape = "none" if other is None else f"one of shape {list(other.shape[skip:])}"
             raise RecipeError(
                 f"{start.path}: this run has a {name} of shape {list(tensor.shape[skip:])}, and the model {shape}; "
-                "give the settings that 'ringlight info' shows, or another method, which takes the Gaussians alone"
+                f"give {_same_form(name, other, recipe)}, or another method, which takes the Gaussians alone"
             )
     return {name: found[name] for name in own}
+
+
+def _same_form(name: str, stored: Tensor | None, recipe: Recipe) -> str:
+    """What gives a run the form of the start's tensor. Its own settings tell no degree that files are cut to, as those
+    of light-gaussian."""
+    named: Any = recipe
+    if name == REST and stored is not None and "sh_degree" in {field.name for field in fields(named)}:
+        for degree in range(MAX_DEGREE + 1):
+            if basis_count(degree) - 1 == stored.shape[1]:
+                return f"--sh-degree {degree}"
+    return "the settings that 'ringlight info' shows"
 
 
 def _table_of(start: Start, training: Training) -> dict[str, Tensor]:
