@@ -239,3 +239,19 @@ def test_an_impossible_field_of_view_is_refused(tmp_path: Path, angle: object):
     rewrite(folder, camera_angle_x=angle)
     with pytest.raises(SceneError, match="frame 0"):
         load_scene(folder)
+
+
+@pytest.mark.parametrize("frames", [[], {}, None])
+def test_no_test_images_are_listed_where_all_are_for_training(frames: object, tmp_path: Path):
+    rewrite(write_blender(tmp_path), "test", frames=frames)
+    all_of_them = SceneOptions(holdout_every=0)
+    if frames == []:
+        scene = load_scene(tmp_path, all_of_them)
+        assert scene.train
+        assert not scene.test
+    else:
+        with pytest.raises(SceneError, match=r"transforms_test\.json: lists no frames"):
+            load_scene(tmp_path, all_of_them)
+    rewrite(tmp_path, "train", frames=[])
+    with pytest.raises(SceneError, match=r"transforms_train\.json: lists no frames"):
+        load_scene(tmp_path, all_of_them)

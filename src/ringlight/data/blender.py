@@ -32,6 +32,7 @@ def load(folder: Path, options: SceneOptions, keeper: Keeper | None = None) -> S
     train = read_frames(read_object(train_file), train_file)
     own, frames = None, train
     if test_file.is_file():
-        test = read_frames(read_object(test_file), test_file)
+        # Where all are for training, whatever the scene says, a list without test images says the same.
+        test = read_frames(read_object(test_file), test_file, may_be_none=options.holdout_every == 0)
         own, frames = Split(train, test, "split: transforms_train.json and transforms_test.json"), [*train, *test]
     return scene_from(Capture("blender", split_of(frames, own, options, train_file)), folder, options, keeper)

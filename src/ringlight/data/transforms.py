@@ -37,15 +37,15 @@ OTHER_PROJECTIONS = ("ftheta_p0", "latlong", "equirectangular", "orthographic", 
 """Keys by which instant-ngp announces a lens that is not one of OpenCV's."""
 
 
-def read_frames(document: Fields, file: Path) -> list[Frame]:
+def read_frames(document: Fields, file: Path, may_be_none: bool = False) -> list[Frame]:
     """All frames of a transforms file, in its order, at the size of the image files.
 
     Raises:
-        SceneError: no frames, an image that is missing, unreadable or outside the folder, a pose or lens that
-            cannot be used.
+        SceneError: no frames, unless there ``may_be_none``, an image that is missing, unreadable or outside the
+            folder, a pose or lens that cannot be used.
     """
     entries = document.get("frames")
-    if not isinstance(entries, list) or not entries:
+    if not isinstance(entries, list) or not (entries or may_be_none):
         raise SceneError(f"{file}: lists no frames; export the cameras again")
     base, missing, frames = file.parent, [], []
     for index, entry in enumerate(counted("looking at photographs", entries)):
