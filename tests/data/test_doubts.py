@@ -50,14 +50,14 @@ def test_a_camera_far_from_all_others_is_named(tmp_path: Path):
     assert warnings(tmp_path) == []
 
 
-@pytest.mark.parametrize(("scale", "said"), [(1.0, None), (1e-3, "by 1000"), (1e-6, "by 1e+06")])
+@pytest.mark.parametrize(("scale", "said"), [(1.0, None), (1e-3, "by 1,000"), (1e-6, "by 1,000,000")])
 def test_a_scene_that_is_nearer_than_what_is_drawn_is_said(tmp_path: Path, scale: float, said: str | None):
     document = nerfstudio_document()
     for frame in document["frames"]:
         for row in range(3):
             frame["transform_matrix"][row][3] *= scale
     found = warnings(write_nerfstudio(tmp_path, document))
-    assert found == [] if said is None else any("nothing is drawn" in note and note.endswith(said) for note in found)
+    assert found == [] if said is None else any("are not drawn" in note and note.endswith(said) for note in found)
 
 
 def test_doubts_know_where_rasterizers_begin_to_draw():
@@ -70,7 +70,23 @@ def test_a_scene_far_from_the_origin_is_said(tmp_path: Path, offset: float, said
     for frame in document["frames"]:
         frame["transform_matrix"][0][3] += offset
     found = warnings(write_nerfstudio(tmp_path, document))
-    assert any("single precision blurs" in note for note in found) is said
+    assert any("single precision blurs that" in note for note in found) is said
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
+@pytest.mark.parametrize("has_points", [False, True])
+def test_cameras_that_turn_in_one_place_are_no_doubt(tmp_path: Path, noise: float, has_points: bool):
+    drawn = np.random.default_rng(0)
+    document = nerfstudio_document()
+    for frame in document["frames"]:
+        for row, place in enumerate((1.0, 2.0, 3.0)):
+            frame["transform_matrix"][row][3] = place + noise * drawn.normal()
+    folder = write_nerfstudio(tmp_path, document)
+    if has_points:
+        around = drawn.normal(size=(500, 3))
+        around *= 5 / np.linalg.norm(around, axis=1, keepdims=True)
+        (folder / "sparse_pc.ply").write_text(ply(around + np.array([1, 2, 3])))
+    assert not any("drawn" in note or "origin" in note for note in warnings(folder))
 
 
 def test_random_points_that_no_camera_sees_are_no_doubt(tmp_path: Path):

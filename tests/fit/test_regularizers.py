@@ -11,7 +11,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
-from ringlight.fit.regularizers.contract import NowAndThen, Regularizer, Term
+from ringlight.fit.regularizers.contract import EveryStep, Regularizer, Term
 from ringlight.fit.regularizers.mean_mask import MeanMask
 from ringlight.fit.train import Training, gradients_of, train
 from ringlight.methods.table import METHODS
@@ -152,7 +152,7 @@ def test_a_buffer_that_nobody_blends_is_refused_when_the_training_is_made(method
 
 
 def test_a_regularizer_of_ones_own_is_one():
-    class Own:
+    class Own(EveryStep):
         buffers: tuple[str, ...] = ("alpha",)
 
         def term(self, step: int, model: object, prediction: Rendering) -> Term:
@@ -181,8 +181,6 @@ def test_one_that_looks_now_and_then_is_asked_in_those_steps_alone_and_only_ther
             assert "depth" in prediction.buffers
             return Term(torch.tensor(0.5))
 
-    assert isinstance(EveryThird(), NowAndThen)
-    assert not isinstance(MeanMask(0.1), NowAndThen)
     mean = TorchRegularizer(lambda of: of["alpha"].mean(), buffers=("alpha",))
     training = training_of("ringlight-mirror", {"third": EveryThird(), "mean": mean})
     assert [training.buffers_at(step) for step in (2, 3)] == [("alpha",), ("depth", "alpha")]

@@ -21,8 +21,8 @@ REMEDIES = {
 } | dict.fromkeys(LOST_DISK, MOUNT_AGAIN)
 """What the user can do, by error number. Any other is a bug."""
 
-OF_DESCRIPTORS = LOST_DISK | {errno.EMFILE}
-"""Those that without a file's name are not of standard output: of one file or another."""
+OF_STREAMS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EACCES, errno.EPERM, errno.EROFS}
+"""Those that without a file's name are of standard output; the others are of one file or another."""
 
 
 def sentence_on(error: OSError) -> str | None:
@@ -31,7 +31,7 @@ def sentence_on(error: OSError) -> str | None:
         return None
     if error.filename is not None:
         return f"{error.filename}: {error.strerror}; {REMEDIES[error.errno]}"
-    if error.errno in OF_DESCRIPTORS:
+    if error.errno not in OF_STREAMS:
         return f"a file cannot be read or written ({error.strerror}); {REMEDIES[error.errno]}"
     return f"standard output: {error.strerror}; free some space, or send it to another file"
 

@@ -3,8 +3,7 @@
 from ringlight.errors import BackendError, RecipeError
 
 MOST_THREADS = 1024
-"""Few machines have more cores. A million threads are begun, and take ten times as long; beyond 32 bits the kernels
-cannot even be told the number."""
+"""More than machines have cores. A million threads are begun, and take ten times as long."""
 
 TORCH_THREADS = 1
 """torch cuts long arrays into a part for each of its threads, and rounds the last numbers of a part otherwise (sigmoid)

@@ -16,7 +16,7 @@ from ringlight.fit.faults import FaultCounter, bad_loss, predicted
 from ringlight.fit.guard import Guard, sentences
 from ringlight.fit.losses.contract import Compared, Loss
 from ringlight.fit.optimizer import Optimizer
-from ringlight.fit.regularizers.contract import NowAndThen, Regularizer, Term
+from ringlight.fit.regularizers.contract import Regularizer, Term
 from ringlight.fit.strategies.contract import AtTheEnd, Strategy
 from ringlight.models.contract import Model
 
@@ -53,8 +53,7 @@ class Training:
 
     def regularizers_at(self, step: int) -> dict[str, Regularizer]:
         """Those that look at this step."""
-        every = self.regularizers.items()
-        return {name: each for name, each in every if not isinstance(each, NowAndThen) or each.looks(step)}
+        return {name: regularizer for name, regularizer in self.regularizers.items() if regularizer.looks(step)}
 
     def buffers_at(self, step: int) -> tuple[str, ...]:
         """What the loss and regularizers look at of this step's prediction."""

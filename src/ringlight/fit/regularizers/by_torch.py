@@ -8,11 +8,11 @@ from torch import Tensor
 
 from ringlight.core.by_autograd import ByAutograd
 from ringlight.core.rendering import Rendering
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 
-class TorchRegularizer:
+class TorchRegularizer(EveryStep):
     """``function`` gets parameters by full name and buffers by name, and returns the weighted term."""
 
     def __init__(

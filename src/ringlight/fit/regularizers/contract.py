@@ -27,15 +27,18 @@ class Regularizer(Protocol):
     buffers: tuple[str, ...]
     """What it looks at of a prediction, by name; a model that does not blend them is refused when a run is built."""
 
+    def looks(self, step: int) -> bool:
+        """Whether it has a say at this step; where it has none nothing is blended for it. See :class:`EveryStep`."""
+        ...
+
     def term(self, step: int, model: Model, prediction: Rendering) -> Term:
         """Value and gradients at this step, without a graph."""
         ...
 
 
-@runtime_checkable
-class NowAndThen(Protocol):
-    """A regularizer that looks at some steps alone: in the others nobody asks it, and nothing is blended for it."""
+class EveryStep:
+    """What most regularizers are."""
 
     def looks(self, step: int) -> bool:
-        """Whether it does at this step; the same whenever it is asked."""
-        ...
+        """Yes: see :class:`Regularizer`."""
+        return True

@@ -35,9 +35,9 @@ class DepthNormals:
     """``weight`` times the mean of 1 - cosine between blended normal and depth's normal over pixels within a surface.
 
     It looks at each ``every``-th step up to ``last``, where it counts ``every`` times, and there at every ``stride``-th
-    row and column, another of them each time. A pixel whose cosine is not above ``least_cosine`` has no say: its
-    neighbours lie on surfaces one behind the other. Predictions without a camera, and without a pixel within a surface,
-    give nothing.
+    row and column, another of them each time. A pixel whose cosine is not above ``least_cosine`` adds nothing, though
+    the mean counts it: its neighbours lie on surfaces one behind the other. Predictions without a camera, and without a
+    pixel within a surface, give nothing.
     """
 
     buffers: tuple[str, ...] = ("normal", "depth", "alpha")
@@ -49,7 +49,7 @@ class DepthNormals:
         self.least_cosine = least_cosine
 
     def looks(self, step: int) -> bool:
-        """See :class:`ringlight.fit.regularizers.contract.NowAndThen`."""
+        """See :class:`ringlight.fit.regularizers.contract.Regularizer`."""
         return step % self.every == 0 and (self.last is None or step <= self.last)
 
     def term(self, step: int, model: Model, prediction: Rendering) -> Term:

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 import torch
 
 from ringlight.core.rendering import Rendering
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 
-class FactorSize:
+class FactorSize(EveryStep):
     """The mean absolute value of each factor, summed, times ``first`` up to step ``until`` and ``rest`` from there.
 
     ``names`` gives those that density is made of now."""

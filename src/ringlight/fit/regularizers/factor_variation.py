@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ringlight.core.rendering import Rendering
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 SCALE = 0.02
@@ -21,7 +21,7 @@ def variation(factor: Float[Tensor, "..."]) -> Float[Tensor, ""]:
     return sum((factor.diff(dim=axis).square().mean() for axis in axes), factor.new_zeros(()))
 
 
-class FactorVariation:
+class FactorVariation(EveryStep):
     """The variation of each of these factors, summed, times SCALE and ``weight``, of which a share of ``end`` is left
     after ``steps``."""
 

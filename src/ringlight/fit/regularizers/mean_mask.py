@@ -3,13 +3,13 @@
 import torch
 
 from ringlight.core.rendering import Rendering
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 MASK = "columns.mask_logits"
 
 
-class MeanMask:
+class MeanMask(EveryStep):
     """``weight`` times the mean of sigmoid(mask logits)."""
 
     buffers: tuple[str, ...] = ()

@@ -3,13 +3,13 @@
 import torch
 
 from ringlight.core.rendering import Rendering
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 LOGITS = "columns.opacity_logits"
 
 
-class MeanOpacity:
+class MeanOpacity(EveryStep):
     """``weight`` times the mean of sigmoid(opacity logits)."""
 
     buffers: tuple[str, ...] = ()

@@ -3,13 +3,13 @@
 import torch
 
 from ringlight.core.rendering import Rendering
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 LOG_SCALES = "columns.log_scales"
 
 
-class MeanScale:
+class MeanScale(EveryStep):
     """``weight``, in one over world units, times the mean of exp(log scales) over all rows and axes."""
 
     buffers: tuple[str, ...] = ()

@@ -3,11 +3,11 @@
 import torch
 
 from ringlight.core.rendering import Rendering
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 
-class SmallColumn:
+class SmallColumn(EveryStep):
     """``weight`` times the mean over rows of the squared length of one parameter, by its full name."""
 
     buffers: tuple[str, ...] = ()

@@ -3,14 +3,14 @@
 import torch
 
 from ringlight.core.rendering import Rendering
-from ringlight.fit.regularizers.contract import Term
+from ringlight.fit.regularizers.contract import EveryStep, Term
 from ringlight.models.contract import Model
 
 LEAST = 1e-3
 """Alpha, and one minus it, are taken to be no less: the entropy has a slope of -ln there, which has no bound."""
 
 
-class ZeroOne:
+class ZeroOne(EveryStep):
     """``weight`` times the mean of -a ln a - (1 - a) ln(1 - a) over all pixels."""
 
     buffers: tuple[str, ...] = ("alpha",)
