@@ -25,6 +25,8 @@ COARSE = {
 """Settings of volumes for the tiny scene at a few pixels: its box is not carved from masks anew each time."""
 
 SMALL = COARSE | {
+    "consistency_every": 2,
+    "consistency_until": 0.8,
     "light": {
         "ring": {"rank": 4, "features": 6, "head_hidden": 8, "position_nodes": 16, "view_nodes": 4},
         "render_hidden": 8,

@@ -11,6 +11,7 @@ from ringlight.core.scene import Scene, View
 from ringlight.data import hull
 from ringlight.errors import RecipeError
 from ringlight.fit.train import train
+from ringlight.methods.relight_recipe import relight_recipe
 from ringlight.methods.ringlight_mirror import DECAY, RingLightMirrorRecipe, most_gaussians
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
@@ -63,6 +64,9 @@ def test_normals_are_asked_to_agree_with_depths_at_first():
     training = dataclasses.replace(RECIPE, **settings).build(scene, rasterizer_for("auto"), seed=0)
     asked = [progress.step for progress in train(training) if "consistency" in progress.losses]
     assert asked == [2, 4, 6]
+    training.extend(20)
+    assert "consistency" not in training.regularizers_at(24)
+    assert "consistency" not in relight_recipe(RECIPE, 300).course(scene).regularizers
     without = dataclasses.replace(RECIPE, consistency=0.0)
     assert not without.course(scene).regularizers
     assert without.without_effect()["consistency_every"] == "--consistency is 0"

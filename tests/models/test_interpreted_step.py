@@ -40,6 +40,8 @@ def training(method: str, rasterize: Rasterizer) -> Training:
     settings = {
         "steps": 3,
         "warmup": 0.0,
+        "consistency_every": 1,
+        "consistency_until": 1.0,
         "light": {"ring": ring, "render_hidden": 16, "modulation_hidden": 16, "gradient_share": 1.0},
         "shader": {"hidden": 16, "levels": (4, 6), "gradient_share": 1.0},
     }
