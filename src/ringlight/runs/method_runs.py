@@ -20,7 +20,6 @@ Key = tuple[str, str, int]
 CORE_SECONDS_A_STEP = 0.03
 """Where no run tells: 3,000 steps of README's table took 31 to 118 core seconds."""
 
-
 MOST_QUOTED = 40
 """Characters of a value that a sentence repeats: enough to find it again, and still one line."""
 
