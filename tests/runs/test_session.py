@@ -86,7 +86,7 @@ def test_a_checkpoint_of_another_run_is_refused_though_its_shapes_fit(tmp_path: 
         run.lock.release()
     own = (second / "checkpoint.safetensors").read_bytes()
     (second / "checkpoint.safetensors").write_bytes((first / "checkpoint.safetensors").read_bytes())
-    with pytest.raises(RunError, match=r"it is of 3dgs with seed 0, and the run of 3dgs with seed 1\); it is another"):
+    with pytest.raises(RunError, match=r"is of 3dgs with seed 0, and .*recipe.json of 3dgs with seed 1; put"):
         resume_run(second)
     (second / "checkpoint.safetensors").write_bytes(own)
     assert resume_run(second).training.step == 2

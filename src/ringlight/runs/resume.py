@@ -43,10 +43,10 @@ def resume_run(path: Path, more: int = 0, loaded: Loaded = nobody) -> Session:
     if not folder.checkpoints and not folder.model.is_file():  # a model is not trained anew in its place
         return _extended(_from_step_0(folder, record, lock, memory, loaded), extended)
     stored, warnings = read_checkpoint(folder)
+    _refuse_another(stored, folder, record)
     scene, photographs = _reloaded(folder, record, loaded)
     training = _with_added(record.recipe.build(scene, rasterizer_for(record.device), record.seed), record)
     try:
-        _refuse_another(stored, record)
         clock, views = _restored(stored, training)
         session = Session(
             folder, record, scene, training, clock, lock, memory, photographs, warnings, _good=training.step
@@ -80,12 +80,15 @@ def _with_added(training: Training, record: RunRecord) -> Training:
     return training
 
 
-def _refuse_another(stored: TensorFile, record: RunRecord) -> None:
-    """Raises ValueError for a checkpoint whose shapes may fit, but which another run wrote; earlier versions did not
-    say which."""
+def _refuse_another(stored: TensorFile, folder: RunFolder, record: RunRecord) -> None:
+    """Raises RunError for a checkpoint whose shapes may fit, but which another run wrote; earlier versions did not say
+    which."""
     made_by = stored.metadata.get("made_by", record.made_by)
     if made_by != record.made_by:
-        raise ValueError(f"it is of {made_by}, and the run of {record.made_by}")
+        raise RunError(
+            f"{folder.checkpoint}: is of {made_by}, and {folder.path / RECORD_NAME} of {record.made_by}; put this run's "
+            "own back, or start again with --out NEW"
+        )
 
 
 def _restored(stored: TensorFile, training: Training) -> tuple[Clock, int]:
