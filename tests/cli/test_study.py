@@ -123,18 +123,6 @@ def test_a_dry_run_makes_nothing(tiny: Path, tmp_path: Path, ringlight: Command)
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("more", [(), ("--dry-run",)])
-def test_a_file_in_place_of_the_folder_is_told_before_any_run(
-    more: tuple[str, ...], tiny: Path, tmp_path: Path, ringlight: Command
-) -> None:
-    file = tmp_path / "file"
-    file.touch()
-    for out in (file, file / "deeper" / "out"):
-        words = ("study", "rank", tiny, "--out", out, *more)
-        refused(ringlight(*words), 1, f"{out}: cannot be made ({file} is a file)", "--out")
-    assert list(tmp_path.iterdir()) == [file]
-
-
 def test_a_folder_that_cannot_be_made_is_told_before_any_run(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     out = tmp_path / "link"
     out.symlink_to(tmp_path / "gone")

@@ -57,14 +57,14 @@ def test_bad_input_is_a_sentence(words: tuple[str, ...], names: list[str], tmp_p
 
 
 @pytest.mark.parametrize("more", [(), ("--dry-run",)])
+@pytest.mark.parametrize("runs", [("table", "--methods", "3dgs"), ("study", "rank")])
 def test_a_file_in_place_of_the_folder_is_told_before_any_run(
-    more: tuple[str, ...], tiny: Path, tmp_path: Path, ringlight: Command
+    runs: tuple[str, ...], more: tuple[str, ...], tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:
     file = tmp_path / "file"
     file.touch()
     for out in (file, file / "deeper" / "out"):
-        words = ("table", tiny, "--methods", "3dgs", "--out", out, *more)
-        refused(ringlight(*words), 1, f"{out}: cannot be made ({file} is a file)", "--out")
+        refused(ringlight(*runs, tiny, "--out", out, *more), 1, f"{out}: cannot be made ({file} is a file)", "--out")
     assert list(tmp_path.iterdir()) == [file]
 
 

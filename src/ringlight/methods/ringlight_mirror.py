@@ -173,9 +173,6 @@ class RingLightMirrorRecipe(SplatRecipe):
         """See :meth:`SplatRecipe.without_effect`."""
         varying = {} if self.basis_size else dict.fromkeys(OF_VARYING, "--basis-size is 0")
         consistent = {} if self.consistency else dict.fromkeys(OF_CONSISTENCY, "--consistency is 0")
-        if self.consistency and not self.consistency_until:
-            idle = ("consistency", "consistency_stride", "consistency_every")
-            consistent = dict.fromkeys(idle, "--consistency-until is 0")
         return super().without_effect() | varying | consistent
 
     def densify_on_hull(self, scene: "Scene") -> DensifySettings:
