@@ -86,8 +86,8 @@ def _refuse_another(stored: TensorFile, folder: RunFolder, record: RunRecord) ->
     made_by = stored.metadata.get("made_by", record.made_by)
     if made_by != record.made_by:
         raise RunError(
-            f"{folder.checkpoint}: is of {made_by}, and {folder.path / RECORD_NAME} of {record.made_by}; put this run's "
-            "own back, or start again with --out NEW"
+            f"{folder.checkpoint}: is of {made_by}, and {folder.path / RECORD_NAME} of {record.made_by}; put this "
+            "run's own back, or start again with --out NEW"
         )
 
 
