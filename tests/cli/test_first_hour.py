@@ -103,7 +103,7 @@ def test_a_checkpoint_of_another_run_is_called_so(
     trained: dict[str, Path], run_folder: Path, ringlight: Command
 ) -> None:
     shutil.copy(trained["3dgs"] / "checkpoint.safetensors", run_folder / "checkpoint.safetensors")
-    refused(ringlight("train", "--resume", run_folder, "--quiet"), 1, "another run's")
+    refused(ringlight("train", "--resume", run_folder, "--quiet"), 1, "is of 3dgs with seed 0")
 
 
 def test_a_strangers_model_of_huge_numbers_is_not_to_be_trained_otherwise(
