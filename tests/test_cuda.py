@@ -46,7 +46,7 @@ def test_a_model_trained_there_is_drawn_here(method: str, visible_only: bool, mo
     assert all(parameter.is_cuda for parameter in there.model.parameters())
     moved = built(method, scene, "cpu", visible_only)
     moved.restore(there.state())
-    if there.model.rasterize.note is None:
+    if rasterizer_for("cuda").note is None:
         assert all(psnr(ours, same) > ALIKE for ours, same in zip(pictures(moved), pictures(there), strict=True))
     truths = [view.image(scene.background_color).permute(1, 2, 0) for view in scene.test]
     scores = [
