@@ -12,15 +12,16 @@ if not torch.cuda.is_available():
 print(torch.cuda.get_device_name().lower().replace(" ", "-"))')
 
 ringlight doctor
-"$python" -m pytest -n 0 -m cuda tests
-"$python" -m pytest -n 0 tests/*/test_*_triton.py
+"$python" -m pytest -n "${WORKERS:-4}" -m cuda tests/test_cuda.py tests/contracts
+"$python" -m pytest -n "${WORKERS:-4}" tests/*/test_*_triton.py
 
 # --seconds bounds each: together about four minutes.
 ringlight bench raster --device cuda --sizes 100k@400 300k@800 --seconds 10 --save "gpu-$name-raster"
 ringlight bench raster --device cuda --sizes 300k@800 --channels 11 --seconds 10 --save "gpu-$name-raster-11"
 ringlight bench parts --device cuda --sizes 100k@400 300k@800 --seconds 5 --save "gpu-$name-parts"
-for method in 3dgs ringlight; do
-  ringlight bench step "$method" --device cuda --size 300k@800 --seconds 20 --save "gpu-$name-step-$method"
+methods="3dgs ringlight-basis ringlight-ring ringlight-mirror"
+for size in 20k@400 100k@400 300k@800; do
+  ringlight bench step $methods --device cuda --size "$size" --seconds 5 --save "gpu-$name-step-${size%@*}"
 done
-ringlight bench fps --device cuda --methods 3dgs ringlight --sizes 300k@800 --seconds 20 --save "gpu-$name-fps"
+ringlight bench fps --device cuda --methods $methods --sizes 100k@400 300k@800 --seconds 5 --save "gpu-$name-fps"
 echo "results: benchmarks/results/gpu-$name-*.json"

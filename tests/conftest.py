@@ -54,3 +54,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if not torch.cuda.is_available():
         for item in marked:
             item.add_marker(pytest.mark.skip(reason="needs an NVIDIA GPU"))
+        return
+    # Kernels are loaded when a test first needs one, and Triton wants them without the checks of shapes.
+    __import__("interpreted")
