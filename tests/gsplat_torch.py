@@ -39,6 +39,7 @@ class TorchGsplat:
         """gsplat's torch function projects all rows; which of them are kept is decided here as its kernels do."""
         call = self._bound("fully_fused_projection", arguments, named)
         assert call["packed"]
+        assert len(call["means"]), "gsplat's kernels divide by their number"
         assert call["covars"] is None
         columns, opacities = (call["means"], call["quats"], call["scales"]), call["opacities"]
         with torch.no_grad():

@@ -32,10 +32,10 @@ def built(method: str, scene: Scene, device: str, visible_only: bool = False) ->
     return recipe.build(scene, rasterizer_for(device), seed=0)
 
 
-def pictures(training: Training) -> list[torch.Tensor]:
-    scene = training.batches.scene
+def pictures(training: Training, scene: Scene) -> list[torch.Tensor]:
     with torch.no_grad():
-        return [training.model.render(view.camera, scene.background_color).color.cpu() for view in scene.test]
+        shown = [training.model.render(view.camera, scene.background_color).color.cpu() for view in scene.test]
+    return [picture.clamp(0, 1) for picture in shown]
 
 
 @pytest.mark.parametrize("visible_only", [False, True])
@@ -51,11 +51,11 @@ def test_a_model_trained_there_is_drawn_here(method: str, visible_only: bool, mo
     moved = built(method, scene, "cpu", visible_only)
     moved.restore(there.state())
     if rasterizer_for("cuda").note is None:
-        likeness = [psnr(ours, same) for ours, same in zip(pictures(moved), pictures(there), strict=True)]
+        likeness = [psnr(ours, same) for ours, same in zip(pictures(moved, scene), pictures(there, scene), strict=True)]
         assert min(likeness) > (ALIKE_IN_HALVES.get(method, ALIKE) if multiplies_halves() else ALIKE)
     truths = [view.image(scene.background_color).permute(1, 2, 0) for view in scene.test]
     scores = [
-        sum(psnr(image, truth) for image, truth in zip(pictures(training), truths, strict=True)) / len(truths)
+        sum(psnr(image, truth) for image, truth in zip(pictures(training, scene), truths, strict=True)) / len(truths)
         for training in (there, here)
     ]
     assert scores[0] > scores[1] - AS_GOOD

@@ -26,6 +26,8 @@ from torch_graph import drawn
 IMAGE_TOLERANCE = 2e-5
 # Of the largest gradient in the column. Thin Gaussians lose digits in the conic, which its gradient divides by.
 GRADIENT_TOLERANCE = 1e-4
+# gsplat is compiled with the fast exponential, whose error an opaque stack divides by what little light is left.
+GSPLAT_GRADIENT_TOLERANCE = 1e-3
 
 
 @pytest.fixture(
@@ -68,22 +70,23 @@ def assert_close(found: Tensor, expected: Tensor, tolerance: float, what: str):
     assert error < tolerance, f"{what}: off by {error:.1e} of its largest value"
 
 
-def assert_same_outcome(found: Outcome, expected: Outcome, sure: Tensor):
+def assert_same_outcome(found: Outcome, expected: Outcome, sure: Tensor, tolerance: float = GRADIENT_TOLERANCE):
     assert_close(found.raster.image[sure], expected.raster.image[sure], IMAGE_TOLERANCE, "image")
     assert_close(found.raster.alpha[sure], expected.raster.alpha[sure], IMAGE_TOLERANCE, "alpha")
     assert found.gradients.keys() == expected.gradients.keys()
     for name, gradient in expected.gradients.items():
-        assert_close(found.gradients[name], gradient, GRADIENT_TOLERANCE, f"gradient of {name}")
+        assert_close(found.gradients[name], gradient, tolerance, f"gradient of {name}")
 
 
 def check_against_reference(rasterizer: Rasterizer, case: Case, seed: int = 0):
     cotangents = random_cotangents(case, seed)
     found, expected = run(rasterizer, case, *cotangents), judge(case, *cotangents)
-    assert_same_outcome(found, expected, certain_pixels(case))
+    tolerance = GSPLAT_GRADIENT_TOLERANCE if isinstance(rasterizer, RasterizerOnGpu) else GRADIENT_TOLERANCE
+    assert_same_outcome(found, expected, certain_pixels(case), tolerance)
     ours, theirs = found.raster.footprint, expected.raster.footprint
-    assert_close(ours.means2d_gradient, theirs.means2d_gradient, GRADIENT_TOLERANCE, "means2d gradient")
+    assert_close(ours.means2d_gradient, theirs.means2d_gradient, tolerance, "means2d gradient")
     if case.options.absgrad:
-        assert_close(ours.absolute_gradient, theirs.absolute_gradient, GRADIENT_TOLERANCE, "absolute gradient")
+        assert_close(ours.absolute_gradient, theirs.absolute_gradient, tolerance, "absolute gradient")
     both = ours.visible & theirs.visible
     assert_close(ours.means2d[both], theirs.means2d[both], IMAGE_TOLERANCE, "means2d")
     # A radius is rounded up to whole pixels: float32 may round the other way.

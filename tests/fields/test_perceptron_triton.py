@@ -25,7 +25,7 @@ def test_equals_the_reference(count: int, inputs: int, hidden: int, outputs: int
 @pytest.mark.skipif(not interpreted.HAS_GPU, reason="Triton's interpreter multiplies the bits of bfloat16 numbers")
 @pytest.mark.parametrize("deep", [False, True])
 def test_products_of_bfloat16_are_near(deep: bool):
-    check((35, *[64] * (1 + deep), 3), 50, 2e-2, half=True)
+    check((35, *[64] * (1 + deep), 3), 50, 2e-2, half=True, gradients=0.1)  # units near zero are on here, off there
 
 
 def test_no_rows():
@@ -37,7 +37,7 @@ def test_no_rows():
     assert all((parameter.grad == 0).all() for parameter in parameters)
 
 
-def check(widths: tuple[int, ...], count: int, tolerance: float, half: bool = False):
+def check(widths: tuple[int, ...], count: int, tolerance: float, half: bool = False, gradients: float | None = None):
     generator = torch.Generator().manual_seed(count)
     exact = perceptron(widths, generator).double()
     rows = torch.randn(count, widths[0], generator=generator)
@@ -51,6 +51,7 @@ def check(widths: tuple[int, ...], count: int, tolerance: float, half: bool = Fa
     found.backward(upstream.to(interpreted.DEVICE))
     pairs = [(found, expected), (ours.grad, truth.grad)]
     pairs += [(mine.grad, layer.grad) for mine, layer in zip(layers, exact.parameters(), strict=True)]
-    for mine, right in pairs:
-        error = (mine.cpu().double() - right).norm() / right.norm().clamp_min(1e-9)
-        assert error < tolerance
+    differences = [(mine.detach().cpu().double() - right, right) for mine, right in pairs]
+    errors = [(difference.norm() / right.norm().clamp_min(1e-9)).item() for difference, right in differences]
+    assert errors[0] < tolerance
+    assert max(errors) < (gradients or tolerance)

@@ -4,7 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ringlight.core.directions import normalize, octahedral_from_directions
-from ringlight.fields.tables import axis_nodes, between_map_nodes, between_nodes, octahedral_nodes
+from ringlight.fields.tables import (
+    axis_nodes,
+    between_map_nodes,
+    between_nodes,
+    octahedral_nodes,
+    shares_of_nodes,
+)
 
 
 @settings(max_examples=20)
@@ -21,6 +27,20 @@ def test_nodes_and_outside():
     table = torch.randn(9, 3)
     torch.testing.assert_close(between_nodes(table, axis_nodes(9)), table, rtol=1e-5, atol=1e-5)
     torch.testing.assert_close(between_nodes(table, torch.tensor([-4.0, 7.0])), table[[0, -1]])
+
+
+@settings(max_examples=20)
+@given(count=st.integers(2, 40), seed=st.integers(0, 1000))
+def test_a_product_of_matrices_reads_the_same(count, seed):
+    """What a GPU does, in values and gradients; between nodes, where slopes are the same."""
+    generator = torch.Generator().manual_seed(seed)
+    table = torch.randn(count, 3, generator=generator, dtype=torch.float64).requires_grad_()
+    at = (torch.rand(50, generator=generator, dtype=torch.float64) * 3 - 1.5).requires_grad_()
+    upstream = torch.randn(50, 3, generator=generator, dtype=torch.float64)
+    read, product = between_nodes(table, at), shares_of_nodes(at, count) @ table
+    torch.testing.assert_close(product, read)
+    by_reading = torch.autograd.grad(read, [table, at], upstream)
+    torch.testing.assert_close(torch.autograd.grad(product, [table, at], upstream), by_reading)
 
 
 def test_nan_is_the_first_node():

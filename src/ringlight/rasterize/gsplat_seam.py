@@ -6,6 +6,7 @@ Nothing else knows of gsplat, so that a test can put its own pure-torch function
 from dataclasses import dataclass
 from typing import Any
 
+import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
@@ -56,6 +57,11 @@ def tile_counts(size: tuple[int, int]) -> tuple[int, int]:
     return -(-width // TILE), -(-height // TILE)
 
 
+def _no_ellipses(means: Float[Tensor, "0 3"]) -> Ellipses:
+    rows = torch.zeros(0, dtype=torch.int64, device=means.device)
+    return Ellipses(rows, means.new_zeros(0, 2), means.new_zeros(0), means.new_zeros(0, 3), rows.new_zeros(0, 2), None)
+
+
 class Gsplat:
     """gsplat's kernels for one image at a time, packed: rows that are not seen cost nothing after projection.
 
@@ -78,6 +84,8 @@ class Gsplat:
         options: RasterOptions,
     ) -> Ellipses:
         """``size`` is width and height; ``opacities`` only bound the footprints, and get no gradient here."""
+        if not len(means):  # gsplat divides by their number, which ends the process
+            return _no_ellipses(means)
         found = self._gsplat.fully_fused_projection(
             means, None, quats, scales, pose, lens, *size,
             eps2d=options.eps2d, near_plane=options.near, far_plane=float("inf"),

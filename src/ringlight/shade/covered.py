@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.rendering import Channels
+from ringlight.core.rows import rows_at
 
 # Pixels with less opacity are not shaded: the network could add a fiftieth of a colour at most, and the division by
 # opacity would hand on noise fifty times over.
@@ -44,15 +45,15 @@ def covered_pixels(
     """
     flat = {name: values.flatten(0, 1) for name, values in buffers.items()}
     index = (flat["alpha"].detach()[:, 0] > FAINTEST_SHADED).nonzero()[:, 0]
-    alpha = flat["alpha"][index]
+    alpha = rows_at(flat["alpha"], index)
     rays = _rays(index, camera).to(alpha)
-    depth = flat["depth"][index] / alpha if "depth" in flat else torch.zeros_like(alpha)
+    depth = rows_at(flat["depth"], index) / alpha if "depth" in flat else torch.zeros_like(alpha)
     return CoveredPixels(
         index=index,
         alpha=alpha,
-        base=(flat["rgb"][index] - (1 - alpha) * background.to(alpha)) / alpha,
-        latents=flat["latents"][index] / alpha if "latents" in flat else alpha.new_empty(len(index), 0),
-        normals=_unit(flat["normal"][index]),
+        base=(rows_at(flat["rgb"], index) - (1 - alpha) * background.to(alpha)) / alpha,
+        latents=rows_at(flat["latents"], index) / alpha if "latents" in flat else alpha.new_empty(len(index), 0),
+        normals=_unit(rows_at(flat["normal"], index)),
         directions=rays * (rays * rays).sum(-1, keepdim=True).rsqrt(),
         points=camera.position.to(alpha) + rays * (depth if depth_gradient else depth.detach()),
     )
