@@ -96,14 +96,15 @@ class RingLightMirrorRecipe(SplatRecipe):
     (docs/experiments/mirrors.md)."""
     consistency: float = later(0.0, now=0.05)
     """Weight of 1 - cosine between blended normals and those of the blended depths; 0 for none. Without it the surface
-    of a mirrored ball sinks into the images that it shows. Worth 0.9 dB on twelve balls; a toaster's chrome loses 0.3
+    of a mirrored ball sinks into the images that it shows. Worth 0.9 dB on twelve balls; a toaster's chrome loses 0.1
     (docs/experiments/mirrors.md)."""
     consistency_stride: int = later(3)
     """Every so many rows and columns of pixels it is asked for, others each time."""
     consistency_every: int = later(4)
     """It is asked for in every so many-th step, and counts as often."""
     consistency_until: float = later(0.4)
-    """Share of all steps until which it is asked for: that decides where the surface goes, and the rest is free."""
+    """Share of all steps until which it is asked for, from the first lit one on: that decides where the surface goes,
+    and the rest is free."""
     undo_collapse: bool = later(False, now=True)
     """Whether a shader that collapses is noticed, and the run set back to where it was good, with half of the shader's
     rates from there on."""
@@ -173,6 +174,9 @@ class RingLightMirrorRecipe(SplatRecipe):
         """See :meth:`SplatRecipe.without_effect`."""
         varying = {} if self.basis_size else dict.fromkeys(OF_VARYING, "--basis-size is 0")
         consistent = {} if self.consistency else dict.fromkeys(OF_CONSISTENCY, "--consistency is 0")
+        if self.consistency and self.consistency_until < self.warmup:
+            reason = f"until --consistency-until {self.consistency_until:g} of the run nothing is lit"
+            consistent = dict.fromkeys(("consistency", *OF_CONSISTENCY), reason)
         return super().without_effect() | varying | consistent
 
     def densify_on_hull(self, scene: "Scene") -> DensifySettings:
@@ -230,15 +234,17 @@ class RingLightMirrorRecipe(SplatRecipe):
             surface_opacity=self.opacity,
             light=(SHADER,) if self.undo_collapse else (),
             first_lit=first_lit,
-            regularizers=self._regularizers(),
+            regularizers=self._regularizers(first_lit),
         )
 
-    def _regularizers(self) -> "dict[str, Regularizer]":
+    def _regularizers(self, first_lit: int) -> "dict[str, Regularizer]":
         from ringlight.fit.regularizers.depth_normals import DepthNormals
 
         if not self.consistency:
             return {}
         weight = self.loss.scale * self.consistency
         last = int(self.consistency_until * self.steps)
-        normals = DepthNormals(weight, self.consistency_stride, self.consistency_every, last, ONE_SURFACE)
+        normals = DepthNormals(
+            weight, self.consistency_stride, self.consistency_every, first_lit, last, least_cosine=ONE_SURFACE
+        )
         return {"consistency": normals}
