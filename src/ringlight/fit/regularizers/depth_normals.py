@@ -35,9 +35,9 @@ class DepthNormals:
     """``weight`` times the mean of 1 - cosine between blended normal and depth's normal over pixels within a surface.
 
     It looks at each ``every``-th step from ``first`` to ``last``, where it counts ``every`` times, and there at every
-    ``stride``-th row and column, another of them each time. A pixel whose cosine is not above ``least_cosine`` adds nothing, though
-    the mean counts it: its neighbours lie on surfaces one behind the other. Predictions without a camera, and without a
-    pixel within a surface, give nothing.
+    ``stride``-th row and column, another of them each time. A pixel whose cosine is not above ``least_cosine`` adds
+    nothing, though the mean counts it: its neighbours lie on surfaces one behind the other. Predictions without a
+    camera, and without a pixel within a surface, give nothing.
     """
 
     buffers: tuple[str, ...] = ("normal", "depth", "alpha")
