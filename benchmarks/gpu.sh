@@ -1,6 +1,7 @@
 #!/bin/sh
-# Everything that wants a GPU, in under ten minutes once gsplat's kernels are built: tests, parity with the CPU, speed.
-# Writes benchmarks/results/gpu-NAME-*.json. PYTHON names another interpreter than .venv's.
+# Everything that wants a GPU: builds gsplat's kernels, then tests, parity with the CPU, speed.
+# Writes benchmarks/results/gpu-NAME-*.json. PYTHON names another interpreter than .venv's, WORKERS how many processes
+# test side by side (4).
 set -eu
 cd "$(dirname "$0")/.."
 python=${PYTHON:-.venv/bin/python}
@@ -12,10 +13,12 @@ if not torch.cuda.is_available():
 print(torch.cuda.get_device_name().lower().replace(" ", "-"))')
 
 ringlight doctor
-"$python" -m pytest -n "${WORKERS:-4}" -m cuda tests/test_cuda.py tests/contracts
+# Before the workers, which would build them all at once.
+"$python" -c 'from ringlight.rasterize.choose import rasterizer_for; rasterizer_for("cuda")'
+"$python" -m pytest -n "${WORKERS:-4}" -m cuda tests
 "$python" -m pytest -n "${WORKERS:-4}" tests/*/test_*_triton.py
 
-# --seconds bounds each: together about four minutes.
+# --seconds bounds each size, and each method at it.
 ringlight bench raster --device cuda --sizes 100k@400 300k@800 --seconds 10 --save "gpu-$name-raster"
 ringlight bench raster --device cuda --sizes 300k@800 --channels 11 --seconds 10 --save "gpu-$name-raster-11"
 ringlight bench parts --device cuda --sizes 100k@400 300k@800 --seconds 5 --save "gpu-$name-parts"

@@ -4,8 +4,11 @@
 they take three fifths of the time.
 """
 
+import importlib
+import importlib.util
 import os
 import signal
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -43,17 +46,15 @@ def all_cores_afterwards() -> Iterator[None]:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with slow tests come first, so that no worker waits for the other's at the end; tests marked ``cuda`` say
-    why they do not run."""
+    why they do not run; Triton's kernels are left unchecked on a GPU."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
     marked = [item for item in items if item.get_closest_marker("cuda")]
-    if not marked:
-        return
-    import torch
-
-    if not torch.cuda.is_available():
+    torch = importlib.import_module("torch") if marked else sys.modules.get("torch")
+    if torch is None or not torch.cuda.is_available():
         for item in marked:
             item.add_marker(pytest.mark.skip(reason="needs an NVIDIA GPU"))
         return
     # Kernels are loaded when a test first needs one, and Triton wants them without the checks of shapes.
-    __import__("interpreted")
+    if importlib.util.find_spec("triton"):
+        importlib.import_module("interpreted")

@@ -118,7 +118,7 @@ REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
     "depth normals": lambda: DepthNormals(0.2),
     "depth normals, every other pixel": lambda: DepthNormals(0.2, 2),
     "depth normals, of one surface": lambda: DepthNormals(0.2, least_cosine=0.3),
-    "depth normals, every third step": lambda: DepthNormals(0.2, every=3),
+    "depth normals, every third step": lambda: DepthNormals(0.2, steps=range(0, 999, 3)),
     "zero-one": lambda: ZeroOne(0.4),
     "small column": lambda: SmallColumn(SCALES, 0.5),
     "by torch, of a column": lambda: TorchRegularizer(lambda of: of[SCALES].exp().mean(), (SCALES,)),

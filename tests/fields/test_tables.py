@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from ringlight.core.directions import normalize, octahedral_from_directions
 from ringlight.fields.tables import (
+    MOST_SHARED,
     axis_nodes,
     between_map_nodes,
     between_nodes,
@@ -32,15 +33,32 @@ def test_nodes_and_outside():
 @settings(max_examples=20)
 @given(count=st.integers(2, 40), seed=st.integers(0, 1000))
 def test_a_product_of_matrices_reads_the_same(count, seed):
-    """What a GPU does, in values and gradients; between nodes, where slopes are the same."""
+    """What a GPU does, in values and gradients: at nodes, between them, outside, and where there is no number."""
     generator = torch.Generator().manual_seed(seed)
     table = torch.randn(count, 3, generator=generator, dtype=torch.float64).requires_grad_()
-    at = (torch.rand(50, generator=generator, dtype=torch.float64) * 3 - 1.5).requires_grad_()
-    upstream = torch.randn(50, 3, generator=generator, dtype=torch.float64)
+    between = torch.rand(50, generator=generator, dtype=torch.float64) * 3 - 1.5
+    at = torch.cat([between, axis_nodes(count).double(), torch.tensor([torch.nan])]).requires_grad_()
+    upstream = torch.randn(len(at), 3, generator=generator, dtype=torch.float64)
     read, product = between_nodes(table, at), shares_of_nodes(at, count) @ table
     torch.testing.assert_close(product, read)
     by_reading = torch.autograd.grad(read, [table, at], upstream)
     torch.testing.assert_close(torch.autograd.grad(product, [table, at], upstream), by_reading)
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("count", [16, MOST_SHARED, MOST_SHARED + 1])
+def test_a_gpu_reads_the_same(count: int):
+    generator = torch.Generator().manual_seed(count)
+    along, over = torch.randn(count, 5, generator=generator), torch.randn(count**2, 5, generator=generator)
+    uv, upstream = torch.rand(3000, 2, generator=generator) * 2 - 1, torch.randn(3000, 5, generator=generator)
+
+    def read(device: str) -> list[torch.Tensor]:
+        line, square, at = (tensor.to(device).requires_grad_() for tensor in (along, over, uv))
+        values = between_nodes(line, at[:, 0]) * between_map_nodes(square, at)
+        return [values, *torch.autograd.grad(values, [line, square, at], upstream.to(device))]
+
+    for there, here in zip(read("cuda"), read("cpu"), strict=True):
+        torch.testing.assert_close(there.cpu(), here, rtol=1e-4, atol=1e-3)
 
 
 def test_nan_is_the_first_node():

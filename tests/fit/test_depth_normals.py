@@ -58,9 +58,9 @@ def test_what_is_not_covered_has_no_say(model: Model):
 
 def test_every_few_steps_it_counts_as_often_and_looks_at_other_pixels_each_time(model: Model):
     wrong = normalize(NORMAL + torch.tensor([0.3, 0.0, 0.0]))
-    few, always = DepthNormals(1.0, 2, every=3), DepthNormals(1.0, 2)
+    few, always = DepthNormals(1.0, 2, range(0, 99, 3)), DepthNormals(1.0, 2)
     assert [step for step in range(1, 10) if few.looks(step)] == [3, 6, 9]
-    assert [step for step in range(1, 10) if DepthNormals(1.0, every=3, first=4, last=11).looks(step)] == [6, 9]
+    assert [step for step in range(1, 12) if DepthNormals(1.0, steps=range(6, 11, 3)).looks(step)] == [6, 9]
     assert all(always.looks(step) for step in range(1, 10))
     for look in range(1, 5):
         seldom, often = few.term(3 * look, model, plane(wrong)), always.term(look, model, plane(wrong))

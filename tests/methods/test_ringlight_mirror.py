@@ -60,12 +60,12 @@ def test_the_light_keeps_its_rates_while_the_normals_settle():
 
 def test_normals_are_asked_to_agree_with_depths_when_the_light_begins():
     scene = tiny_scene(views=4, size=24)
-    settings = {"consistency": 0.2, "consistency_every": 2, "consistency_until": 0.3, "warmup": 0.15}
+    settings = {"consistency": 0.2, "consistency_every": 2, "consistency_until": 0.4, "warmup": 0.2}
     recipe = dataclasses.replace(RECIPE, **settings)
     training = recipe.build(scene, rasterizer_for("auto"), seed=0)
     asked = [progress.step for progress in train(training) if "consistency" in progress.losses]
-    assert asked == [4, 6], "not before the light, whose warm-up has nothing else that moves normals"
-    assert "nothing is lit" in dataclasses.replace(recipe, warmup=0.4).without_effect()["consistency"]
+    assert asked == [6, 8], "step 4 switches the light on; until then nothing else moves normals"
+    assert "no step is lit" in dataclasses.replace(recipe, warmup=0.4).without_effect()["consistency"]
     training.extend(20)
     assert "consistency" not in training.regularizers_at(24)
     assert "consistency" not in relight_recipe(RECIPE, 300).course(scene).regularizers

@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.core.rows import rows_at
 from ringlight.fields.tables import between_nodes, node_cells
 
 PAIRS = (((0, 1), 2), ((0, 2), 1), ((1, 2), 0))
@@ -40,5 +41,5 @@ def _between_plane_nodes(plane: Plane, across: Float[Tensor, "N"], down: Float[T
     height, width = plane.shape[:2]
     (column, right), (row, below) = node_cells(across, width), node_cells(down, height)
     nodes, first = plane.flatten(0, 1), row * width + column
-    above = torch.lerp(nodes[first], nodes[first + 1], right)
-    return torch.lerp(above, torch.lerp(nodes[first + width], nodes[first + width + 1], right), below)
+    above = torch.lerp(rows_at(nodes, first), rows_at(nodes, first + 1), right)
+    return torch.lerp(above, torch.lerp(rows_at(nodes, first + width), rows_at(nodes, first + width + 1), right), below)

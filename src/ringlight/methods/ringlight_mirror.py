@@ -50,7 +50,8 @@ OF_VARYING = ("sh_every", "weights_rate", "basis_rate")
 
 ONE_SURFACE = 0.7
 """Cosine below which blended normal and depth's normal are of two surfaces, one behind the other: pixels there have no
-say. With all of them chrome loses 0.45 instead of 0.3 dB, and twelve balls gain less (docs/experiments/mirrors.md)."""
+say. With all of them chrome lost 0.45 instead of 0.3 dB, and twelve balls gained less, when the term was asked for
+during the warm-up too (docs/experiments/mirrors.md)."""
 
 OF_CONSISTENCY = ("consistency_stride", "consistency_every", "consistency_until")
 """Settings that decide nothing where normals need not agree with depths."""
@@ -174,10 +175,23 @@ class RingLightMirrorRecipe(SplatRecipe):
         """See :meth:`SplatRecipe.without_effect`."""
         varying = {} if self.basis_size else dict.fromkeys(OF_VARYING, "--basis-size is 0")
         consistent = {} if self.consistency else dict.fromkeys(OF_CONSISTENCY, "--consistency is 0")
-        if self.consistency and self.consistency_until < self.warmup:
-            reason = f"until --consistency-until {self.consistency_until:g} of the run nothing is lit"
+        if self.consistency and not self.consistency_steps:
+            reason = f"no step is lit until --consistency-until {self.consistency_until:g} of the run"
             consistent = dict.fromkeys(("consistency", *OF_CONSISTENCY), reason)
         return super().without_effect() | varying | consistent
+
+    @property
+    def first_lit(self) -> int:
+        """Step after which the light is on."""
+        return max(int(self.warmup * self.steps), 1)
+
+    @property
+    def consistency_steps(self) -> range:
+        """At which normals are asked to agree with depths: lit ones, since before these nothing else moves normals."""
+        if not self.consistency:
+            return range(0)
+        every = self.consistency_every
+        return range((self.first_lit // every + 1) * every, int(self.consistency_until * self.steps) + 1, every)
 
     def densify_on_hull(self, scene: "Scene") -> DensifySettings:
         """Density control of a subject that a hull cuts out."""
@@ -208,7 +222,7 @@ class RingLightMirrorRecipe(SplatRecipe):
         from ringlight.core.gradients import SHADER
         from ringlight.methods.assembly import Course
 
-        first_lit = max(int(self.warmup * self.steps), 1)
+        first_lit = self.first_lit
 
         def lit(rate: float, hold: float = self.light_hold) -> Adam:
             return Adam(Rate(rate, DECAY * rate, hold), begins=first_lit)
@@ -234,17 +248,14 @@ class RingLightMirrorRecipe(SplatRecipe):
             surface_opacity=self.opacity,
             light=(SHADER,) if self.undo_collapse else (),
             first_lit=first_lit,
-            regularizers=self._regularizers(first_lit),
+            regularizers=self._regularizers(),
         )
 
-    def _regularizers(self, first_lit: int) -> "dict[str, Regularizer]":
+    def _regularizers(self) -> "dict[str, Regularizer]":
         from ringlight.fit.regularizers.depth_normals import DepthNormals
 
-        if not self.consistency:
+        if not self.consistency_steps:
             return {}
         weight = self.loss.scale * self.consistency
-        last = int(self.consistency_until * self.steps)
-        normals = DepthNormals(
-            weight, self.consistency_stride, self.consistency_every, first_lit, last, least_cosine=ONE_SURFACE
-        )
+        normals = DepthNormals(weight, self.consistency_stride, self.consistency_steps, ONE_SURFACE)
         return {"consistency": normals}

@@ -34,7 +34,7 @@ Places = tuple[slice, slice]
 class DepthNormals:
     """``weight`` times the mean of 1 - cosine between blended normal and depth's normal over pixels within a surface.
 
-    It looks at each ``every``-th step from ``first`` to ``last``, where it counts ``every`` times, and there at every
+    It looks at ``steps``, by default all; where these are every K-th it counts K times. There it looks at every
     ``stride``-th row and column, another of them each time. A pixel whose cosine is not above ``least_cosine`` adds
     nothing, though the mean counts it: its neighbours lie on surfaces one behind the other. Predictions without a
     camera, and without a pixel within a surface, give nothing.
@@ -42,21 +42,13 @@ class DepthNormals:
 
     buffers: tuple[str, ...] = ("normal", "depth", "alpha")
 
-    def __init__(
-        self,
-        weight: float,
-        stride: int = 1,
-        every: int = 1,
-        first: int = 0,
-        last: int | None = None,
-        least_cosine: float = -math.inf,
-    ):
-        self.weight, self.stride, self.every, self.least_cosine = weight * every, stride, every, least_cosine
-        self.first, self.last = first, last
+    def __init__(self, weight: float, stride: int = 1, steps: range | None = None, least_cosine: float = -math.inf):
+        self.steps, self.every = steps, 1 if steps is None else steps.step
+        self.weight, self.stride, self.least_cosine = weight * self.every, stride, least_cosine
 
     def looks(self, step: int) -> bool:
         """See :class:`ringlight.fit.regularizers.contract.Regularizer`."""
-        return step % self.every == 0 and self.first <= step and (self.last is None or step <= self.last)
+        return self.steps is None or step in self.steps
 
     def term(self, step: int, model: Model, prediction: Rendering) -> Term:
         """See :class:`ringlight.fit.regularizers.contract.Regularizer`."""
