@@ -203,6 +203,7 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
     refused(ringlight("trian"), 2, "trian", "ringlight train")
     refused(ringlight("train", tiny, "3dsg", *out), 2, "3dsg", "3dgs")
     refused(ringlight("train", tiny, "nonsense", *out), 2, "nonsense", "ringlight-paper")
+    refused(ringlight("train", tiny, "ringligt", "--steps", "3", *out), 2, "'ringligt'; perhaps you meant 'ringlight'")
     refused(ringlight("train", "toster", "3dgs", *out), 1, "toster: no such folder; perhaps you meant", "'toaster'")
     refused(ringlight("train", tiny, "3dgs", "--stesp", "3", *out), 2, "--stesp", "perhaps you meant --steps")
     refused(ringlight("train", "--step", "3", tiny, "3dgs", *out), 2, "--step;", "perhaps you meant --steps")

@@ -15,7 +15,14 @@ from ringlight.data.options import SceneOptions
 from ringlight.data.points import random_points
 from ringlight.data.shrunk import shrunk
 from ringlight.methods import reflection_trial as module
-from ringlight.methods.reflection_trial import FEWEST_VIEWS, SIDE, ReflectionTrial, chosen_shading, reflection_trial
+from ringlight.methods.reflection_trial import (
+    FEWEST_VIEWS,
+    SIDE,
+    STEPS,
+    ReflectionTrial,
+    chosen_shading,
+    reflection_trial,
+)
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
@@ -125,6 +132,10 @@ def test_a_gain_that_is_too_small_says_what_it_must_be():
     close, clear, behind = (ReflectionTrial(1, 20.0, reflections) for reflections in (20.5, 22.0, 19.0))
     assert str(close).endswith("; reflections must gain 1 dB and gained 0.50")
     assert str(ReflectionTrial(1, 20.0, 20.996)).endswith("and gained 0.99")
+    assert [", too few to be sure," in str(ReflectionTrial(steps, 20.0, 22.0)) for steps in (20, STEPS)] == [
+        True,
+        False,
+    ]
     assert "must gain" not in str(clear) + str(behind)
 
 

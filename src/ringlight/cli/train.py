@@ -181,6 +181,12 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
             refuse("train", f"not understood: {flag}" + (f"; perhaps you meant {meant}" if meant else ""))
     if "--resume" in flags_in(arguments):
         return
+    first_flag = next((place for place, word in enumerate(arguments) if word.startswith("-")), len(arguments))
+    for word in arguments[1:first_flag] if not METHODS.keys() & set(arguments) else ():
+        try:
+            method_named(word)
+        except RecipeError as error:
+            refuse("train", str(error))
     at = next((place for place, word in enumerate(arguments) if word in METHODS), len(arguments))
     for flag in flags_in(arguments[:at]):
         if flag not in OF_ANY_METHOD:

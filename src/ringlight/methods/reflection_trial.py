@@ -30,7 +30,8 @@ from ringlight.methods.three_dgs import PAPER_DC_RATE, PAPER_REST_RATE, ThreeDGS
 from ringlight.rasterize.contract import Rasterizer
 
 STEPS = 1000
-"""Of each training: what harmonics cannot show is plain by then, and both together take some seconds."""
+"""Of each training: what harmonics cannot show is plain by then, and both together take some seconds. With 600 a chrome
+toaster gained hardly more than a matte chair (docs/experiments/choosing.md)."""
 
 SIDE = 200
 """Pixels: photographs are shrunk until neither side is longer."""
@@ -67,8 +68,9 @@ class ReflectionTrial:
             if 0 < gain < LEAST_GAIN
             else ""
         )
+        unsure = ", too few to be sure," if self.steps < STEPS else ""
         return (
-            f"in a trial of {counted(self.steps, 'step')} likeness to photographs kept apart was "
+            f"in a trial of {counted(self.steps, 'step')}{unsure} likeness to photographs kept apart was "
             f"{self.reflections:.1f} dB with reflections and {self.harmonics:.1f} dB without{short}"
         )
 
