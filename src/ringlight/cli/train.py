@@ -1,5 +1,6 @@
 """``ringlight train SCENE METHOD``: learn a scene from a folder of posed photographs."""
 
+import itertools
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -181,16 +182,21 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
             refuse("train", f"not understood: {flag}" + (f"; perhaps you meant {meant}" if meant else ""))
     if "--resume" in flags_in(arguments):
         return
-    first_flag = next((place for place, word in enumerate(arguments) if word.startswith("-")), len(arguments))
-    for word in arguments[1:first_flag] if not METHODS.keys() & set(arguments) else ():
-        try:
-            method_named(word)
-        except RecipeError as error:
-            refuse("train", str(error))
+    _refuse_unknown_method(arguments)
     at = next((place for place, word in enumerate(arguments) if word in METHODS), len(arguments))
     for flag in flags_in(arguments[:at]):
         if flag not in OF_ANY_METHOD:
             refuse("train", f"{flag} is a method's and goes behind its name: ringlight train SCENE METHOD {flag} …")
+
+
+def _refuse_unknown_method(arguments: list[str]) -> None:
+    """A method's flag would be refused before the name in front of it, which is the mistake."""
+    named = list(itertools.takewhile(lambda word: not word.startswith("-"), arguments))[1:2]
+    if named and not METHODS.keys() & set(arguments):
+        try:
+            method_named(named[0])
+        except RecipeError as error:
+            refuse("train", str(error))
 
 
 def _refuse_flags_of_other_methods(arguments: list[str]) -> None:
