@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import nn
 
+from finite_differences import assert_gradients
 from in_bfloat16 import IN_BFLOAT16, NEAR_KINKS
 from ringlight.color.light_fields import FIELDS
 from ringlight.color.ringlight_settings import RingLightSettings
@@ -146,7 +147,7 @@ def test_gradients_are_those_of_finite_differences(kind: str, way: Callable[...,
         )
         return result
 
-    assert torch.autograd.gradcheck(features, tuple(p.detach().requires_grad_() for p in field.parameters()))
+    assert_gradients(features, [p.detach().requires_grad_() for p in field.parameters()])
 
 
 class _Called(nn.Module):
