@@ -25,6 +25,7 @@ KERNEL_TESTS = (
     "color/test_harmonics.py",
     "color/test_glossy_harmonics.py",
     "color/test_shared_basis.py",
+    "color/test_basis_opacities.py",
     "color/test_ring_kernel.py",
     "color/test_ring_emission.py",
     "color/test_drawable.py",

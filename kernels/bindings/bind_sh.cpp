@@ -155,6 +155,50 @@ void opacity_gradient(const Points& means, const Tensor<const float, -1>& logits
   (table, by_factors.data(), {by_means.data(), by_logits.data(), by_rest.data()});
 }
 
+DirectionalOpacities as_mixed_opacities(const Points& means, const Tensor<const float, -1>& logits,
+                                        const Camera& camera, int degree, float least) {
+  const Harmonics table = as_table(means, SH_REST / 3, camera, degree);
+  require(logits.shape(0) == table.count, "sh_basis_opacity: all columns must have the same number of rows");
+  require(least > 0, "sh_basis_opacity: the least opacity must be positive");
+  return {table, logits.data(), least};
+}
+
+SharedBasis as_opacity_basis(std::size_t rows, const Matrix& weights, const Matrix& basis) {
+  const std::size_t count = basis.shape(0);
+  require(count >= 1 && count <= convention::SH_MAX_BASIS, "sh_basis_opacity: a basis has 1 to SH_MAX_BASIS rows");
+  require(3 * basis.shape(1) == SH_REST, "sh_basis_opacity: the basis must be [K 15]");
+  require(weights.shape(0) == rows && weights.shape(1) == count, "sh_basis_opacity: weights must be [N K]");
+  return {weights.data(), basis.data(), static_cast<int>(count)};
+}
+
+void basis_opacity_factors(const Points& means, const Tensor<const float, -1>& logits, const Matrix& weights,
+                           const Matrix& basis, const Camera& camera, int degree, float least,
+                           const Tensor<float, -1>& factors) {
+  const DirectionalOpacities table = as_mixed_opacities(means, logits, camera, degree, least);
+  const SharedBasis mixed = as_opacity_basis(table.harmonics.count, weights, basis);
+  require(factors.shape(0) == table.harmonics.count, "sh_basis_opacity: there must be a factor for each row");
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(sh_basis_opacity_factors)(table, mixed, factors.data());
+}
+
+void basis_opacity_gradient(const Points& means, const Tensor<const float, -1>& logits, const Matrix& weights,
+                            const Matrix& basis, const Camera& camera, int degree, float least,
+                            const Tensor<const float, -1>& by_factors, const PointsOut& by_means,
+                            const Tensor<float, -1>& by_logits, const MatrixOut& by_weights,
+                            const MatrixOut& by_basis) {
+  const DirectionalOpacities table = as_mixed_opacities(means, logits, camera, degree, least);
+  const std::size_t count = table.harmonics.count;
+  const SharedBasis mixed = as_opacity_basis(count, weights, basis);
+  require(by_factors.shape(0) == count && by_means.shape(0) == count && by_logits.shape(0) == count,
+          "sh_basis_opacity: all gradients must have one row per Gaussian");
+  require(by_weights.shape(0) == count && by_weights.shape(1) == weights.shape(1) &&
+              by_basis.shape(0) == basis.shape(0) && by_basis.shape(1) == basis.shape(1),
+          "sh_basis_opacity: by_weights and by_basis must be like weights and basis");
+  const nb::gil_scoped_release unlocked;
+  RINGLIGHT_CHOSEN(sh_basis_opacity_gradient)
+  (table, mixed, by_factors.data(), {by_means.data(), by_logits.data(), by_weights.data(), by_basis.data()});
+}
+
 }  // namespace
 
 void bind_sh(nb::module_& module) {
@@ -183,6 +227,13 @@ void bind_sh(nb::module_& module) {
   module.def("sh_opacity_gradient", &opacity_gradient, "means"_a, "logits"_a, "rest"_a, "camera"_a, "degree"_a,
              "least"_a, "by_factors"_a, "by_means"_a, "by_logits"_a, "by_rest"_a,
              "Gradient of sh_opacity_factors: add to by_means and by_logits, fill by_rest.");
+  module.def("sh_basis_opacity_factors", &basis_opacity_factors, "means"_a, "logits"_a, "weights"_a, "basis"_a,
+             "camera"_a, "degree"_a, "least"_a, "factors"_a,
+             "Fill factors [N]: sigmoid(logits + harmonics of weights basis) over sigmoid(logits); basis [K 15].");
+  module.def("sh_basis_opacity_gradient", &basis_opacity_gradient, "means"_a, "logits"_a, "weights"_a, "basis"_a,
+             "camera"_a, "degree"_a, "least"_a, "by_factors"_a, "by_means"_a, "by_logits"_a, "by_weights"_a,
+             "by_basis"_a,
+             "Gradient of sh_basis_opacity_factors: add to by_means, by_logits and by_weights, fill by_basis.");
 }
 
 }  // namespace ringlight

@@ -27,7 +27,7 @@ struct Harmonics {
 // Coefficients that are not stored, but mixed of a few that all Gaussians share: rest = weights basis.
 struct SharedBasis {
   const float* weights;  // [N K]
-  const float* basis;    // [K 15 3]
+  const float* basis;    // [K 15 3], of opacities [K 15]
   int count;             // K, 1 to SH_MAX_BASIS
 };
 

@@ -6,18 +6,10 @@
 #include "machine/parallel.hpp"
 #include "machine/scratch.isa.hpp"
 #include "step/sh_mix.isa.hpp"
+#include "step/sh_shards.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
-
-// Each shard has sums of its own, 23 KB of eight functions, so that few blocks have few shards. A function of the
-// number of blocks alone: the order of summation must not depend on the machine.
-constexpr std::size_t BLOCKS_PER_SHARD = 256, MOST_SHARDS = 16;
-
-std::size_t shards_of(std::size_t blocks) {
-  const std::size_t shards = (blocks + BLOCKS_PER_SHARD - 1) / BLOCKS_PER_SHARD;
-  return shards < 1 ? 1 : shards < MOST_SHARDS ? shards : MOST_SHARDS;
-}
 
 // dL/d(colour) of the block, planar, and the lanes that got any, lane i as bit i; what is not a number counts.
 unsigned find_gradient(const float* by_constant, const Block& block, Lanes* by_sum) {
@@ -107,12 +99,7 @@ void sh_basis_gradient(const Harmonics& table, const SharedBasis& mixed, const f
   parallel_for(shards, [&](std::size_t shard) {
     run_shard(table, mixed, by_constant, shard, shards, by_weights, sums + shard * width * LANES);
   });
-  for (std::size_t i = 0; i < width; i++) {
-    float sum = 0;
-    for (std::size_t shard = 0; shard < shards; shard++)
-      for (int lane = 0; lane < LANES; lane++) sum += sums[(shard * width + i) * LANES + lane];
-    by_basis[i] = sum;
-  }
+  add_shards(sums, shards, width, by_basis);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

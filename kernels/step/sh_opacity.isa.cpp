@@ -3,15 +3,12 @@
 
 #include "machine/parallel.hpp"
 #include "simd/row_columns.isa.hpp"
-#include "step/sh_block.isa.hpp"
-#include "step/sh_rows.isa.hpp"
+#include "step/opacity_rows.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
 constexpr std::size_t GRAIN = 64 * LANES;  // rows a piece: 64 KB of degree 3
-
-using Coefficients = Lanes[LANES];  // of one channel, at most HARMONICS
 
 // One block's rows, seen from the camera.
 struct Opacities {
@@ -34,22 +31,6 @@ void open_opacities(const DirectionalOpacities& table, std::size_t first, std::s
   for (int i = 0; i < LANES; i++) found.over[i] = found.mean[i] > table.least ? found.mean[i] : table.least;
 }
 
-// Adds dL/d(mean position): only what is across the direction moves it, the less the farther away.
-void add_to_means(const Lanes by_opacity, int degree, const Opacities& of, float* means) {
-  const Block& block = of.block;
-  Lanes by_direction[3], by_means[3];
-  direction_slope<1>(degree, block, of.coefficients, by_direction);
-  load_triples(means, block, by_means);
-  for (int i = 0; i < LANES; i++) {
-    const float x = block.x[i], y = block.y[i], z = block.z[i], scale = block.inverse_distance[i] * by_opacity[i];
-    const float along = x * by_direction[0][i] + y * by_direction[1][i] + z * by_direction[2][i];
-    by_means[0][i] += scale * (by_direction[0][i] - x * along);
-    by_means[1][i] += scale * (by_direction[1][i] - y * along);
-    by_means[2][i] += scale * (by_direction[2][i] - z * along);
-  }
-  store_triples(by_means, block, means);
-}
-
 // d(factor) to dL/d(opacity), and dL/d(logit), which is added: the factor falls as what it is divided by rises.
 void by_opacities(const DirectionalOpacities& table, const float* upstream, const Opacities& of, Lanes by_opacity,
                   float* logits) {
@@ -63,12 +44,6 @@ void by_opacities(const DirectionalOpacities& table, const float* upstream, cons
   }
   float* const to = logits + of.block.first;
   store_first(to, load_first(to, of.block.rows) + load(by_logit), of.block.rows);
-}
-
-bool is_zero(const float* upstream) {
-  bool zero = true;
-  for (int i = 0; i < LANES; i++) zero &= upstream[i] == 0;
-  return zero;
 }
 
 // Zeros where nobody saw the block.
@@ -112,7 +87,7 @@ void sh_opacity_gradient(const DirectionalOpacities& table, const float* by_fact
       }
       open_opacities(table, first, end, found);
       by_opacities(table, upstream, found, by_opacity, to.logits);
-      add_to_means(by_opacity, table.harmonics.degree, found, to.means);
+      add_to_means(by_opacity, table.harmonics.degree, found.block, found.coefficients, to.means);
       write_rest(by_opacity, found.block, stored, to.rest);
     }
   });

@@ -7,6 +7,7 @@ else. So kinds are told apart by type here, and a model of another kind or shape
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from ringlight.color.basis_opacities import BasisOpacities
 from ringlight.color.contract import ColorModel
 from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SphericalHarmonics
@@ -58,7 +59,9 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
         raise RecipeError("a page shows Gaussians, and this model is made of something else; use 'ringlight render'")
     color, shader = model.color, model.shader
     if type(color) is SharedBasis and type(shader) is PassThrough:
-        return Shown("basis", 0.0, True, {"BASIS": len(color.basis)}, {"degree": int(color.active_degree)})
+        return _basis(color)
+    if type(color) is BasisOpacities and type(shader) is PassThrough:
+        return _basis(color, int(color.active_degree))
     if type(color) is SphericalHarmonics and type(shader) is PassThrough:
         return _harmonics(model, color)
     if type(color) is GlossyHarmonics and type(shader) is PassThrough:
@@ -75,6 +78,11 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     if isinstance(shader, ReflectionShader) and type(color) in (Mirror, VaryingMirror):
         return _mirror(color, shader)
     raise _refused(method)
+
+
+def _basis(color: SharedBasis, opacity_degree: int = 0) -> Shown:
+    settings = {"degree": int(color.active_degree), "opacityDegree": opacity_degree}
+    return Shown("basis", 0.0, True, {"BASIS": len(color.basis)}, settings)
 
 
 def _harmonics(model: SplatModel, color: SphericalHarmonics, opacity_degree: int = 0) -> Shown:

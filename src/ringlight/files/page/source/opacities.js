@@ -1,5 +1,6 @@
-// Opacities towards the camera; of glossy-gaussian they are harmonics of the direction, and this is the twin of
-// color/glossy_harmonics.py and core/sh_basis.py.
+// Opacities towards the camera; of glossy-gaussian they are harmonics of the direction, of ringlight-basis their logits
+// have harmonics of weights that are shared out. The twin of color/glossy_harmonics.py, color/basis_opacities.py and
+// core/sh_basis.py.
 const C1 = 0.4886025119029199,
   C2 = [0.31539156525252005, 1.0925484305920792, 0.5462742152960396],
   C3 = [0.3731763325901154, 0.4570457994644658, 1.445305721320277, 0.5900435899266435];
@@ -8,8 +9,10 @@ const LEAST_MEAN = 1e-12,
 
 export class Opacities {
   // `opacityRest` holds the harmonics after the constant one, as many for each Gaussian; those up to the degree count.
-  constructor({ means, opacityLogits, opacityRest, opacityDegree = 0 }) {
-    this.mean = Float32Array.from(opacityLogits, (logit) => 1 / (1 + Math.exp(-logit)));
+  // `inLogits`: they are added to the logits, not to the opacities.
+  constructor({ means, opacityLogits, opacityRest, opacityDegree = 0, inLogits = false }) {
+    this.mean = Float32Array.from(opacityLogits, sigmoid);
+    this.logits = inLogits ? opacityLogits : null;
     this.used = (opacityDegree + 1) ** 2 - 1;
     this.shown = this.used ? new Float32Array(this.mean.length) : this.mean;
     Object.assign(this, { means, rest: opacityRest, harmonics: new Float64Array(15), position: null });
@@ -18,19 +21,22 @@ export class Opacities {
   // From a camera there; made again only when its position has changed.
   towards(position) {
     if (!this.used || this.position?.join() === position.join()) return this.shown;
-    const { mean, means, rest, shown, harmonics, used } = this,
+    const { mean, logits, means, rest, shown, harmonics, used } = this,
       [x, y, z] = position,
       stored = rest.length / mean.length;
     for (let row = 0; row < mean.length; row++) {
       harmonicsOf(means[3 * row] - x, means[3 * row + 1] - y, means[3 * row + 2] - z, harmonics);
-      let sum = mean[row];
+      let sum = logits ? logits[row] : mean[row];
       for (let k = 0; k < used; k++) sum += rest[stored * row + k] * harmonics[k];
-      shown[row] = Math.min(Math.max(sum, 0), 1) * Math.min(mean[row] / LEAST_MEAN, 1);
+      const opacity = logits ? sigmoid(sum) : Math.min(Math.max(sum, 0), 1);
+      shown[row] = opacity * Math.min(mean[row] / LEAST_MEAN, 1);
     }
     this.position = position;
     return shown;
   }
 }
+
+const sigmoid = (logit) => 1 / (1 + Math.exp(-logit));
 
 // Those of degree 1 to 3 towards a vector of any length.
 function harmonicsOf(dx, dy, dz, y) {
