@@ -1,5 +1,5 @@
-// Opacities whose logits have harmonics that are a mix of shared ones, by the weights that mix the colours'. The way back
-// computes them again; the gradient of what is shared is summed in shards (step/sh_shards.isa.hpp).
+// Opacities whose logits have harmonics that are a mix of shared ones, by the weights that mix the colours'. The way
+// back computes them again; the gradient of what is shared is summed in shards (step/sh_shards.isa.hpp).
 #include <cstring>
 
 #include "machine/parallel.hpp"
@@ -44,8 +44,8 @@ void open_opacities(const DirectionalOpacities& table, const SharedBasis& mixed,
   for (int i = 0; i < LANES; i++) found.over[i] = found.mean[i] > table.least ? found.mean[i] : table.least;
 }
 
-// d(factor) to dL/d(sum of harmonics), and dL/d(logit), which is added: the factor falls as what it is divided by rises.
-// A row that nobody saw, or whose opacity is no number, has zeros: it must not reach what all share.
+// d(factor) to dL/d(sum of harmonics), and dL/d(logit), which is added: the factor falls as what it is divided by
+// rises. A row that nobody saw, or whose opacity is no number, has zeros: it must not reach what all share.
 void by_sums(const DirectionalOpacities& table, const float* upstream, const Opacities& of, Lanes by_sum,
              float* logits) {
   Lanes by_logit;
@@ -73,7 +73,8 @@ void add_to_weights(const SharedBasis& mixed, const Block& block, const Lanes by
   put_columns(rows, mixed.count, block.rows, columns);
 }
 
-// sums[j][k][lane] += weights[j] harmonics[k] by_sum. Rows of zero must not reach the sums even if they are not numbers.
+// sums[j][k][lane] += weights[j] harmonics[k] by_sum. Rows of zero must not reach the sums, even if they are not
+// numbers.
 void add_to_shared(const SharedBasis& mixed, const Opacities& of, const Lanes by_sum, float* sums) {
   const Vec upstream = load(by_sum);
   unsigned rows = (1u << of.block.rows) - 1;  // surplus lanes repeat the last row
