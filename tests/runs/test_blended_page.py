@@ -16,6 +16,7 @@ from scenes_on_disk import write_tiny_scene
 from browsers import Tab, chromium, playwright, tab
 from polished import polish
 from ringlight.cli.main import run
+from ringlight.color.basis_opacities import OPACITY_BASIS
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.want import Want
@@ -78,7 +79,9 @@ def other_light(stored: StoredModel, seed: int, path: Path) -> LightPack:
     noise, tensors = torch.Generator().manual_seed(seed), stored.model.rendering_tensors()
     moved = {}
     for name, tensor in tensors.items():
-        if tensor.dtype == torch.float32 and not name.startswith(COLUMNS) and not name.endswith("box"):
+        # Light changes no shape, and no opacity.
+        is_light = not name.startswith(COLUMNS) and not name.endswith(("box", OPACITY_BASIS))
+        if tensor.dtype == torch.float32 and is_light:
             shape = tensor.shape[-1:] if name == TEXELS else tensor.shape  # blurred noise is hardly seen
             moved[name] = tensor + 0.5 * tensor.std(correction=0) * torch.randn(shape, generator=noise)
     if stored.header.method == "ringlight-basis":

@@ -58,7 +58,8 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
     if isinstance(recipe, RingLightBasisRecipe):
         start = replace(recipe.start, points=0)
         kept = _kept(recipe, steps)
-        return replace(recipe, **kept, coarse_steps=0, sh_rate=0.0, weights_rate=0.0, start=start)
+        frozen = replace(recipe, **kept, coarse_steps=0, sh_rate=0.0, weights_rate=0.0, start=start)
+        return replace(frozen, opacity_basis_rate=0.0)
     method = method_of(recipe)
     raise RecipeError(
         f"the light of {method} does not lie in a basis, a ring or a mirror that its Gaussians share, of which a pack "

@@ -73,7 +73,9 @@ class RingLightBasisRecipe(SplatRecipe):
     """Learning rate of what is shared; it falls alike. By default 1e-2 and 6e-4 likewise."""
     varying_opacity: bool = later(False, now=True)
     """Whether opacities change with the direction too, by the same weights and functions of their own that all share.
-    Worth 0.4 dB on chair_400 for no byte of a Gaussian; programs that know harmonics alone show it not exactly."""
+    Worth 0.4 dB on chair_400 for no byte of a Gaussian. Programs that know harmonics alone are given fitted ones."""
+    opacity_basis_rate: float | None = later(None)
+    """Learning rate of the shared functions of opacity; it falls alike. By default four times ``basis_rate``."""
     start: SurfaceStart = field(default_factory=SurfaceStart)
     """Where Gaussians start."""
     antialiased: bool = False
@@ -99,16 +101,23 @@ class RingLightBasisRecipe(SplatRecipe):
     def at_length(self) -> "RingLightBasisRecipe":
         """See :meth:`SplatRecipe.at_length`."""
         of_dc, _ = harmonics_rates(self.sh_rate, None, self.steps)
-        of_weights, of_basis = self.light_rates
+        of_weights, of_basis, of_opacities = self.light_rates
         settled = replace(super().at_length(), sh_rate=of_dc, start=self.start.at_length(self.steps))
-        return replace(settled, weights_rate=of_weights, basis_rate=of_basis)
+        return replace(settled, weights_rate=of_weights, basis_rate=of_basis, opacity_basis_rate=of_opacities)
 
     @property
-    def light_rates(self) -> tuple[float, float]:
-        """Of the weights and of what is shared, as set or as suits the run's length."""
+    def light_rates(self) -> tuple[float, float, float]:
+        """Of the weights, and of shared functions of colour and opacity, as set or as suits the run's length."""
         usual = between(SHORT_RATE, LONG_RATE, how_long(self.steps))
         of_weights = usual if self.weights_rate is None else self.weights_rate
-        return of_weights, SHARED_FASTER * usual if self.basis_rate is None else self.basis_rate
+        of_basis = SHARED_FASTER * usual if self.basis_rate is None else self.basis_rate
+        said = self.opacity_basis_rate
+        return of_weights, of_basis, OPACITY_FASTER * of_basis if said is None else said
+
+    def without_effect(self) -> dict[str, str]:
+        """See :meth:`SplatRecipe.without_effect`."""
+        unused = {} if self.varying_opacity else {"opacity_basis_rate": "--no-varying-opacity is given"}
+        return super().without_effect() | unused
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
@@ -129,14 +138,15 @@ class RingLightBasisRecipe(SplatRecipe):
         from ringlight.methods.assembly import Course
 
         of_dc, _ = harmonics_rates(self.sh_rate, None, self.steps)
-        of_weights, of_basis = self.light_rates
+        of_weights, of_basis, of_opacities = self.light_rates
         held = self.rates.at_length(self.steps).held
+        opacities = {"color.opacity_basis": Adam(held(of_opacities))} if self.varying_opacity else {}
         return Course(
             groups={
                 "columns.sh_dc": Adam(held(of_dc)),
                 "columns.basis_weights": Adam(held(of_weights)),
                 "color.basis": Adam(held(of_basis)),
-                **({"color.opacity_basis": Adam(held(OPACITY_FASTER * of_basis))} if self.varying_opacity else {}),
+                **opacities,
             },
             unlocks={"color.active_degree": degrees_by_step(self.sh_every, self.steps)},
             surface_opacity=self.start.opacity,

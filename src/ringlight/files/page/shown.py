@@ -33,6 +33,8 @@ FOUR = 4
 LARGEST_NETWORK = 65_536
 """Bytes of a mirror's network: what nearly all browsers hand a shader in one block."""
 
+BASES = (SharedBasis, BasisOpacities)
+
 WIDEST_RANK, WIDEST_HIDDEN = 16, 128
 """Of a ring and its networks: a shader holds a few rows of the first and all units of the second in registers."""
 
@@ -58,10 +60,8 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     if not isinstance(model, SplatModel):
         raise RecipeError("a page shows Gaussians, and this model is made of something else; use 'ringlight render'")
     color, shader = model.color, model.shader
-    if type(color) is SharedBasis and type(shader) is PassThrough:
+    if isinstance(color, SharedBasis) and type(color) in BASES and type(shader) is PassThrough:
         return _basis(color)
-    if type(color) is BasisOpacities and type(shader) is PassThrough:
-        return _basis(color, int(color.active_degree))
     if type(color) is SphericalHarmonics and type(shader) is PassThrough:
         return _harmonics(model, color)
     if type(color) is GlossyHarmonics and type(shader) is PassThrough:
@@ -80,8 +80,9 @@ def shown_of(model: object, method: str = "a model of this kind") -> Shown:
     raise _refused(method)
 
 
-def _basis(color: SharedBasis, opacity_degree: int = 0) -> Shown:
-    settings = {"degree": int(color.active_degree), "opacityDegree": opacity_degree}
+def _basis(color: SharedBasis) -> Shown:
+    degree = int(color.active_degree)
+    settings = {"degree": degree, "opacityDegree": degree if type(color) is BasisOpacities else 0}
     return Shown("basis", 0.0, True, {"BASIS": len(color.basis)}, settings)
 
 
