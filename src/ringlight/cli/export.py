@@ -73,21 +73,22 @@ def main(arguments: list[str]) -> int:
             exported = export_surface(stored, asked.out, with_triangles=asked.mesh)
         else:
             exported = export(stored, asked.out, asked.fit_steps)
-    sentences = f"{_size(exported)}\n" if of_surface else _sentences(exported)
+    varies = bool(stored.header.recipe.get("varying_opacity"))
+    sentences = f"{_size(exported)}\n" if of_surface else _sentences(exported, varies)
     sys.stdout.write(to_json(exported) if asked.json else sentences)
     return 0
 
 
 ALIKE, CLOSE = 40.0, 30.0
-"""dB of pictures against each other above which a difference is hardly seen, and reflections are kept though softer. A
-ring's light has 55, mirrors 24 to 31 (docs/experiments/export.md)."""
+"""dB of pictures against each other above which a difference is hardly seen, and what changes with the view is kept
+though softer. A ring's light has 55, mirrors 24 to 31 (docs/experiments/export.md)."""
 
 
 def _size(exported: "Exported") -> str:
     return f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / MEGABYTE:.2f} MB"
 
 
-def _sentences(exported: "Exported") -> str:
+def _sentences(exported: "Exported", opacities_vary: bool) -> str:
     size = _size(exported)
     loss = exported.loss
     if loss is None:
@@ -102,6 +103,8 @@ def _sentences(exported: "Exported") -> str:
         f"  the colour of a Gaussian, from 0 to 1, was off by {loss.rmse:.4f} (rmse){when}, of the worst by "
         f"{loss.worst:.3f}",
     ]
+    if opacities_vary:
+        lines.append("  its opacities change with the view; one trained with --no-varying-opacity is exported exactly")
     return "\n".join(lines) + "\n"
 
 
@@ -109,5 +112,5 @@ def _verdict(picture_psnr: float) -> str:
     if picture_psnr >= ALIKE:
         return f"from {ALIKE:.0f} dB on a difference is hardly seen"
     if picture_psnr >= CLOSE:
-        return f"reflections are softer; from {ALIKE:.0f} dB on a difference is hardly seen"
-    return f"reflections are lost; from about {CLOSE:.0f} dB on they are kept"
+        return f"what changes with the view is softer; from {ALIKE:.0f} dB on a difference is hardly seen"
+    return f"what changes with the view is lost; from about {CLOSE:.0f} dB on it is kept"
