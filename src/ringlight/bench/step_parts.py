@@ -10,11 +10,11 @@ from torch import Tensor, nn
 
 from ringlight.bench.timing import TOTAL
 from ringlight.bench.workload import Size, workload
+from ringlight.color.basis_opacities import BasisOpacities
 from ringlight.color.contract import ColorModel
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.mirror import Mirror
 from ringlight.color.ringlight import RingLight
-from ringlight.color.shared_basis import SharedBasis
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradients
@@ -199,7 +199,7 @@ def torch_step(columns: Sequence[Tensor], gradients: Sequence[Tensor], *, fused:
 
 PARTS: dict[str, Maker] = {
     "harmonics": color_part(SphericalHarmonics),
-    "basis": color_part(lambda: SharedBasis(RingLightBasisRecipe().basis_size)),
+    "basis": color_part(lambda: BasisOpacities(RingLightBasisRecipe().basis_size)),
     "ring": color_part(lambda: RingLight(OURS, BOX)),
     "ring-paper": color_part(lambda: RingLight(PAPER.light, BOX)),
     "ring-exact": color_part(lambda: RingLight(replace(PAPER.light, evaluation="exact"), BOX)),
