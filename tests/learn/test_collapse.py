@@ -17,12 +17,12 @@ FIELD_RATE = 0.1
 """Fifty times the default."""
 
 GAIN = 4.0
-"""dB; 8.0 after 1,500 steps."""
+"""dB; 10.4 was measured."""
 
 
 @pytest.mark.slow
 def test_a_collapse_is_undone_on_a_real_scene():
-    scene = load_scene(bundled_scene("toaster"), SceneOptions())
+    scene = load_scene(bundled_scene("toaster"), SceneOptions(downscale=2))
     found = {}
     for guarded in (True, False):
         preset = METHODS["ringlight-ring"]
