@@ -1,17 +1,24 @@
 """What a Gaussian's removal changes: the estimate against pictures without it."""
 
+import dataclasses
+
 import pytest
 import torch
 
+from ringlight.color.basis_opacities import BasisOpacities
+from ringlight.color.contract import ColorModel
+from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SphericalHarmonics
+from ringlight.color.shared_basis import SharedBasis
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.rendering import Rendering
+from ringlight.core.want import Want
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.strategies import removal_effects as removal_effects_file
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.strategies.drop_least import DropLeast
+from ringlight.fit.strategies.drop_least import DropLeast, blending_weights
 from ringlight.fit.strategies.removal_effects import drawn_signs, removal_effects
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
@@ -27,19 +34,33 @@ WHITE, BLACK = torch.ones(3), torch.zeros(3)
 NOTHING = Rendering(torch.zeros(SIZE, SIZE, 3), torch.zeros(SIZE, SIZE, 1))
 
 
-def model_of(seed: int, count: int) -> SplatModel:
+def color_of(kind: str, count: int, drawn: torch.Generator) -> tuple[ColorModel, dict[str, torch.Tensor]]:
+    """A colour model with its columns; of all but harmonics opacities differ between the cameras."""
+    dc = torch.randn(count, 3, generator=drawn)
+    if kind == "basis":
+        model = BasisOpacities(2, seed=1)
+        return model, {"sh_dc": dc, "basis_weights": 0.3 * torch.randn(count, 2, generator=drawn)}
+    rest = {"sh_dc": dc, "sh_rest": torch.zeros(count, 15, 3)}
+    if kind == "harmonics":
+        return SphericalHarmonics(), rest
+    return GlossyHarmonics(), rest | {"opacity_rest": 0.05 * torch.randn(count, 15, generator=drawn)}
+
+
+def model_of(seed: int, count: int, kind: str = "harmonics") -> SplatModel:
     """Gaussians of any colour here and there ahead of the camera, some behind others."""
     drawn = torch.Generator().manual_seed(seed)
     depth = 2 + 2 * torch.rand(count, generator=drawn)
     across = (torch.rand(count, 2, generator=drawn) - 0.5) * depth[:, None] * 0.6
+    opacities = torch.empty(count).uniform_(0.05, 0.95, generator=drawn)
+    color, appearance = color_of(kind, count, drawn)
     table = Gaussians(
         torch.cat([across, depth[:, None]], 1),
         (0.1 * depth).log()[:, None].repeat(1, 3),
         torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(count, 1),
-        torch.empty(count).uniform_(0.05, 0.95, generator=drawn).logit(),
-        {"sh_dc": torch.randn(count, 3, generator=drawn), "sh_rest": torch.zeros(count, 15, 3)},
+        opacities.logit(),
+        appearance,
     )
-    return SplatModel(table, SphericalHarmonics(), PassThrough(), rasterizer_for("cpu"))
+    return SplatModel(table, color, PassThrough(), rasterizer_for("cpu"))
 
 
 def removed(model: SplatModel, camera: Camera, background: torch.Tensor) -> torch.Tensor:
@@ -53,9 +74,14 @@ def removed(model: SplatModel, camera: Camera, background: torch.Tensor) -> torc
     return torch.stack(changes)
 
 
-@pytest.mark.parametrize("background", [WHITE, BLACK])
-def test_it_is_the_change_of_each_pixel_where_signs_are_of_one_pixel(background: torch.Tensor, monkeypatch):
-    model, pixels = model_of(4, count=5), SIZE * SIZE * 3
+@pytest.mark.parametrize(
+    ("kind", "background"), [("harmonics", WHITE), ("harmonics", BLACK), ("basis", BLACK), ("glossy", BLACK)]
+)
+def test_it_is_the_change_of_each_pixel_where_signs_are_of_one_pixel(kind: str, background: torch.Tensor, monkeypatch):
+    model, pixels = model_of(4, count=5, kind=kind), SIZE * SIZE * 3
+    factors = [model.color.emit(model.gaussians, camera, ("rgb",), Want.EXACT) for camera in (AHEAD, ASIDE)]
+    assert (kind == "harmonics") == (factors[0].opacity_factor is None)
+    assert kind == "harmonics" or (factors[0].opacity_factor - factors[1].opacity_factor).abs().max() > 0.1
     chosen = torch.eye(pixels)
     effects = torch.zeros(len(model))
     for pixel in range(pixels):
@@ -116,3 +142,14 @@ def test_signs_are_signs_and_the_same_for_the_same_draw():
     assert abs(float(one.mean())) < 0.1
     assert torch.equal(one, same)
     assert not torch.equal(one, other)
+
+
+def test_blending_weights_are_of_the_opacities_towards_each_camera():
+    model = model_of(6, count=5, kind="basis")
+    seen = []
+    for camera in (AHEAD, ASIDE):
+        factor = model.color.emit(model.gaussians, camera, ("rgb",), Want.EXACT).opacity_factor
+        baked = dataclasses.replace(model.gaussians, opacity_logits=(model.gaussians.opacities * factor).logit())
+        plain = SplatModel(baked, SharedBasis(2), model.shader, model.rasterize)
+        seen.append(blending_weights(plain, [camera]))
+    torch.testing.assert_close(blending_weights(model, [AHEAD, ASIDE]), seen[0] + seen[1], rtol=1e-4, atol=1e-5)

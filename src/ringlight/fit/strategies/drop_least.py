@@ -61,9 +61,12 @@ def blending_weights(model: SplatModel, cameras: Sequence[Camera]) -> Float[Tens
     A row's weight is what the picture's sum gains by its colour: a gradient, which any rasterizer gives.
     """
     table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
-    factor, total = model.color.wanted(table).to(table.means), torch.zeros_like(table.opacity_logits)
-    emission, black = Emission({"rgb": 3}, torch.zeros_like(table.means), factor), torch.zeros(3)
+    wanted, total = model.color.wanted(table).to(table.means), torch.zeros_like(table.opacity_logits)
+    black = torch.zeros(3)
     for camera in cameras:
+        towards = model.color.emit(table, camera, ("rgb",), Want.EXACT).opacity_factor
+        factor = wanted if towards is None else wanted * towards.detach()
+        emission = Emission({"rgb": 3}, torch.zeros_like(table.means), factor)
         raster = model.rasterize.draw(table, emission, camera, black, model.options, Want.GRADIENTS)
         first = torch.zeros_like(raster.image)
         first[..., 0] = 1

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
-from ringlight.core.gradients import COLUMNS, dense
+from ringlight.core.gradients import COLUMNS, Gradients, dense
 from ringlight.core.randomness import generator
 from ringlight.core.want import Want
 from ringlight.models.splats import SplatModel
@@ -16,6 +16,10 @@ LOGITS = "opacity_logits"
 
 FAINTEST_REST = 1e-6
 """Least share of light that a row lets through: opacities are floats, and beyond it they are one."""
+
+
+LEAST_FACTOR = 1e-12
+"""Of an opacity, that is divided by."""
 
 
 def removal_effects(
@@ -32,16 +36,30 @@ def removal_effects(
     stands for the change. What a clamped alpha adds is left out.
     """
     total = torch.zeros_like(model.columns[LOGITS])
-    with torch.no_grad():
-        # The gradient by the logit is that by alpha times alpha times the light that the row lets through.
-        through = (-model.columns[LOGITS]).sigmoid().clamp_min(FAINTEST_REST)
     for index, camera in enumerate(cameras):
         shown = model.render(camera, background, Want.GRADIENTS)
         signs = drawn_signs(shown.color, generator(seed, step, f"removal effects {index}"))
         gradients = shown.backward(signs, {})
         if COLUMNS + LOGITS in gradients:  # a picture may show nothing
-            total += (dense(gradients[COLUMNS + LOGITS]) / through).square()
+            total += (dense(gradients[COLUMNS + LOGITS]) / _opacity_slopes(model, camera)).square()
     return total
+
+
+@torch.no_grad()
+def _opacity_slopes(model: SplatModel, camera: Camera) -> Float[Tensor, "N"]:
+    """Of ln(opacity towards the camera) by the logit: so much of alpha dC/dalpha is the gradient by the logit.
+
+    Of a sigmoid that is the light that the row lets through; a factor on it moves with the logit too.
+    """
+    through = (-model.columns[LOGITS]).sigmoid()
+    emission = model.color.emit(model.gaussians, camera, ("rgb",), Want.GRADIENTS)
+    factor = emission.opacity_factor
+    if factor is not None:
+        moved = Gradients()
+        emission.backward(torch.zeros_like(emission.channels), factor.detach(), moved)
+        if COLUMNS + LOGITS in moved:
+            through = through + dense(moved[COLUMNS + LOGITS]) / factor.square().clamp_min(LEAST_FACTOR**2)
+    return through.clamp_min(FAINTEST_REST)
 
 
 def drawn_signs(like: Float[Tensor, "*shape"], drawn: torch.Generator) -> Float[Tensor, "*shape"]:
