@@ -404,3 +404,16 @@ def test_a_model_of_harmonics_that_were_cut_names_their_degree(
     words = ("train", tiny, method, "--from", cut, "--steps", "4", *QUIET, "--out", tmp_path / "next")
     refused(ringlight(*words), 1, cut, "give --sh-degree 2,")
     assert ringlight(*words, "--sh-degree", "2").code == 0
+
+
+def test_a_basis_of_constant_opacities_may_begin_to_vary_and_not_the_other_way(
+    tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    constant, varying = tmp_path / "constant", tmp_path / "varying"
+    begun = ringlight("train", tiny, "ringlight-basis", "--no-varying-opacity", "--out", constant, *QUICK)
+    assert begun.code == 0, begun.err
+    done = ringlight("train", tiny, "ringlight-basis", "--from", constant, "--out", varying, *QUICK)
+    assert done.code == 0, done.err
+    assert state(varying)["model.color.opacity_basis"].shape == (8, 15)
+    back = ringlight("train", tiny, "ringlight-basis", "--no-varying-opacity", "--from", varying, *QUICK)
+    refused(back, 1, "leave --no-varying-opacity away")

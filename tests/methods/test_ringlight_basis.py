@@ -9,6 +9,7 @@ import torch
 from ringlight.errors import RecipeError
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.relight_recipe import relight_recipe
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
@@ -81,3 +82,20 @@ def test_without_a_bound_a_photograph_has_seventeen_gaussians_for_twenty_pixels(
 def test_settings_out_of_range_are_refused(wrong: dict[str, float]):
     with pytest.raises(RecipeError, match=next(iter(wrong))):
         RingLightBasisRecipe(**wrong)
+
+
+def test_opacities_learn_four_times_as_fast_as_colours_and_relighting_leaves_them():
+    decided = RingLightBasisRecipe(steps=300).at_length()
+    assert decided.opacity_basis_rate == 4 * (decided.basis_rate or 0)
+    groups = decided.build(tiny_scene(), rasterizer_for("auto"), 0).optimizer.groups
+    assert groups["color.opacity_basis"].rate.at(0.0) == decided.opacity_basis_rate
+    assert getattr(relight_recipe(decided, 10), "opacity_basis_rate") == 0.0  # noqa: B009
+
+
+def test_a_recipe_of_before_opacities_varied_says_nothing_of_them():
+    before = RingLightBasisRecipe(steps=300, varying_opacity=False)
+    assert before.at_length().opacity_basis_rate is None
+    relit = relight_recipe(before, 10)
+    assert relight_recipe(relit, 10) == relit == dataclasses.replace(relit, opacity_basis_rate=None)
+    groups = before.build(tiny_scene(), rasterizer_for("auto"), 0).optimizer.groups
+    assert "color.opacity_basis" not in groups

@@ -65,7 +65,7 @@ def test_opacity_factors_become_part_of_the_opacity(tmp_path):
     assert sum(bool(camera.position[2] > 0) for camera in cameras) == 2
     header = model_header("3dgs", METHODS["3dgs"], 0, scene_facts(scene))
 
-    exported = export(StoredModel(model, header, cameras, model.rasterize), tmp_path / "dimmed.ply")
+    exported = export(StoredModel(model, header, cameras, model.rasterize), tmp_path / "dimmed.ply", fit_steps=0)
 
     found = read_gaussian_ply(tmp_path / "dimmed.ply").gaussians
     shown = table.appearance["dim"] > 0

@@ -50,6 +50,16 @@ def test_the_pictures_come_closer_and_the_shape_stays(mirror):
         assert torch.equal(getattr(fitted, name), getattr(harmonics, name))
 
 
+def test_opacities_come_along_where_they_are_asked_for(mirror):
+    model, harmonics, cameras = mirror
+    fainter = replace(harmonics, opacity_logits=harmonics.opacity_logits - 1)
+    alone, both = (fitted_to_pictures(model, fainter, cameras, 40, opacities) for opacities in (False, True))
+    assert torch.equal(alone.opacity_logits, fainter.opacity_logits)
+    assert not torch.equal(both.opacity_logits, fainter.opacity_logits)
+    assert error(model, both, cameras) < error(model, alone, cameras)
+    assert torch.equal(both.means, harmonics.means)
+
+
 def test_the_bits_repeat_and_the_model_is_left_alone(mirror):
     model, harmonics, cameras = mirror
     before = {name: value.clone() for name, value in model.state_dict().items()}

@@ -103,8 +103,11 @@ PLAN: Plan = (
 
 MEANS, SCALES, WEIGHTS = "columns.means", "columns.log_scales", "columns.basis_weights"
 
-BASES = ("color.basis", "color.varying.basis")
-"""What the weights mix."""
+BASES, OPACITY_BASIS = ("color.basis", "color.varying.basis"), "color.opacity_basis"
+"""What the weights mix: colours, and logits of opacity."""
+
+MEAN_SLOPE = 1 / 6
+"""Of a sigmoid, over all opacities alike: so much a logit moves an opacity, and a colour in front of black."""
 
 COEFFICIENT_STEP, COARSE_COEFFICIENT_STEP = 1 / 32, 1 / 16
 """Of a weight, in the length of the coefficients that it adds. Half of the first moves a coefficient by a few
@@ -243,7 +246,10 @@ def _step_of_weights(tensors: Mapping[str, Tensor], coefficient: float) -> Float
     basis = next((tensors[name].detach().cpu().double() for name in BASES if name in tensors), None)
     if basis is None or tensors[WEIGHTS].dim() != 2 or len(basis) != tensors[WEIGHTS].shape[1]:
         return None
-    return coefficient / basis.flatten(1).norm(dim=1).clamp_min(SHORTEST_FUNCTION)
+    mixed, opacities = basis.flatten(1), tensors.get(OPACITY_BASIS)
+    if opacities is not None and len(opacities) == len(mixed):
+        mixed = torch.cat([mixed, MEAN_SLOPE * opacities.detach().cpu().double().flatten(1)], 1)
+    return coefficient / mixed.norm(dim=1).clamp_min(SHORTEST_FUNCTION)
 
 
 def _step_of_positions(tensors: Mapping[str, Tensor]) -> Float[Tensor, "3"] | None:

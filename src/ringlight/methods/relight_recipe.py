@@ -59,7 +59,7 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
         start = replace(recipe.start, points=0)
         kept = _kept(recipe, steps)
         frozen = replace(recipe, **kept, coarse_steps=0, sh_rate=0.0, weights_rate=0.0, start=start)
-        return replace(frozen, opacity_basis_rate=0.0)
+        return replace(frozen, opacity_basis_rate=0.0) if recipe.varying_opacity else frozen
     method = method_of(recipe)
     raise RecipeError(
         f"the light of {method} does not lie in a basis, a ring or a mirror that its Gaussians share, of which a pack "

@@ -1,7 +1,8 @@
 """ringlight-basis: harmonics mixed of a few that all Gaussians share, and as many weights for each Gaussian.
 
 Ours. What the paper's light field is to the place and the direction, a tensor of low rank, this is to the Gaussian and
-the direction (``color/shared_basis.py``); training is 3DGS's (Kerbl et al. 2023), with growing and dropping.
+the direction (``color/shared_basis.py``). The same weights move opacities (``color/basis_opacities.py``). Training is
+3DGS's (Kerbl et al. 2023), with growing and dropping.
 """
 
 import math
@@ -48,7 +49,8 @@ SHARED_FASTER = 2
 
 
 OPACITY_FASTER = 4
-"""Than that the shared functions of opacity, which are logits: one changes an opacity by a quarter at most."""
+"""How much faster than those of colour the shared functions of opacity learn: they are logits, and one changes an
+opacity by a quarter at most."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,8 @@ class RingLightBasisRecipe(SplatRecipe):
         of_dc, _ = harmonics_rates(self.sh_rate, None, self.steps)
         of_weights, of_basis, of_opacities = self.light_rates
         settled = replace(super().at_length(), sh_rate=of_dc, start=self.start.at_length(self.steps))
-        return replace(settled, weights_rate=of_weights, basis_rate=of_basis, opacity_basis_rate=of_opacities)
+        settled = replace(settled, weights_rate=of_weights, basis_rate=of_basis)
+        return replace(settled, opacity_basis_rate=of_opacities) if self.varying_opacity else settled
 
     @property
     def light_rates(self) -> tuple[float, float, float]:

@@ -30,7 +30,7 @@ def _camera_at(z: float) -> Camera:
 
 
 OPPOSITE = (_camera_at(-1.0), _camera_at(1.0))
-"""Asked where a file brings no cameras: an opacity that depends on the direction differs between them."""
+"""Asked where a file brings fewer than two cameras: an opacity that depends on the direction differs between them."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,9 @@ def exact_harmonics(model: SplatModel, cameras: Sequence[Camera]) -> Gaussians |
 
 def fitted_harmonics(model: SplatModel, cameras: Sequence[Camera], fit_steps: int) -> tuple[Gaussians, BakingLoss]:
     """The same of any model: harmonics of degree 3 of what each Gaussian shows to the ``cameras``, at least one, then
-    fitted to ``fit_steps`` of the model's own pictures unless that does not help."""
-    gaussians, _ = shown(model, cameras)
+    fitted to ``fit_steps`` of the model's own pictures unless that does not help, with their opacities where these
+    depend on the camera."""
+    gaussians, is_same = shown(model, cameras)
     with torch.no_grad():
         baked = bake_to_sh(gaussians, cameras, model.emitted)
     harmonics = replace(gaussians, appearance={"sh_dc": baked.sh_dc, "sh_rest": baked.sh_rest})
@@ -73,7 +74,7 @@ def fitted_harmonics(model: SplatModel, cameras: Sequence[Camera], fit_steps: in
     picture_psnr = unfitted = _picture_psnr(model, harmonics, spread)
     fitted = 0
     if fit_steps:
-        better = fitted_to_pictures(model, harmonics, cameras, fit_steps)
+        better = fitted_to_pictures(model, harmonics, cameras, fit_steps, opacities=not is_same)
         psnr_of_better = _picture_psnr(model, better, spread)
         if psnr_of_better > unfitted:
             harmonics, picture_psnr, fitted = better, psnr_of_better, fit_steps
@@ -88,6 +89,8 @@ def shown(model: SplatModel, cameras: Sequence[Camera]) -> tuple[Gaussians, bool
     gaussians = model.gaussians
     gaussians = gaussians.rows(model.color.wanted(gaussians))
     factor, is_exact = _mean_factor(model, gaussians, cameras or OPPOSITE)
+    if len(cameras) == 1 and is_exact:
+        is_exact = _mean_factor(model, gaussians, OPPOSITE)[1]
     if factor is None:
         return gaussians, True
     kept = factor > FAINTEST_FACTOR
