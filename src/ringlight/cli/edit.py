@@ -36,9 +36,9 @@ class EditArguments:
     out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT.safetensors")]
     """Model file to write."""
     residual: float = 1.0
-    """Times what depends on the direction counts, 0 to 2."""
+    """Times what colours have of the direction counts, 0 to 2. Opacities stay as they are."""
     base_only: bool = False
-    """Leave out what depends on the direction; the same as --residual 0."""
+    """Leave out what colours have of the direction; the same as --residual 0."""
     tint: Color = None
     """Factors of all light: base colours and what depends on the direction."""
     tint_base: Color = None

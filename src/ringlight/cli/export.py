@@ -26,9 +26,9 @@ ENDINGS = f"File to write, ending in {', or '.join(f'{end} ({writer.about})' for
 class ExportArguments:
     """Write a model as a file that other programs open; the suffix says which.
 
-    Spherical harmonics are written as they are. A neural colour is baked to harmonics of degree 3. They are fitted to
-    what each Gaussian shows to the training cameras, then to the model's pictures from these cameras, which takes
-    seconds to a minute. The error that remains is printed.
+    Spherical harmonics are written as they are, but where opacities change with the view. Those, and a neural colour,
+    are baked to harmonics of degree 3. They are fitted to what each Gaussian shows to the training cameras, then to the
+    model's pictures from these cameras, which takes seconds to a minute. The error that remains is printed.
     """
 
     model: ModelPath
@@ -104,7 +104,8 @@ def _sentences(exported: "Exported", opacities_vary: bool) -> str:
         f"{loss.worst:.3f}",
     ]
     if opacities_vary:
-        lines.append("  its opacities change with the view; one trained with --no-varying-opacity is exported exactly")
+        remedy = "one of 'ringlight train SCENE ringlight-basis --no-varying-opacity' is exported exactly"
+        lines.append(f"  its opacities change with the view; {remedy}")
     return "\n".join(lines) + "\n"
 
 
