@@ -363,11 +363,14 @@ def test_harmonics_are_exported_exactly(trained: dict[str, Path], tmp_path: Path
     [(54.7, "from 40 dB on a difference is hardly seen"), (31.4, "is softer"), (24.2, "view is lost")],
 )
 def test_an_export_says_what_its_number_means(decibels: float, said: str) -> None:
-    told = _sentences(Exported("a.ply", 1, "Gaussians", 1, BakingLoss(50, 0.02, 34.0, 0.04, 5, decibels, 200, 20.0)))
+    exported = Exported("a.ply", 1, "Gaussians", 1, BakingLoss(50, 0.02, 34.0, 0.04, 5, decibels, 200, 20.0))
+    told = _sentences(exported, opacities_vary=False)
     assert f"{decibels} dB PSNR from pictures of the model (20.0 before 200 steps of fitting)" in told
     assert said in told
     assert "5 of 50 training cameras" in told
-    assert "other viewers show" in _sentences(Exported("a.ply", 1, "Gaussians", 1, None))
+    assert "opacities" not in told
+    assert "--no-varying-opacity" in _sentences(exported, opacities_vary=True)
+    assert "other viewers show" in _sentences(Exported("a.ply", 1, "Gaussians", 1, None), opacities_vary=False)
 
 
 def test_a_neural_colour_is_baked_and_the_error_printed(
