@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from command import Command
+from refusal import refused
 
 from ringlight.cli import checks
 from ringlight.cli.gpu_build import tell_of_build
@@ -157,3 +158,13 @@ def test_kernels_that_fail_on_the_gpu_are_a_finding(monkeypatch):
     *_, last = checks._gpu()
     assert (last.state, last.remedy) == ("problem", "use --device cpu")
     assert last.detail.endswith("on the device")
+
+
+def test_a_missing_gpu_is_told_before_the_scene_is_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ringlight: Command
+) -> None:
+    monkeypatch.setattr(choose, "has_gpu", lambda: False)
+    done = ringlight("train", "toaster", "3dgs", "--device", "cuda", "--out", tmp_path / "run")
+    refused(done, 1, "torch finds no NVIDIA GPU on this machine", "--device cpu")
+    assert "photographs" not in done.err
+    assert not list(tmp_path.iterdir())

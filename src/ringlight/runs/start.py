@@ -12,6 +12,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.recipe import Recipe
+from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.clock import Clock
 from ringlight.runs.folder import RunFolder, refuse_taken
 from ringlight.runs.limits import PreparedRun, prepare_run
@@ -50,13 +51,14 @@ def start_run(
 
     ``loaded`` hears of the scene before anything is tried on it, which may take long; ``prepared`` may change a
     training before its first step. A folder ``out`` that holds anything is refused at once. Raises RecipeError,
-    SceneError, ModelFileError or RunError, with nothing written.
+    BackendError, SceneError, ModelFileError or RunError, with nothing written.
     """
     if recipe.steps < 1:
         raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
     if not 0 <= seed <= LARGEST_SEED:
         raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
     refuse_taken(out)
+    rasterizer_for(device)  # refused before photographs are read, which takes long
     memory = PeakMemory()
     options = kept_options(scene_path, with_points_of(recipe, options))
     start = None if model is None else read_start(model)
