@@ -116,9 +116,9 @@ SHORT_STEPS = 7_000
 """What differs between short and long runs, was found at up to so many steps and at 3DGS's 30,000."""
 
 
-def how_long(steps: int) -> float:
-    """0 for runs of up to SHORT_STEPS, 1 from PAPER_STEPS on, and in between even in the logarithm of ``steps``."""
-    share = math.log(max(steps, 1) / SHORT_STEPS) / math.log(PAPER_STEPS / SHORT_STEPS)
+def how_long(steps: int, short: int = SHORT_STEPS) -> float:
+    """0 for runs of up to ``short`` steps, 1 from PAPER_STEPS on, and in between even in the logarithm of ``steps``."""
+    share = math.log(max(steps, 1) / short) / math.log(PAPER_STEPS / short)
     return min(max(share, 0.0), 1.0)
 
 

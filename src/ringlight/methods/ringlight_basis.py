@@ -40,9 +40,13 @@ long runs reach both bounds."""
 
 
 SHORT_RATE, LONG_RATE = 5e-3, 3e-4
-"""Of the weights, in short runs and in those of 30,000 steps. Long runs at the high rate know training views by heart:
-0.15 dB less on held-out ones, 0.5 dB on the farthest third (docs/experiments/results.md). Short runs need it: a fifth
-of the shared functions' rate costs them 0.3 dB."""
+"""Of the weights, in runs of up to FAST_STEPS and in those of 30,000. Long runs at the high rate know training views by
+heart: 0.15 dB less on held-out ones, 0.5 dB on the farthest third (docs/experiments/results.md). Short runs need it: a
+fifth of the shared functions' rate costs them 0.3 dB."""
+
+FAST_STEPS = 3_000
+"""After 7,000 steps at the rate that lies between, maryrose_400 has 0.4 dB more on held-out views, chair_400 and
+lego_400 are level (docs/experiments/shared-basis.md)."""
 
 SHARED_FASTER = 2
 """How much faster what is shared learns."""
@@ -70,9 +74,9 @@ class RingLightBasisRecipe(SplatRecipe):
     """Learning rate of the constant coefficients, by default as that of 3dgs in a run of this length."""
     weights_rate: float | None = None
     """Learning rate of the weights; it falls with the base colours', see rates.hold. By default 5e-3 in runs of up to
-    7,000 steps and 3e-4 from 30,000 steps on."""
+    3,000 steps, 1.8e-3 in those of 7,000 and 3e-4 from 30,000 steps on."""
     basis_rate: float | None = None
-    """Learning rate of what is shared; it falls alike. By default 1e-2 and 6e-4 likewise."""
+    """Learning rate of what is shared; it falls alike. By default twice that of the weights by length."""
     varying_opacity: bool = later(False, now=True)
     """Whether opacities change with the direction too, by the same weights and functions of their own that all share.
     Worth 0.4 dB on chair_400 for no byte of a Gaussian. Programs that know harmonics alone are given fitted ones."""
@@ -111,7 +115,7 @@ class RingLightBasisRecipe(SplatRecipe):
     @property
     def light_rates(self) -> tuple[float, float, float]:
         """Of the weights, and of shared functions of colour and opacity, as set or as suits the run's length."""
-        usual = between(SHORT_RATE, LONG_RATE, how_long(self.steps))
+        usual = between(SHORT_RATE, LONG_RATE, how_long(self.steps, FAST_STEPS))
         of_weights = usual if self.weights_rate is None else self.weights_rate
         of_basis = SHARED_FASTER * usual if self.basis_rate is None else self.basis_rate
         said = self.opacity_basis_rate
