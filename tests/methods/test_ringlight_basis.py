@@ -43,7 +43,14 @@ def test_long_runs_grow_less_and_drop_less(steps: int, threshold: float, share: 
 
 
 @pytest.mark.parametrize(
-    ("steps", "weights", "shared"), [(300, 5e-3, 1e-2), (3_000, 5e-3, 1e-2), (30_000, 3e-4, 6e-4), (90_000, 3e-4, 6e-4)]
+    ("steps", "weights", "shared"),
+    [
+        (300, 5e-3, 1e-2),
+        (3_000, 5e-3, 1e-2),
+        (7_000, pytest.approx(1.776e-3, rel=1e-3), pytest.approx(3.551e-3, rel=1e-3)),
+        (30_000, 3e-4, 6e-4),
+        (90_000, 3e-4, 6e-4),
+    ],
 )
 def test_long_runs_learn_what_changes_with_the_view_slowly(steps: int, weights: float, shared: float):
     decided = RingLightBasisRecipe(steps=steps).at_length()

@@ -45,8 +45,8 @@ heart: 0.15 dB less on held-out ones, 0.5 dB on the farthest third (docs/experim
 fifth of the shared functions' rate costs them 0.3 dB."""
 
 FAST_STEPS = 3_000
-"""After 7,000 steps at the rate that lies between, maryrose_400 has 0.4 dB more on held-out views, chair_400 and
-lego_400 are level (docs/experiments/shared-basis.md)."""
+"""After 7,000 steps at rates around the one that lies between, maryrose_400 has 0.3 to 0.5 dB more on held-out views;
+chair_400 and lego_400 are level (docs/experiments/shared-basis.md)."""
 
 SHARED_FASTER = 2
 """How much faster what is shared learns."""
@@ -76,10 +76,10 @@ class RingLightBasisRecipe(SplatRecipe):
     """Learning rate of the weights; it falls with the base colours', see rates.hold. By default 5e-3 in runs of up to
     3,000 steps, 1.8e-3 in those of 7,000 and 3e-4 from 30,000 steps on."""
     basis_rate: float | None = None
-    """Learning rate of what is shared; it falls alike. By default twice that of the weights by length."""
+    """Learning rate of what is shared; it falls alike. By default twice the weights' default."""
     varying_opacity: bool = later(False, now=True)
     """Whether opacities change with the direction too, by the same weights and functions of their own that all share.
-    Worth 0.4 dB on chair_400 for no byte of a Gaussian. Programs that know harmonics alone are given fitted ones."""
+    Worth 0.5 dB on chair_400 for no byte of a Gaussian. Programs that know harmonics alone are given fitted ones."""
     opacity_basis_rate: float | None = later(None)
     """Learning rate of the shared functions of opacity; it falls alike. By default four times ``basis_rate``."""
     start: SurfaceStart = field(default_factory=SurfaceStart)

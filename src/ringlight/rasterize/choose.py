@@ -72,11 +72,16 @@ def _reference() -> Rasterizer:
     return ReferenceRasterizer()
 
 
-def _cuda() -> Rasterizer:
-    if not has_gpu():
+def refuse_without_gpu(name: str) -> None:
+    """Raises :class:`BackendError` where this back end needs a GPU that is not there. Builds nothing."""
+    if name == "cuda" and not has_gpu():
         raise BackendError(
             "torch finds no NVIDIA GPU on this machine; use --device cpu, or let 'ringlight doctor' say what is missing"
         )
+
+
+def _cuda() -> Rasterizer:
+    refuse_without_gpu("cuda")
     from ringlight.rasterize.cuda import CudaRasterizer
     from ringlight.rasterize.gsplat_build import compiled_gsplat
     from ringlight.rasterize.gsplat_seam import Gsplat

@@ -57,23 +57,12 @@ class PlannedRun:
         record = RunRecord.read(self.folder)
         same = (record.seed, record.scene) == (self.seed, self.scene.resolve())
         if not (same and self.recipe.may_settle_on(record.recipe) and self._reads_as(record.options)):
-            told = f"{self.folder}: holds a run of other settings{self._first_other(record)}"
-            raise RunError(f"{told}; give another folder with --out")
+            raise RunError(f"{self.folder}: holds a run of other settings; give another folder with --out")
         if record.added:
             raise RunError(
                 f"{self.folder}: holds a run that was extended to {record.steps} steps, and {self.recipe.steps} are "
                 "asked for; give another folder with --out"
             )
-
-    def _first_other(self, record: RunRecord) -> str:
-        """ " (seed 1, here 0)", of the first setting that differs; "" where only the scene decides which."""
-        options = kept_options(self.scene, with_points_of(self.recipe, self.options))
-        here = {"scene": str(self.scene.resolve()), "seed": self.seed} | _each(recipe_to_dict(self.recipe))
-        kept = {"scene": str(record.scene), "seed": record.seed} | _each(recipe_to_dict(record.recipe))
-        here, kept = here | asdict(options), kept | asdict(record.options)
-        # None is left to the scene or to the length, and what another method has decides nothing here.
-        other = (name for name, value in here.items() if value is not None and value != kept.get(name, value))
-        return next((f" ({name} {kept[name]}, here {here[name]})" for name in other), "")
 
     def _reads_as(self, kept: SceneOptions) -> bool:
         """Whether a run of this keeps these options. Only the scene tells whether there are masks to be found; raises
@@ -119,14 +108,6 @@ class PlannedRun:
             Path(values["folder"]),
             recipe_from_dict(SceneOptions, values["options"], "options"),
         )
-
-
-def _each(settings: Mapping[str, Any], group: str = "") -> dict[str, Any]:
-    """Settings of groups by their full names, "densify.threshold"."""
-    found: dict[str, Any] = {}
-    for name, value in settings.items():
-        found |= _each(value, f"{group}{name}.") if isinstance(value, dict) else {group + name: value}
-    return found
 
 
 @cache

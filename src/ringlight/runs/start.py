@@ -12,7 +12,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.recipe import Recipe
-from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.choose import refuse_without_gpu
 from ringlight.runs.clock import Clock
 from ringlight.runs.folder import RunFolder, refuse_taken
 from ringlight.runs.limits import PreparedRun, prepare_run
@@ -58,8 +58,8 @@ def start_run(
     if not 0 <= seed <= LARGEST_SEED:
         raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
     refuse_taken(out)
-    rasterizer_for(device)  # refused before photographs are read, which takes long
     memory = PeakMemory()
+    refuse_without_gpu(device)  # before photographs are read, which takes long
     options = kept_options(scene_path, with_points_of(recipe, options))
     start = None if model is None else read_start(model)
     undistorted = UndistortedFolder()
