@@ -13,7 +13,7 @@ from ringlight.core.rendering import Emission, Rendering
 from ringlight.core.want import Want
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.strategies.removal_effects import removal_effects
+from ringlight.fit.strategies.removal_effects import opacities_vary, removal_effects
 from ringlight.fit.strategies.stateless import Stateless
 from ringlight.models.splats import SplatModel
 
@@ -62,9 +62,9 @@ def blending_weights(model: SplatModel, cameras: Sequence[Camera]) -> Float[Tens
     """
     table = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
     wanted, total = model.color.wanted(table).to(table.means), torch.zeros_like(table.opacity_logits)
-    black = torch.zeros(3)
+    black, vary = torch.zeros(3), opacities_vary(model, cameras)
     for camera in cameras:
-        towards = model.color.emit(table, camera, ("rgb",), Want.EXACT).opacity_factor
+        towards = model.color.emit(table, camera, ("rgb",), Want.EXACT).opacity_factor if vary else None
         factor = wanted if towards is None else wanted * towards.detach()
         emission = Emission({"rgb": 3}, torch.zeros_like(table.means), factor)
         raster = model.rasterize.draw(table, emission, camera, black, model.options, Want.GRADIENTS)

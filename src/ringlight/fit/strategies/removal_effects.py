@@ -36,13 +36,26 @@ def removal_effects(
     stands for the change. What a clamped alpha adds is left out.
     """
     total = torch.zeros_like(model.columns[LOGITS])
+    with torch.no_grad():
+        through = (-model.columns[LOGITS]).sigmoid().clamp_min(FAINTEST_REST)
+    vary = opacities_vary(model, cameras)
     for index, camera in enumerate(cameras):
         shown = model.render(camera, background, Want.GRADIENTS)
         signs = drawn_signs(shown.color, generator(seed, step, f"removal effects {index}"))
         gradients = shown.backward(signs, {})
         if COLUMNS + LOGITS in gradients:  # a picture may show nothing
-            total += (dense(gradients[COLUMNS + LOGITS]) / _opacity_slopes(model, camera)).square()
+            slopes = _opacity_slopes(model, camera) if vary else through
+            total += (dense(gradients[COLUMNS + LOGITS]) / slopes).square()
     return total
+
+
+@torch.no_grad()
+def opacities_vary(model: SplatModel, cameras: Sequence[Camera]) -> bool:
+    """Whether opacities depend on the camera. One is asked: a neural field's answer costs as much as its colours."""
+    asked = cameras[:1]
+    return any(
+        model.color.emit(model.gaussians, camera, ("rgb",), Want.EXACT).opacity_factor is not None for camera in asked
+    )
 
 
 @torch.no_grad()
