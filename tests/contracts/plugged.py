@@ -81,6 +81,7 @@ COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "mirror": lambda: Mirror(latents=3, seed=1),
     "mirror, many latents": lambda: Mirror(latents=12, seed=1),
     "mirror, varying": lambda: VaryingMirror(latents=3, basis_size=2, seed=1),
+    "mirror, varying opacities": lambda: VaryingMirror(latents=3, basis_size=2, seed=1, opacities=True),
     "reflective harmonics": ReflectiveHarmonics,
     "reflective harmonics of degree 1": lambda: ReflectiveHarmonics(1),
     "glossy harmonics": GlossyHarmonics,

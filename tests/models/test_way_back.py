@@ -9,6 +9,7 @@ from mirrors import WHITE, mirror, view
 from torch import Tensor
 
 from ringlight import _kernels
+from ringlight.color.basis_opacities import factors_reference
 from ringlight.color.varying_mirror import varying_channels_reference
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
@@ -76,7 +77,11 @@ def plain(model: SplatModel, leaves: dict[str, Tensor], camera: Camera, behind: 
     degree = int(model.color.varying.active_degree)
     channels = varying_channels_reference(table, leaves["color.varying.basis"], camera, degree)
     widths = [values.shape[-1] for values in channels.values()]
-    columns = table | {"channels": torch.cat(list(channels.values()), -1), "opacity_factor": None}
+    shared = leaves["color.varying.opacity_basis"]
+    factor = factors_reference(
+        table["means"], table["opacity_logits"], table["basis_weights"], shared, camera.position, degree
+    )
+    columns = table | {"channels": torch.cat(list(channels.values()), -1), "opacity_factor": factor}
     behind = torch.cat([behind, behind.new_zeros(sum(widths) - 3)])
     image, alpha, _ = blended(columns, camera, behind, model.options)
     buffers = dict(zip(channels, image.split(widths, -1), strict=True)) | {"alpha": alpha}

@@ -60,6 +60,7 @@ def main(arguments: list[str]) -> int:
         raise RecipeError("--mesh and --points are given, and a file holds one of them; leave one away")
     with stages(asked.quiet) as line:
         line(f"reading {asked.model}")
+        from ringlight.color.basis_opacities import BasisOpacities
         from ringlight.measure.json_record import to_json
         from ringlight.runs.export import check_surface_target, check_target, export, export_surface
         from ringlight.runs.opened import open_model
@@ -73,7 +74,7 @@ def main(arguments: list[str]) -> int:
             exported = export_surface(stored, asked.out, with_triangles=asked.mesh)
         else:
             exported = export(stored, asked.out, asked.fit_steps)
-    varies = bool(stored.header.recipe.get("varying_opacity"))
+    varies = isinstance(getattr(stored.model, "color", None), BasisOpacities)
     sentences = f"{_size(exported)}\n" if of_surface else _sentences(exported, varies)
     sys.stdout.write(to_json(exported) if asked.json else sentences)
     return 0

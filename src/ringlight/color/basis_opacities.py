@@ -58,7 +58,8 @@ class BasisOpacities(SharedBasis):
         columns = gaussians.columns()
         read = {name: columns[name] for name in ("means", "opacity_logits", DC, WEIGHTS)}
         if runs_native(*read.values(), self.basis, self.opacity_basis):
-            return self._native(gaussians, camera, names, want)
+            plain = super().emit(gaussians, camera, names, want)
+            return with_varying_opacities(plain, gaussians, self, COLOR + OPACITY_BASIS, camera, want)
 
         def channels(columns: dict[str, Tensor]) -> Channels:
             means, logits, dc, weights = columns.values()
@@ -69,36 +70,42 @@ class BasisOpacities(SharedBasis):
         shared = {COLOR + BASIS: self.basis, COLOR + OPACITY_BASIS: self.opacity_basis}
         return emitted_by_torch(channels, read, shared, want)
 
+
+@torch.no_grad()
+def with_varying_opacities(
+    plain: Emission, gaussians: Gaussians, varying: "BasisOpacities", name: str, camera: Camera, want: Want
+) -> Emission:
+    """``plain``, by kernels, with the opacity factor of ``varying``, whose opacity basis has this ``name`` in a model.
+
+    ``plain.backward`` writes gradients of "means" and "basis_weights", which this adds to.
+    """
+    means, logits, weights = gaussians.means, gaussians.opacity_logits, gaussians.appearance[WEIGHTS]
+    shared = varying.opacity_basis.detach()
+    rows = (means, logits, weights, shared, camera.native, int(varying.active_degree), LEAST_MEAN)
+    factors = torch.empty_like(logits)
+    _kernels.sh_basis_opacity_factors(*rows, factors)
+    if want is not Want.GRADIENTS:
+        return Emission(plain.widths, plain.channels, factors)
+
     @torch.no_grad()
-    def _native(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
-        base = super().emit(gaussians, camera, names, want)
-        means, logits, weights = gaussians.means, gaussians.opacity_logits, gaussians.appearance[WEIGHTS]
-        shared = self.opacity_basis.detach()
-        rows = (means, logits, weights, shared, camera.native, int(self.active_degree), LEAST_MEAN)
-        factors = torch.empty_like(logits)
-        _kernels.sh_basis_opacity_factors(*rows, factors)
-        if want is not Want.GRADIENTS:
-            return Emission(base.widths, base.channels, factors)
+    def backward(grad_channels: Tensor, grad_factors: Tensor | None, into: Gradients) -> None:
+        plain.backward(grad_channels, None, into)
+        if grad_factors is None:
+            return
+        known, grad_shared = into.get(COLUMNS + "opacity_logits"), torch.empty_like(shared)
+        grad_logits = torch.zeros_like(logits) if known is None else dense(known)
+        grad_means, grad_weights = (dense(into[COLUMNS + column]) for column in ("means", WEIGHTS))
+        _kernels.sh_basis_opacity_gradient(
+            *rows, grad_factors.contiguous(), grad_means, grad_logits, grad_weights, grad_shared
+        )
+        into |= {
+            COLUMNS + "means": grad_means,
+            COLUMNS + "opacity_logits": grad_logits,
+            COLUMNS + WEIGHTS: grad_weights,
+        }
+        into.add(name, grad_shared)
 
-        @torch.no_grad()
-        def backward(grad_channels: Tensor, grad_factors: Tensor | None, into: Gradients) -> None:
-            base.backward(grad_channels, None, into)
-            if grad_factors is None:
-                return
-            known, grad_shared = into.get(COLUMNS + "opacity_logits"), torch.empty_like(shared)
-            grad_logits = torch.zeros_like(logits) if known is None else dense(known)
-            grad_means, grad_weights = (dense(into[COLUMNS + name]) for name in ("means", WEIGHTS))
-            _kernels.sh_basis_opacity_gradient(
-                *rows, grad_factors.contiguous(), grad_means, grad_logits, grad_weights, grad_shared
-            )
-            into |= {
-                COLUMNS + "means": grad_means,
-                COLUMNS + "opacity_logits": grad_logits,
-                COLUMNS + WEIGHTS: grad_weights,
-            }
-            into.add(COLOR + OPACITY_BASIS, grad_shared)
-
-        return Emission(base.widths, base.channels, factors, backward)
+    return Emission(plain.widths, plain.channels, factors, backward)
 
 
 def factors_reference(

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight import _kernels
+from ringlight.color.basis_opacities import OPACITY_BASIS, BasisOpacities, with_varying_opacities
 from ringlight.color.mirror import NORMALS, Mirror, mirror_view
 from ringlight.color.ringlight import BASE, LATENTS
 from ringlight.color.shared_basis import BASIS, DC, WEIGHTS, SharedBasis
@@ -27,6 +28,9 @@ from ringlight.core.want import Want
 VARYING = "varying."
 """What the names of the shared parameters begin with."""
 
+OPACITY_BASES = (COLOR + OPACITY_BASIS, COLOR + VARYING + OPACITY_BASIS)
+"""What moves opacities in models of either kind."""
+
 RGB = 3
 """Channels of the colour, which come first."""
 
@@ -34,13 +38,14 @@ RGB = 3
 class VaryingMirror(Mirror):
     """A :class:`Mirror` whose "rgb" is max(0, sigmoid(base) + what ``basis_weights`` [N K] mix of harmonics).
 
-    Shared: ``varying``, a :class:`SharedBasis` of K functions; its degree grows during training. What the shader adds
-    comes on top. Raises RecipeError for a ``basis_size`` K that the kernels do not take.
+    Shared: ``varying``, a :class:`SharedBasis` of K functions; its degree grows during training. With ``opacities`` it
+    is a :class:`BasisOpacities`, whose opacity factor is emitted from degree 1 on. What the shader adds comes on top.
+    Raises RecipeError for a ``basis_size`` K that the kernels do not take.
     """
 
-    def __init__(self, latents: int, basis_size: int, seed: int = 0):
+    def __init__(self, latents: int, basis_size: int, seed: int = 0, opacities: bool = False):
         super().__init__(latents, seed)
-        self.varying = SharedBasis(basis_size, seed)
+        self.varying = (BasisOpacities if opacities else SharedBasis)(basis_size, seed)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
         """Those of a mirror, and weights of zero."""
@@ -50,24 +55,27 @@ class VaryingMirror(Mirror):
         """See :meth:`Mirror.emit`; "rgb" may exceed 1."""
         columns = {"means": gaussians.means}
         columns |= {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS, WEIGHTS)}
-        basis = self.varying.basis
-        if list(names) != ["rgb"] and self.runs_native([*columns.values(), basis]):
-            return _native_emission(columns, basis, int(self.varying.active_degree), camera, self.emits, want)
+        varying, degree = self.varying, int(self.varying.active_degree)
+        if list(names) != ["rgb"] and self.runs_native([*columns.values(), varying.basis]):
+            lit = _native_emission(columns, varying.basis, degree, camera, self.emits, want)
+            if not isinstance(varying, BasisOpacities) or not degree:
+                return lit
+            return with_varying_opacities(lit, gaussians, varying, COLOR + VARYING + OPACITY_BASIS, camera, want)
         plain = super().emit(gaussians, camera, names, want)
         colors = self.varying.emit(self._on_basis(gaussians), camera, ("rgb",), want)
         channels = torch.cat([colors.channels, plain.channels[:, RGB:]], -1)
         if want is not Want.GRADIENTS:
-            return Emission(plain.widths, channels)
+            return Emission(plain.widths, channels, colors.opacity_factor)
 
         def backward(grad_channels: Tensor, grad_factor: Tensor | None, into: Gradients) -> None:
             found = Gradients()
-            colors.backward(grad_channels[:, :RGB].contiguous(), None, found)
+            colors.backward(grad_channels[:, :RGB].contiguous(), grad_factor, found)
             into.add_all(_by_our_names(found))
             reached = grad_channels.clone()  # the base colour's part: nothing where the sum is clamped
             reached[:, :RGB] = dense(found[COLUMNS + DC]) / C0
-            plain.backward(reached, grad_factor, into)
+            plain.backward(reached, None, into)
 
-        return Emission(plain.widths, channels, backward=backward)
+        return Emission(plain.widths, channels, colors.opacity_factor, backward)
 
     @torch.no_grad()
     def _on_basis(self, gaussians: Gaussians) -> Gaussians:
@@ -111,7 +119,7 @@ def _native_emission(
 
 def _by_our_names(found: Gradients) -> Gradients:
     """What the basis calls ``color.basis`` is ``color.varying.basis``; its constant coefficient is none of ours."""
-    names = {COLOR + BASIS: COLOR + VARYING + BASIS}
+    names = {COLOR + name: COLOR + VARYING + name for name in (BASIS, OPACITY_BASIS)}
     return Gradients({names.get(name, name): value for name, value in found.items() if name != COLUMNS + DC})
 
 

@@ -103,7 +103,8 @@ PLAN: Plan = (
 
 MEANS, SCALES, WEIGHTS = "columns.means", "columns.log_scales", "columns.basis_weights"
 
-BASES, OPACITY_BASIS = ("color.basis", "color.varying.basis"), "color.opacity_basis"
+BASES = ("color.basis", "color.varying.basis")
+OPACITY_BASES = ("color.opacity_basis", "color.varying.opacity_basis")
 """What the weights mix: colours, and logits of opacity."""
 
 MEAN_SLOPE = 1 / 6
@@ -246,7 +247,8 @@ def _step_of_weights(tensors: Mapping[str, Tensor], coefficient: float) -> Float
     basis = next((tensors[name].detach().cpu().double() for name in BASES if name in tensors), None)
     if basis is None or tensors[WEIGHTS].dim() != 2 or len(basis) != tensors[WEIGHTS].shape[1]:
         return None
-    mixed, opacities = basis.flatten(1), tensors.get(OPACITY_BASIS)
+    mixed = basis.flatten(1)
+    opacities = next((tensors[name] for name in OPACITY_BASES if name in tensors), None)
     if opacities is not None and len(opacities) == len(mixed):
         mixed = torch.cat([mixed, MEAN_SLOPE * opacities.detach().cpu().double().flatten(1)], 1)
     return coefficient / mixed.norm(dim=1).clamp_min(SHORTEST_FUNCTION)

@@ -41,6 +41,7 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
             maps_rate=MAPS_RATE,
             network_rate=NETWORK_RATE,
             axes_rate=AXES_RATE,
+            opacity_basis_rate=0.0,
         )
     if isinstance(recipe, RingLightRingRecipe):
         return replace(

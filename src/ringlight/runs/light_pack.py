@@ -16,9 +16,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.color.basis_opacities import OPACITY_BASIS
 from ringlight.color.shared_basis import DC
-from ringlight.core.gradients import COLOR, COLUMNS
+from ringlight.color.varying_mirror import OPACITY_BASES
+from ringlight.core.gradients import COLUMNS
 from ringlight.core.sh_basis import rgb_from_sh, sh_from_rgb
 from ringlight.errors import ModelFileError, RunError
 from ringlight.files.packed import Packed, pack_tensors, unpack_tensors
@@ -72,7 +72,7 @@ def pack_between(model: StoredModel, relit: Mapping[str, Tensor], scene: str, pa
             continue
         if name == COLUMNS + DC:
             found[COLORS] = _transform_between(tensor, other)
-        is_light = not name.startswith(COLUMNS) and name != COLOR + OPACITY_BASIS
+        is_light = not name.startswith(COLUMNS) and name not in OPACITY_BASES
         if not is_light and (name != COLUMNS + DC or not _transformed_is(tensor, other, found[COLORS])):
             raise RunError(
                 f"{path}: its {name} is not that of the model that it started from, which has changed since; relight "

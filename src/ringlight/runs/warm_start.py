@@ -7,9 +7,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ringlight.color.basis_opacities import OPACITY_BASIS
+from ringlight.color.varying_mirror import OPACITY_BASES
 from ringlight.core.camera import Camera
-from ringlight.core.gradients import COLOR, COLUMNS
+from ringlight.core.gradients import COLUMNS
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.core.sh_basis import MAX_DEGREE, basis_count
 from ringlight.errors import RecipeError, RunError
@@ -61,8 +61,6 @@ def settled_like(recipe: Recipe, start: Start) -> Recipe:
     return recipe
 
 
-OPACITIES = COLOR + OPACITY_BASIS
-
 LEARNED_ALREADY = {"coarse_steps": 0}
 """Settings of a run that starts from any model: what it shows is not learned again from small photographs."""
 
@@ -105,9 +103,9 @@ def _all_of(start: Start, training: Training, recipe: Recipe) -> dict[str, Tenso
     if splats is not None and source is not None and own.keys() - found.keys():
         new = splats.color.new_columns(_colored_points(source))
         found |= {COLUMNS + name: column for name, column in new.items() if COLUMNS + name not in found}
-    if OPACITIES in own:  # a model without them shows what one with zeros does
-        found.setdefault(OPACITIES, torch.zeros_like(own[OPACITIES]))
-    elif OPACITIES in found:
+    for name in own.keys() & OPACITY_BASES:  # a model without them shows what one with zeros does
+        found.setdefault(name, torch.zeros_like(own[name]))
+    if (found.keys() - own.keys()) & set(OPACITY_BASES):
         raise RecipeError(f"{start.path}: its opacities change with the view; leave --no-varying-opacity away")
     for name, tensor in own.items():
         other = found.get(name)

@@ -161,9 +161,10 @@ def _mirror(color: ColorModel, shader: ReflectionShader) -> Shown:
     ):
         if wrong:
             raise _refused(what)
-    basis, degree = 0, 0
+    basis, degree, opacity_degree = 0, 0, 0
     if isinstance(color, VaryingMirror):
         basis, degree = len(color.varying.basis), int(color.varying.active_degree)
+        opacity_degree = degree if isinstance(color.varying, BasisOpacities) else 0
     sizes = {
         "BASIS": basis,
         "LATENTS": settings.latents,
@@ -183,6 +184,7 @@ def _mirror(color: ColorModel, shader: ReflectionShader) -> Shown:
             "mirror": {"parallax": settings.parallax, "lit": bool(shader.lit)},
             "box": shader.box.tolist(),
             "degree": degree,
+            "opacityDegree": opacity_degree,
         },
     )
 

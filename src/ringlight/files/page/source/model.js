@@ -12,7 +12,7 @@ export function modelOf(facts, payload) {
 // What the worker needs of it.
 export function geometryOf({ tensors, facts, normals }) {
   const of = (name) => tensors.get(`columns.${name}`).values,
-    mixed = tensors.get("color.opacity_basis");
+    mixed = tensors.get("color.opacity_basis") ?? tensors.get("color.varying.opacity_basis");
   return {
     means: of("means"),
     logScales: of("log_scales"),

@@ -1,4 +1,4 @@
-// Opacities towards the camera; of glossy-gaussian they are harmonics of the direction, of ringlight-basis their logits
+// Opacities towards the camera; of glossy-gaussian they are harmonics of the direction, of our own methods their logits
 // have harmonics of weights that are shared out. The twin of color/glossy_harmonics.py, color/basis_opacities.py and
 // core/sh_basis.py.
 const C1 = 0.4886025119029199,
