@@ -406,14 +406,27 @@ def test_a_model_of_harmonics_that_were_cut_names_their_degree(
     assert ringlight(*words, "--sh-degree", "2").code == 0
 
 
-def test_a_basis_of_constant_opacities_may_begin_to_vary_and_not_the_other_way(
-    tiny: Path, tmp_path: Path, ringlight: Command
+@pytest.mark.parametrize(
+    ("method", "name", "size"),
+    [("ringlight-basis", "opacity_basis", 8), ("ringlight-mirror", "varying.opacity_basis", 4)],
+)
+def test_constant_opacities_may_begin_to_vary_and_not_the_other_way(
+    method: str, name: str, size: int, tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:
     constant, varying = tmp_path / "constant", tmp_path / "varying"
-    begun = ringlight("train", tiny, "ringlight-basis", "--no-varying-opacity", "--out", constant, *QUICK)
+    begun = ringlight("train", tiny, method, "--no-varying-opacity", "--out", constant, *QUICK)
     assert begun.code == 0, begun.err
-    done = ringlight("train", tiny, "ringlight-basis", "--from", constant, "--out", varying, *QUICK)
+    done = ringlight("train", tiny, method, "--from", constant, "--out", varying, *QUICK)
     assert done.code == 0, done.err
-    assert state(varying)["model.color.opacity_basis"].shape == (8, 15)
-    back = ringlight("train", tiny, "ringlight-basis", "--no-varying-opacity", "--from", varying, *QUICK)
+    assert state(varying)["model.color." + name].shape == (size, 15)
+    back = ringlight("train", tiny, method, "--no-varying-opacity", "--from", varying, *QUICK)
     refused(back, 1, "leave --no-varying-opacity away")
+
+
+def test_a_mirror_whose_opacities_vary_keeps_the_weights_that_move_them(
+    tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    varying = tmp_path / "varying"
+    assert ringlight("train", tiny, "ringlight-mirror", "--out", varying, *QUICK).code == 0
+    without = ringlight("train", tiny, "ringlight-mirror", "--basis-size", "0", "--from", varying, *QUICK)
+    refused(without, 1, varying, "give --basis-size 4")

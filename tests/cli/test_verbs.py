@@ -364,13 +364,13 @@ def test_harmonics_are_exported_exactly(trained: dict[str, Path], tmp_path: Path
 )
 def test_an_export_says_what_its_number_means(decibels: float, said: str) -> None:
     exported = Exported("a.ply", 1, "Gaussians", 1, BakingLoss(50, 0.02, 34.0, 0.04, 5, decibels, 200, 20.0))
-    told = _sentences(exported, opacities_vary=False)
+    told = _sentences(exported, exact_if_constant=False)
     assert f"{decibels} dB PSNR from pictures of the model (20.0 before 200 steps of fitting)" in told
     assert said in told
     assert "5 of 50 training cameras" in told
     assert "opacities" not in told
-    assert "--no-varying-opacity" in _sentences(exported, opacities_vary=True)
-    assert "other viewers show" in _sentences(Exported("a.ply", 1, "Gaussians", 1, None), opacities_vary=False)
+    assert "--no-varying-opacity" in _sentences(exported, exact_if_constant=True)
+    assert "other viewers show" in _sentences(Exported("a.ply", 1, "Gaussians", 1, None), exact_if_constant=False)
 
 
 def test_a_neural_colour_is_baked_and_the_error_printed(

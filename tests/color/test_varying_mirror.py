@@ -84,7 +84,7 @@ def test_opacities_that_change_with_the_view_equal_the_reference(degree: int, na
     torch.testing.assert_close(exact["factor"], factor.detach())
 
 
-def test_opacities_are_even_until_harmonics_are_shown():
+def test_opacities_are_constant_until_harmonics_are_shown():
     color, table = drawn(opacities=True)
     color.varying.active_degree.fill_(0)
     assert color.emit(table, CAMERA, ALL, Want.EXACT).opacity_factor is None

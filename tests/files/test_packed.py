@@ -98,15 +98,16 @@ def test_weights_lose_half_a_step_of_the_coefficients_that_they_add(rows: int, s
     assert (error <= half * (1 + 1e-9) + weights.abs() * 2**-23).all()
 
 
-def test_weights_that_move_opacities_too_have_finer_steps() -> None:
-    tensors = {"columns.basis_weights": noise(40, 3, seed=1), "color.basis": 0.01 * noise(3, 15, 3, seed=2)}
-    moving = tensors | {"color.opacity_basis": 6 * noise(3, 15, seed=3)}
+@pytest.mark.parametrize("prefix", ["color.", "color.varying."])
+def test_weights_that_move_opacities_too_have_finer_steps(prefix: str) -> None:
+    tensors = {"columns.basis_weights": noise(40, 3, seed=1), prefix + "basis": 0.01 * noise(3, 15, 3, seed=2)}
+    moving = tensors | {prefix + "opacity_basis": 6 * noise(3, 15, seed=3)}
 
     def worst(packed: dict[str, torch.Tensor]) -> torch.Tensor:
         moved = unpack_tensors(pack_tensors(packed))["columns.basis_weights"] - tensors["columns.basis_weights"]
         return moved.abs().amax(0).double()
 
-    lengths = (moving["color.opacity_basis"] / 6).double().norm(dim=1)
+    lengths = (moving[prefix + "opacity_basis"] / 6).double().norm(dim=1)
     assert (worst(moving) <= 1.001 * COEFFICIENT_STEP / lengths / 2).all()
     assert (worst(tensors) > 3 * worst(moving)).all()
 

@@ -58,6 +58,19 @@ def test_the_light_keeps_its_rates_while_the_normals_settle():
         dataclasses.replace(RECIPE, light_hold=1.0)
 
 
+def test_what_moves_opacities_is_learned_in_training_and_still_when_relit():
+    name, scene = "color.varying.opacity_basis", tiny_scene()
+    rate = RECIPE.course(scene).groups[name].rate
+    assert (rate.at(0.0), rate.at(1.0)) == pytest.approx((RECIPE.opacity_basis_rate, DECAY * RECIPE.opacity_basis_rate))
+    assert relight_recipe(RECIPE, 300).course(scene).groups[name].rate.at(0.0) == 0
+    constant = dataclasses.replace(RECIPE, varying_opacity=False)
+    assert name not in constant.course(scene).groups
+    assert constant.without_effect()["opacity_basis_rate"] == "--no-varying-opacity is given"
+    relit = relight_recipe(constant, 300)
+    assert relight_recipe(relit, 300) == relit
+    assert relit.opacity_basis_rate == RECIPE.opacity_basis_rate, "as records of before opacities varied have it"
+
+
 def test_normals_are_asked_to_agree_with_depths_when_the_light_begins():
     scene = tiny_scene(views=4, size=24)
     settings = {"consistency": 0.2, "consistency_every": 2, "consistency_until": 0.4, "warmup": 0.2}

@@ -13,8 +13,8 @@ from ringlight.bench.workload import Size, workload
 from ringlight.color.basis_opacities import BasisOpacities
 from ringlight.color.contract import ColorModel
 from ringlight.color.harmonics import SphericalHarmonics
-from ringlight.color.mirror import Mirror
 from ringlight.color.ringlight import RingLight
+from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradients
@@ -37,7 +37,8 @@ BALL_RADIUS = 0.315
 """Of the reflecting ball, as a share of the image's side: it covers 31 % of the pixels, as a subject does."""
 BALL_DISTANCE = 4.0
 """From the camera to the ball's centre, world units; the ball's box has sides of 2."""
-SHADER = RingLightMirrorRecipe().shader
+MIRROR = RingLightMirrorRecipe()
+SHADER = MIRROR.shader
 WIDE = 64
 """Width of the hidden layers that ringlight-mirror leaves to those who want more."""
 TABLE_WIDTHS = (3, 3, 4, 1, 3, 45)
@@ -203,7 +204,7 @@ PARTS: dict[str, Maker] = {
     "ring": color_part(lambda: RingLight(OURS, BOX)),
     "ring-paper": color_part(lambda: RingLight(PAPER.light, BOX)),
     "ring-exact": color_part(lambda: RingLight(replace(PAPER.light, evaluation="exact"), BOX)),
-    "mirror": color_part(lambda: Mirror(SHADER.latents)),
+    "mirror": color_part(lambda: VaryingMirror(SHADER.latents, MIRROR.basis_size, opacities=MIRROR.varying_opacity)),
     "reflection": reflection_part(SHADER),
     "reflection-wide": reflection_part(replace(SHADER, hidden=WIDE)),
     "photometric": photometric_part,

@@ -74,8 +74,8 @@ def main(arguments: list[str]) -> int:
             exported = export_surface(stored, asked.out, with_triangles=asked.mesh)
         else:
             exported = export(stored, asked.out, asked.fit_steps)
-    varies = isinstance(getattr(stored.model, "color", None), BasisOpacities)
-    sentences = f"{_size(exported)}\n" if of_surface else _sentences(exported, varies)
+    exact_if_constant = isinstance(getattr(stored.model, "color", None), BasisOpacities)
+    sentences = f"{_size(exported)}\n" if of_surface else _sentences(exported, exact_if_constant)
     sys.stdout.write(to_json(exported) if asked.json else sentences)
     return 0
 
@@ -89,7 +89,7 @@ def _size(exported: "Exported") -> str:
     return f"{exported.file}: {numbered(exported.counted, exported.noun)}, {exported.bytes_file / MEGABYTE:.2f} MB"
 
 
-def _sentences(exported: "Exported", opacities_vary: bool) -> str:
+def _sentences(exported: "Exported", exact_if_constant: bool) -> str:
     size = _size(exported)
     loss = exported.loss
     if loss is None:
@@ -104,7 +104,7 @@ def _sentences(exported: "Exported", opacities_vary: bool) -> str:
         f"  the colour of a Gaussian, from 0 to 1, was off by {loss.rmse:.4f} (rmse){when}, of the worst by "
         f"{loss.worst:.3f}",
     ]
-    if opacities_vary:
+    if exact_if_constant:
         remedy = "one of 'ringlight train SCENE ringlight-basis --no-varying-opacity' is exported exactly"
         lines.append(f"  its opacities change with the view; {remedy}")
     return "\n".join(lines) + "\n"

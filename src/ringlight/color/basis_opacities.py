@@ -73,11 +73,12 @@ class BasisOpacities(SharedBasis):
 
 @torch.no_grad()
 def with_varying_opacities(
-    plain: Emission, gaussians: Gaussians, varying: "BasisOpacities", name: str, camera: Camera, want: Want
+    plain: Emission, gaussians: Gaussians, varying: BasisOpacities, name: str, camera: Camera, want: Want
 ) -> Emission:
     """``plain``, by kernels, with the opacity factor of ``varying``, whose opacity basis has this ``name`` in a model.
 
-    ``plain.backward`` writes gradients of "means" and "basis_weights", which this adds to.
+    All is float32 on the CPU, and the degree above 0. ``plain.backward`` writes gradients of "means" and
+    "basis_weights", which this adds to.
     """
     means, logits, weights = gaussians.means, gaussians.opacity_logits, gaussians.appearance[WEIGHTS]
     shared = varying.opacity_basis.detach()

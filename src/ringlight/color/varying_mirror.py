@@ -2,7 +2,8 @@
 
 A reflection of the surroundings is the same function of the reflected direction all over a mirror, and the shader knows
 it. What one ball shows of the next one is not. A few weights for each Gaussian, of harmonics that all share, hold what
-is left: smooth, and of its own place (``color/shared_basis.py``).
+is left: smooth, and of its own place (``color/shared_basis.py``). They may move opacities too
+(``color/basis_opacities.py``).
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,7 +53,7 @@ class VaryingMirror(Mirror):
         return super().new_columns(points) | {WEIGHTS: self.varying.new_columns(points)[WEIGHTS]}
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
-        """See :meth:`Mirror.emit`; "rgb" may exceed 1."""
+        """See :meth:`Mirror.emit`; "rgb" may exceed 1. With an opacity factor where opacities vary."""
         columns = {"means": gaussians.means}
         columns |= {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS, WEIGHTS)}
         varying, degree = self.varying, int(self.varying.active_degree)
@@ -118,7 +119,7 @@ def _native_emission(
 
 
 def _by_our_names(found: Gradients) -> Gradients:
-    """What the basis calls ``color.basis`` is ``color.varying.basis``; its constant coefficient is none of ours."""
+    """What the basis calls ``color.…`` is ``color.varying.…``; its constant coefficient is none of ours."""
     names = {COLOR + name: COLOR + VARYING + name for name in (BASIS, OPACITY_BASIS)}
     return Gradients({names.get(name, name): value for name, value in found.items() if name != COLUMNS + DC})
 

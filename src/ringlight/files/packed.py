@@ -104,8 +104,10 @@ PLAN: Plan = (
 MEANS, SCALES, WEIGHTS = "columns.means", "columns.log_scales", "columns.basis_weights"
 
 BASES = ("color.basis", "color.varying.basis")
+"""Functions of the direction that the weights mix to colours, of either kind of model."""
+
 OPACITY_BASES = ("color.opacity_basis", "color.varying.opacity_basis")
-"""What the weights mix: colours, and logits of opacity."""
+"""Those that they mix to logits of opacity."""
 
 MEAN_SLOPE = 1 / 6
 """Of a sigmoid, over all opacities alike: so much a logit moves an opacity, and a colour in front of black."""

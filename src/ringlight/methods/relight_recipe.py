@@ -29,7 +29,7 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
     Raises RecipeError for a method whose light is not shared, or shared otherwise.
     """
     if isinstance(recipe, RingLightMirrorRecipe):
-        return replace(
+        still = replace(
             recipe,
             **_kept(recipe, steps),
             warmup=0.0,
@@ -41,8 +41,8 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
             maps_rate=MAPS_RATE,
             network_rate=NETWORK_RATE,
             axes_rate=AXES_RATE,
-            opacity_basis_rate=0.0,
         )
+        return replace(still, opacity_basis_rate=0.0) if recipe.varying_opacity else still
     if isinstance(recipe, RingLightRingRecipe):
         return replace(
             recipe,

@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ringlight.color.shared_basis import WEIGHTS
 from ringlight.color.varying_mirror import OPACITY_BASES
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
@@ -105,8 +106,10 @@ def _all_of(start: Start, training: Training, recipe: Recipe) -> dict[str, Tenso
         found |= {COLUMNS + name: column for name, column in new.items() if COLUMNS + name not in found}
     for name in own.keys() & OPACITY_BASES:  # a model without them shows what one with zeros does
         found.setdefault(name, torch.zeros_like(own[name]))
-    if (found.keys() - own.keys()) & set(OPACITY_BASES):
-        raise RecipeError(f"{start.path}: its opacities change with the view; leave --no-varying-opacity away")
+    for name in (found.keys() - own.keys()) & set(OPACITY_BASES):
+        mixes = COLUMNS + WEIGHTS in own
+        remedy = "leave --no-varying-opacity away" if mixes else f"give --basis-size {len(found[name])}"
+        raise RecipeError(f"{start.path}: its opacities change with the view; {remedy}")
     for name, tensor in own.items():
         other = found.get(name)
         skip = 1 if name.startswith(model.row_prefixes) else 0

@@ -42,8 +42,8 @@ export class MirrorKind {
     this.program = programOf(gl, shaders, picture, sizes);
   }
 
-  // Nothing else of a Gaussian depends on the camera but which way its normal looks, and that the lists say. Colours
-  // are whole whatever the fader says: the network sees them, and what they have of the view is faded in the picture.
+  // Opacities and which way a normal looks depend on the camera too; the lists hold both. Colours are whole whatever
+  // the fader says: the network sees them, and what they have of the view is faded in the picture.
   prepare(view, _, some) {
     return this.colored?.prepare(view, 1, some) ?? true;
   }
