@@ -15,9 +15,11 @@ from scenes_on_disk import edit_json, write_tiny_scene
 
 from relit_scenes import evening_scene
 from ringlight.core.want import Want
+from ringlight.errors import RunError
 from ringlight.files.tensor_file import read_tensors, write_tensors
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import host_rasterizer
+from ringlight.runs.light_pack import pack_between
 from ringlight.runs.session import Session
 
 STEPS = ("--steps", "12", "--quiet", "--lpips")
@@ -155,3 +157,16 @@ def test_a_pack_fits_one_model_alone(
     refused(ringlight("edit", run, edited, "--light", tmp_path / "shaped", "--quiet"), 1, tmp_path / "shaped")
     assert not edited.exists()
     assert not page.exists()
+
+
+@pytest.mark.parametrize(
+    ("method", "shape"),
+    [("ringlight-basis", "color.opacity_basis"), ("ringlight-mirror", "color.varying.opacity_basis")],
+)
+def test_what_moves_opacities_is_no_light(
+    method: str, shape: str, trained: dict[str, Path], mirror: Path, tmp_path: Path
+) -> None:
+    stored = load_model((trained | {"ringlight-mirror": mirror})[method], host_rasterizer())
+    tensors = stored.model.rendering_tensors()
+    with pytest.raises(RunError, match=f"its {shape} is not that of the model"):
+        pack_between(stored, tensors | {shape: tensors[shape] + 1}, "scene", tmp_path / "light.safetensors")
