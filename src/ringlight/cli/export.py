@@ -82,7 +82,7 @@ def main(arguments: list[str]) -> int:
 
 ALIKE, CLOSE = 40.0, 30.0
 """dB of pictures against each other above which a difference is hardly seen, and what changes with the view is kept
-though softer. A ring's light has 55, mirrors 24 to 31 (docs/experiments/export.md)."""
+though softer. A ring's light has 55, mirrors 24 to 32 (docs/experiments/export.md)."""
 
 
 def _size(exported: "Exported") -> str:
