@@ -74,7 +74,8 @@ def main(arguments: list[str]) -> int:
             exported = export_surface(stored, asked.out, with_triangles=asked.mesh)
         else:
             exported = export(stored, asked.out, asked.fit_steps)
-    exact_if_constant = isinstance(getattr(stored.model, "color", None), BasisOpacities)
+    splats = stored.model.splats()
+    exact_if_constant = splats is not None and isinstance(splats.color, BasisOpacities)
     sentences = f"{_size(exported)}\n" if of_surface else _sentences(exported, exact_if_constant)
     sys.stdout.write(to_json(exported) if asked.json else sentences)
     return 0
