@@ -373,6 +373,16 @@ def test_an_export_says_what_its_number_means(decibels: float, said: str) -> Non
     assert "other viewers show" in _sentences(Exported("a.ply", 1, "Gaussians", 1, None), exact_if_constant=False)
 
 
+def test_an_export_of_a_basis_says_how_to_get_an_exact_one(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    told = ringlight("export", trained["ringlight-basis"], tmp_path / "varying.ply")
+    assert told.code == 0, told.err
+    assert "--no-varying-opacity" in told.out
+    of_ring = ringlight("export", trained["ringlight-ring"], tmp_path / "ring.ply")
+    assert "opacities" not in of_ring.out
+
+
 def test_a_neural_colour_is_baked_and_the_error_printed(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:
