@@ -199,3 +199,10 @@ def test_pareto_has_curves_over_size_and_over_seconds(pareto: Path) -> None:
     assert (record["base"], record["steps"]) == ("ringlight-ring", 4)
     assert {row["variant"] for row in record["rows"]} == set(PARETO)
     assert all(row["psnr_train"]["mean"] > 0 and row["core_seconds"]["mean"] > 0 for row in record["rows"])
+
+
+def test_help_of_a_study_names_it(capsys: pytest.CaptureFixture[str]) -> None:
+    from ringlight.cli.main import run
+
+    assert run(["study", "pareto", "--help"]) == 0
+    assert capsys.readouterr().out.startswith("usage: ringlight study pareto [-h]")

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import tyro
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ringlight.methods.variant import Variant
     from ringlight.runs.study import StudyRun
 
+Study = Literal["ablation", "field", "rank", "feature", "gamma", "beta", "warmup", "pareto"]
+
 
 @dataclass(frozen=True)
 class StudyArguments:
@@ -34,10 +36,7 @@ class StudyArguments:
     other but those that wait for its size. Ends with OUT/STUDY.md, .csv, .json and .png.
     """
 
-    what: Annotated[
-        tyro.conf.Positional[Literal["ablation", "field", "rank", "feature", "gamma", "beta", "warmup", "pareto"]],
-        tyro.conf.arg(metavar="STUDY"),
-    ]
+    what: Annotated[tyro.conf.Positional[Study], tyro.conf.arg(metavar="STUDY")]
     """ablation, field, rank, feature, gamma, beta, warmup or pareto."""
     scenes: Annotated[
         tyro.conf.Positional[tuple[Path, ...]],
@@ -75,7 +74,8 @@ class StudyArguments:
 
 def main(arguments: list[str]) -> int:
     """Run what is missing, then show; returns the exit code, 1 where runs are missing in the end."""
-    asked = parse(StudyArguments, "study", arguments)
+    named = arguments[0] if arguments and arguments[0] in get_args(Study) else ""
+    asked = parse(StudyArguments, "study", arguments, before=named)
     if not asked.scenes:
         refuse("study", "no scene is named; give folders of photographs, or toaster or carpaint")
     if "--only" in flags_in(arguments) and not asked.only:
