@@ -11,8 +11,9 @@ from ringlight.core.scene import Scene, View
 from ringlight.data import hull
 from ringlight.errors import RecipeError
 from ringlight.fit.train import train
+from ringlight.methods.mirror_bounds import most_gaussians
 from ringlight.methods.relight_recipe import relight_recipe
-from ringlight.methods.ringlight_mirror import DECAY, RingLightMirrorRecipe, most_gaussians
+from ringlight.methods.ringlight_mirror import DECAY, RingLightMirrorRecipe
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
@@ -60,15 +61,47 @@ def test_the_light_keeps_its_rates_while_the_normals_settle():
 
 def test_what_moves_opacities_is_learned_in_training_and_still_when_relit():
     name, scene = "color.varying.opacity_basis", tiny_scene()
-    rate = RECIPE.course(scene).groups[name].rate
-    assert (rate.at(0.0), rate.at(1.0)) == pytest.approx((RECIPE.opacity_basis_rate, DECAY * RECIPE.opacity_basis_rate))
+    slow = dataclasses.replace(RECIPE, opacity_basis_rate=1e-3)
+    rate = slow.course(scene).groups[name].rate
+    assert (rate.at(0.0), rate.at(1.0)) == pytest.approx((1e-3, DECAY * 1e-3))
     assert relight_recipe(RECIPE, 300).course(scene).groups[name].rate.at(0.0) == 0
     constant = dataclasses.replace(RECIPE, varying_opacity=False)
     assert name not in constant.course(scene).groups
     assert constant.without_effect()["opacity_basis_rate"] == "--no-varying-opacity is given"
-    relit = relight_recipe(constant, 300)
+    before = dataclasses.replace(constant, opacity_basis_rate=4e-2)
+    relit = relight_recipe(before, 300)
     assert relight_recipe(relit, 300) == relit
-    assert relit.opacity_basis_rate == RECIPE.opacity_basis_rate, "as records of before opacities varied have it"
+    assert relit.opacity_basis_rate == 4e-2, "as records state it whose opacities do not vary"
+
+
+@pytest.mark.parametrize("steps", [3_000, 30_000])
+def test_a_relit_basis_learns_as_fast_whatever_the_model_was_trained_for(steps: int):
+    relit = relight_recipe(dataclasses.replace(RECIPE, steps=steps).at_length(), 300)
+    assert (relit.weights_rate, relit.basis_rate) == (0.0, 1e-2)
+    assert relight_recipe(relit, 300) == relit
+    still = dataclasses.replace(RECIPE, basis_size=0, weights_rate=0.0)
+    assert relight_recipe(still, 300).weights_rate == 0.0
+
+
+@pytest.mark.parametrize(("steps", "weights"), [(3_000, 5e-3), (7_000, 5e-3), (30_000, 3e-4), (90_000, 3e-4)])
+def test_weights_learn_more_slowly_in_long_runs(steps: int, weights: float):
+    decided = dataclasses.replace(RECIPE, steps=steps).at_length()
+    rates = (weights, 2 * weights, 8 * weights)
+    assert (decided.weights_rate, decided.basis_rate, decided.opacity_basis_rate) == pytest.approx(rates)
+    groups = decided.course(tiny_scene()).groups
+    names = ("columns.basis_weights", "color.varying.basis", "color.varying.opacity_basis")
+    assert [groups[name].rate.at(0.0) for name in names] == pytest.approx(rates)
+    between = dataclasses.replace(RECIPE, steps=15_000).at_length()
+    assert 3e-4 < (between.weights_rate or 0) < 5e-3
+    said = dataclasses.replace(RECIPE, steps=steps, basis_rate=1e-4).at_length()
+    assert (said.weights_rate, said.opacity_basis_rate) == pytest.approx((weights, 4e-4))
+
+
+def test_what_decides_nothing_is_left_open():
+    constant = dataclasses.replace(RECIPE, varying_opacity=False).at_length()
+    assert constant.opacity_basis_rate is None
+    still = dataclasses.replace(RECIPE, basis_size=0).at_length()
+    assert (still.weights_rate, still.basis_rate, still.opacity_basis_rate) == (None, None, None)
 
 
 def test_normals_are_asked_to_agree_with_depths_when_the_light_begins():
@@ -151,10 +184,3 @@ def test_settings_of_the_basis_have_no_effect_where_there_is_none():
     assert not idle & set(RECIPE.without_effect())
     constant = dataclasses.replace(RECIPE, basis_size=0).without_effect()
     assert {name: constant.get(name) for name in idle} == dict.fromkeys(idle, "--basis-size is 0")
-
-
-def test_large_photographs_get_fewer_gaussians_than_pixels():
-    assert [most_gaussians(pixels, 50) for pixels in (500, 40_000, 140_000)] == [500, 10_000, 20_000]
-    assert [most_gaussians(40_000, views) for views in (1, 70, 100, 1000)] == [10_000, 14_000, 20_000, 20_000]
-    assert most_gaussians(15_000, 100) == 15_000
-    assert most_gaussians(160_000, 100) == 22_858

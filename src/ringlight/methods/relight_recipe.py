@@ -19,6 +19,9 @@ MAPS_RATE, NETWORK_RATE, AXES_RATE = 4e-2, 1e-2, 1e-2
 """Of a mirror: two to three times those of a whole training, for nothing else moves. After 300 steps 0.04 dB on a
 recoloured toaster and 1 dB on one in another surrounding."""
 
+BASIS_RATE = 1e-2
+"""Of what a mirror's base colours share: that of short trainings, however long the model's own was."""
+
 FIELD_RATE, FIELD_RATE_END, FIELD_EPSILON = 2e-3, 1e-4, 1e-15
 """Of a ring; the paper's constant 1e-4 gets nowhere in so few steps."""
 
@@ -36,12 +39,14 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
             base_rate=0.0,
             normals_rate=0.0,
             latents_rate=0.0,
-            weights_rate=0.0,
             consistency=0.0,
             maps_rate=MAPS_RATE,
             network_rate=NETWORK_RATE,
             axes_rate=AXES_RATE,
         )
+        if not recipe.basis_size:
+            return still
+        still = replace(still, weights_rate=0.0, basis_rate=BASIS_RATE)
         return replace(still, opacity_basis_rate=0.0) if recipe.varying_opacity else still
     if isinstance(recipe, RingLightRingRecipe):
         return replace(

@@ -13,8 +13,9 @@ from ringlight.core.kernel_limits import SH_MAX_BASIS
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import Adam, GaussianRates, between, check_rates, how_long
+from ringlight.fit.rates import Adam, GaussianRates, check_rates
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.methods.basis_rates import basis_rates
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.surface_start import SurfaceStart
 from ringlight.methods.three_dgs import COARSE_SHARE, degrees_by_step, harmonics_rates
@@ -39,22 +40,9 @@ GAUSSIANS_A_PIXEL = 0.85
 long runs reach both bounds."""
 
 
-SHORT_RATE, LONG_RATE = 5e-3, 3e-4
-"""Of the weights, in runs of up to FAST_STEPS and in those of 30,000. Long runs at the high rate know training views by
-heart: 0.15 dB less on held-out ones, 0.5 dB on the farthest third (docs/experiments/results.md). Short runs need it: a
-fifth of the shared functions' rate costs them 0.3 dB."""
-
 FAST_STEPS = 3_000
 """After 7,000 steps at rates around the one that lies between, maryrose_400 has 0.3 to 0.5 dB more on held-out views;
 chair_400 and lego_400 are level (docs/experiments/shared-basis.md)."""
-
-SHARED_FASTER = 2
-"""How much faster what is shared learns."""
-
-
-OPACITY_FASTER = 4
-"""How much faster than those of colour the shared functions of opacity learn: they are logits, and one changes an
-opacity by a quarter at most."""
 
 
 @dataclass(frozen=True)
@@ -115,11 +103,7 @@ class RingLightBasisRecipe(SplatRecipe):
     @property
     def light_rates(self) -> tuple[float, float, float]:
         """Of the weights, and of shared functions of colour and opacity, as set or as suits the run's length."""
-        usual = between(SHORT_RATE, LONG_RATE, how_long(self.steps, FAST_STEPS))
-        of_weights = usual if self.weights_rate is None else self.weights_rate
-        of_basis = SHARED_FASTER * usual if self.basis_rate is None else self.basis_rate
-        said = self.opacity_basis_rate
-        return of_weights, of_basis, OPACITY_FASTER * of_basis if said is None else said
+        return basis_rates(self.steps, FAST_STEPS, self.weights_rate, self.basis_rate, self.opacity_basis_rate)
 
     def without_effect(self) -> dict[str, str]:
         """See :meth:`SplatRecipe.without_effect`."""

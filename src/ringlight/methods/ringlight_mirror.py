@@ -17,6 +17,8 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import FAST_SCALES, Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
+from ringlight.methods.basis_rates import basis_rates
+from ringlight.methods.mirror_bounds import most_gaussians
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.three_dgs import degrees_by_step
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -36,14 +38,9 @@ if TYPE_CHECKING:
 DECAY = 0.1
 """Rates of normals, latents and shader end at this share of their start."""
 
-PIXELS_PER_GAUSSIAN = 7
-"""What a mirror shows is in the shader, so that a Gaussian serves several pixels of a subject that is cut out. Where no
-hull cuts it out, what surrounds it needs Gaussians of its own, and there may be one for every pixel."""
-
-ALWAYS_ENOUGH, MANY, FOR_EACH_VIEW = 10_000, 20_000, 200
-"""Gaussians for small photographs, where those have as many pixels: shapes need them however few pixels show it. Many
-photographs show finer shapes than one: with 100 views of 200 x 200 pixels 20,000 are worth 0.3 to 0.4 dB."""
-
+FAST_STEPS = 7_000
+"""Up to which the weights learn fast. After 30,000 steps of chrome the slower ones are worth 2.3 dB on held-out views;
+between the two lengths nothing was measured (docs/experiments/mirrors.md)."""
 
 OF_VARYING = ("sh_every", "weights_rate", "basis_rate", "varying_opacity", "opacity_basis_rate")
 """Settings that decide nothing where base colours are constant."""
@@ -55,12 +52,6 @@ during the warm-up too (docs/experiments/mirrors.md)."""
 
 OF_CONSISTENCY = ("consistency_stride", "consistency_every", "consistency_until")
 """Settings that decide nothing where normals need not agree with depths."""
-
-
-def most_gaussians(pixels: int, views: int) -> int:
-    """Bound on the number of Gaussians for so many photographs, of that many pixels each."""
-    at_least = min(max(FOR_EACH_VIEW * views, ALWAYS_ENOUGH), MANY)
-    return min(pixels, max(at_least, math.ceil(pixels / PIXELS_PER_GAUSSIAN)))
 
 
 @dataclass(frozen=True)
@@ -114,17 +105,18 @@ class RingLightMirrorRecipe(SplatRecipe):
     part of a scene reflects of another. 0 to 16; 0 keeps base colours constant."""
     sh_every: int = later(1000)
     """Steps after which one more degree of these harmonics is switched on (a seventh of the run if that is less)."""
-    weights_rate: float = later(5e-3)
-    """Learning rate of the weights at the start; it ends at a tenth."""
-    basis_rate: float = later(1e-2)
-    """Learning rate of what is shared; it ends alike."""
+    weights_rate: float | None = later(None)
+    """Learning rate of the weights at the start; it ends at a tenth. By default 5e-3 in runs of up to 7,000 steps and
+    3e-4 from 30,000 on, in between even in the logarithm of the steps."""
+    basis_rate: float | None = later(None)
+    """Learning rate of what is shared; it ends alike. By default twice the weights' default."""
     varying_opacity: bool = later(False, now=True)
     """Whether opacities change with the direction too, by the same weights, times functions of opacity that all
     Gaussians share: 0.25 dB on chrome and on a coat of varnish with 90 photographs, 0.0 and 0.1 with 45, nothing on
     balls, for no byte of a Gaussian and a twentieth more core seconds."""
-    opacity_basis_rate: float = later(4e-2)
-    """Learning rate of the shared functions of opacity, which are logits; it ends alike. A quarter of it gains half as
-    much on a coat of varnish."""
+    opacity_basis_rate: float | None = later(None)
+    """Learning rate of the shared functions of opacity, which are logits; it ends alike. By default four times
+    ``basis_rate``; a rate equal to that gains half as much on a coat of varnish."""
     antialiased: bool = True
     """Rasterize with the opacity compensation of Mip-Splatting, which is worth 0.4 dB on chrome."""
     visible_only: bool = False
@@ -148,7 +140,7 @@ class RingLightMirrorRecipe(SplatRecipe):
     """What is compared with the photographs."""
 
     def __post_init__(self) -> None:
-        check_rates(**{name: value for name, value in vars(self).items() if name.endswith("_rate")})
+        check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
         if not 0 <= self.basis_size <= SH_MAX_BASIS:
             raise RecipeError(f"basis_size is {self.basis_size}; give 0 (constant base colours) to {SH_MAX_BASIS}")
         if not 0 <= self.warmup <= 1:
@@ -188,6 +180,20 @@ class RingLightMirrorRecipe(SplatRecipe):
             reason = f"no step is lit until --consistency-until {self.consistency_until:g} of the run"
             consistent = dict.fromkeys(("consistency", *OF_CONSISTENCY), reason)
         return super().without_effect() | varying | consistent
+
+    def at_length(self) -> "RingLightMirrorRecipe":
+        """See :meth:`SplatRecipe.at_length`."""
+        settled = super().at_length()
+        if not self.basis_size:
+            return settled
+        of_weights, of_basis, of_opacities = self.varying_rates
+        settled = dataclasses.replace(settled, weights_rate=of_weights, basis_rate=of_basis)
+        return dataclasses.replace(settled, opacity_basis_rate=of_opacities) if self.varying_opacity else settled
+
+    @property
+    def varying_rates(self) -> tuple[float, float, float]:
+        """Of the weights, and of shared functions of colour and opacity, as set or as suits the run's length."""
+        return basis_rates(self.steps, FAST_STEPS, self.weights_rate, self.basis_rate, self.opacity_basis_rate)
 
     @property
     def first_lit(self) -> int:
@@ -236,12 +242,10 @@ class RingLightMirrorRecipe(SplatRecipe):
         def lit(rate: float, hold: float = self.light_hold) -> Adam:
             return Adam(Rate(rate, DECAY * rate, hold), begins=first_lit)
 
-        varying = {
-            "columns.basis_weights": lit(self.weights_rate),
-            "color.varying.basis": lit(self.basis_rate),
-        }
+        of_weights, of_basis, of_opacities = self.varying_rates
+        varying = {"columns.basis_weights": lit(of_weights), "color.varying.basis": lit(of_basis)}
         if self.varying_opacity:
-            varying["color.varying.opacity_basis"] = lit(self.opacity_basis_rate)
+            varying["color.varying.opacity_basis"] = lit(of_opacities)
         degrees = {"color.varying.active_degree": degrees_by_step(self.sh_every, self.steps)}
         return Course(
             groups={
