@@ -39,8 +39,8 @@ DECAY = 0.1
 """Rates of normals, latents and shader end at this share of their start."""
 
 FAST_STEPS = 7_000
-"""Up to which the weights learn fast. After 30,000 steps of chrome the slower ones are worth 2.3 dB on held-out views;
-after 7,000 chrome and varnish lose 0.1 and 0.05 by slower ones (docs/experiments/mirrors.md)."""
+"""Up to which the weights learn fast. Slower ones are worth 2.3 and 0.7 dB on held-out views of chrome and of varnish
+after 30,000 steps, and cost 0.1 and 0.05 after 7,000 (docs/experiments/mirrors.md)."""
 
 OF_VARYING = ("sh_every", "weights_rate", "basis_rate", "varying_opacity", "opacity_basis_rate")
 """Settings that decide nothing where base colours are constant."""
