@@ -18,7 +18,7 @@ from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import FAST_SCALES, Adam, GaussianRates, Rate, check_rates
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
 from ringlight.methods.basis_rates import basis_rates
-from ringlight.methods.mirror_bounds import most_gaussians
+from ringlight.methods.mirror_bounds import most_gaussians, most_without_hull
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.three_dgs import degrees_by_step
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -211,6 +211,11 @@ class RingLightMirrorRecipe(SplatRecipe):
     def densify_on_hull(self, scene: "Scene") -> DensifySettings:
         """Density control of a subject that a hull cuts out."""
         return self.densify.within(most_gaussians(scene.pixels, len(scene.train)))
+
+    def most_by_pixels(self, pixels: int) -> int:
+        """See :meth:`SplatRecipe.most_by_pixels`; where no hull cuts the subject out."""
+        adaptive = self.densify.kind == "adaptive"
+        return most_without_hull(pixels) if adaptive else self.densify.usual_bound(pixels)
 
     def first_gaussians(self, scene: "Scene") -> int:
         """How many the run starts from where there is a hull to draw them from."""
