@@ -6,8 +6,8 @@ PIXELS_PER_GAUSSIAN = 7
 """What a mirror shows is in the shader, so that a Gaussian serves several pixels of a subject that is cut out."""
 
 WITHOUT_HULL = 0.75
-"""Gaussians for each pixel where no hull cuts the subject out, for what surrounds it needs some of its own. One for each
-is worth 0.25 dB after 7,000 steps, and takes 0.44 instead of a third of the bytes of `3dgs`
+"""Gaussians for each pixel where no hull cuts the subject out, for what surrounds it needs some of its own. One for
+each is worth 0.25 dB after 7,000 steps, and takes 0.44 instead of a third of the bytes of `3dgs`
 (docs/experiments/without-masks.md)."""
 
 ALWAYS_ENOUGH, MANY, FOR_EACH_VIEW = 10_000, 20_000, 200
