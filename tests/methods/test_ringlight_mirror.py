@@ -12,8 +12,9 @@ from ringlight.data import hull
 from ringlight.errors import RecipeError
 from ringlight.fit.train import train
 from ringlight.methods.mirror_bounds import most_gaussians
+from ringlight.methods.mirror_course import DECAY
 from ringlight.methods.relight_recipe import relight_recipe
-from ringlight.methods.ringlight_mirror import DECAY, RingLightMirrorRecipe
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene

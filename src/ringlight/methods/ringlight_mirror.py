@@ -15,12 +15,11 @@ from ringlight.core.kernel_limits import SH_MAX_BASIS
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
-from ringlight.fit.rates import FAST_SCALES, Adam, GaussianRates, Rate, check_rates
+from ringlight.fit.rates import FAST_SCALES, GaussianRates, check_rates
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
 from ringlight.methods.basis_rates import basis_rates
 from ringlight.methods.mirror_bounds import most_gaussians, most_without_hull
 from ringlight.methods.splat_recipe import SplatRecipe
-from ringlight.methods.three_dgs import degrees_by_step
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 if TYPE_CHECKING:
@@ -29,14 +28,10 @@ if TYPE_CHECKING:
 
     from ringlight.color.contract import ColorModel
     from ringlight.core.scene import PointCloud, Scene
-    from ringlight.fit.regularizers.contract import Regularizer
     from ringlight.fit.train import Training
     from ringlight.methods.assembly import Course
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
-
-DECAY = 0.1
-"""Rates of normals, latents and shader end at this share of their start."""
 
 FAST_STEPS = 7_000
 """Up to which the weights learn fast. Slower ones are worth 2.3 and 0.7 dB on held-out views of chrome and of varnish
@@ -44,11 +39,6 @@ after 30,000 steps, and cost 0.1 and 0.05 after 7,000 (docs/experiments/mirrors.
 
 OF_VARYING = ("sh_every", "weights_rate", "basis_rate", "varying_opacity", "opacity_basis_rate")
 """Settings that decide nothing where base colours are constant."""
-
-ONE_SURFACE = 0.7
-"""Cosine below which blended normal and depth's normal are of two surfaces, one behind the other: pixels there have no
-say. With all of them chrome lost 0.45 instead of 0.3 dB, and twelve balls gained less, when the term was asked for
-during the warm-up too (docs/experiments/mirrors.md)."""
 
 OF_CONSISTENCY = ("consistency_stride", "consistency_every", "consistency_until")
 """Settings that decide nothing where normals need not agree with depths."""
@@ -239,43 +229,6 @@ class RingLightMirrorRecipe(SplatRecipe):
         return bounded.build_on(points, scene, rasterize, seed)
 
     def course(self, scene: "Scene") -> "Course":
-        from ringlight.core.gradients import SHADER
-        from ringlight.methods.assembly import Course
+        from ringlight.methods.mirror_course import mirror_course
 
-        first_lit = self.first_lit
-
-        def lit(rate: float, hold: float = self.light_hold) -> Adam:
-            return Adam(Rate(rate, DECAY * rate, hold), begins=first_lit)
-
-        of_weights, of_basis, of_opacities = self.varying_rates
-        varying = {"columns.basis_weights": lit(of_weights), "color.varying.basis": lit(of_basis)}
-        if self.varying_opacity:
-            varying["color.varying.opacity_basis"] = lit(of_opacities)
-        degrees = {"color.varying.active_degree": degrees_by_step(self.sh_every, self.steps)}
-        return Course(
-            groups={
-                "columns.base": Adam(Rate.constant(self.base_rate)),
-                **(varying if self.basis_size else {}),
-                "columns.normals": lit(self.normals_rate, hold=0.0),
-                "columns.latents": lit(self.latents_rate),
-                "shader.maps.*": lit(self.maps_rate),
-                "shader.mlp.*": lit(self.network_rate),
-                "shader.ring.*": lit(self.network_rate),
-                "shader.places.*": lit(self.axes_rate),
-                "shader.sphere": lit(self.sphere_rate),
-            },
-            unlocks={"shader.lit": {first_lit: 1}, **(degrees if self.basis_size else {})},
-            surface_opacity=self.opacity,
-            light=(SHADER,) if self.undo_collapse else (),
-            first_lit=first_lit,
-            regularizers=self._regularizers(),
-        )
-
-    def _regularizers(self) -> "dict[str, Regularizer]":
-        from ringlight.fit.regularizers.depth_normals import DepthNormals
-
-        if not self.consistency_steps:
-            return {}
-        weight = self.loss.scale * self.consistency
-        normals = DepthNormals(weight, self.consistency_stride, self.consistency_steps, ONE_SURFACE)
-        return {"consistency": normals}
+        return mirror_course(self)
