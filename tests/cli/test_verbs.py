@@ -3,6 +3,7 @@
 import json
 import shutil
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -363,13 +364,16 @@ def test_harmonics_are_exported_exactly(trained: dict[str, Path], tmp_path: Path
     [(54.7, "from 40 dB on a difference is hardly seen"), (31.4, "is softer"), (24.2, "view is lost")],
 )
 def test_an_export_says_what_its_number_means(decibels: float, said: str) -> None:
-    exported = Exported("a.ply", 1, "Gaussians", 1, BakingLoss(50, 0.02, 34.0, 0.04, 5, decibels, 200, 20.0))
-    told = _sentences(exported, exact_if_constant=False)
+    loss = BakingLoss(50, 0.02, 34.0, 0.04, 5, decibels, 200, 20.0, opacities_vary=False)
+    exported = Exported("a.ply", 1, "Gaussians", 1, loss)
+    told = _sentences(exported, exact_if_constant=True)
     assert f"{decibels} dB PSNR from pictures of the model (20.0 before 200 steps of fitting)" in told
     assert said in told
     assert "5 of 50 training cameras" in told
     assert "opacities" not in told
-    assert "--no-varying-opacity" in _sentences(exported, exact_if_constant=True)
+    varying = replace(exported, loss=replace(loss, opacities_vary=True))
+    assert "opacities change with the view, and the file's do not\n" in _sentences(varying, exact_if_constant=False)
+    assert "--no-varying-opacity" in _sentences(varying, exact_if_constant=True)
     assert "other viewers show" in _sentences(Exported("a.ply", 1, "Gaussians", 1, None), exact_if_constant=False)
 
 
@@ -407,6 +411,7 @@ def test_pixels_that_are_shaded_are_baked_from_each_gaussians_own_surface(
 ) -> None:
     assert ringlight("train", tiny, "ringlight-mirror", "--out", tmp_path / "run", *QUICK).code == 0
     told = json.loads(ringlight("export", tmp_path / "run", tmp_path / "a.ply", "--json").out)
+    assert told["loss"]["opacities_vary"]
     # Shading blended surfaces is not blending shaded ones; without the shader it would be 25 dB.
     assert told["loss"]["picture_psnr"] > 28
 

@@ -105,9 +105,9 @@ def _sentences(exported: "Exported", exact_if_constant: bool) -> str:
         f"  the colour of a Gaussian, from 0 to 1, was off by {loss.rmse:.4f} (rmse){when}, of the worst by "
         f"{loss.worst:.3f}",
     ]
-    if exact_if_constant:
-        remedy = "one of 'ringlight train SCENE ringlight-basis --no-varying-opacity' is exported exactly"
-        lines.append(f"  its opacities change with the view; {remedy}")
+    if loss.opacities_vary:
+        remedy = "; one of 'ringlight train SCENE ringlight-basis --no-varying-opacity' is exported exactly"
+        lines.append("  the model's opacities change with the view, and the file's do not" + remedy * exact_if_constant)
     return "\n".join(lines) + "\n"
 
 

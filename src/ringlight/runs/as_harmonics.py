@@ -41,6 +41,7 @@ class BakingLoss:
     harmonics are fitted to pictures; ``psnr`` is the same in dB, ``worst`` the rmse of the worst Gaussian.
     ``picture_psnr`` compares pictures of the harmonics with pictures of the model, dB, mean over ``pictures`` of the
     cameras; ``fitted`` counts the steps of fitting, 0 where it did not help, ``unfitted_picture_psnr`` is that before.
+    ``opacities_vary`` with the view in the model, and do not in the file.
     """
 
     cameras: int
@@ -51,6 +52,7 @@ class BakingLoss:
     picture_psnr: float
     fitted: int
     unfitted_picture_psnr: float
+    opacities_vary: bool
 
 
 @torch.no_grad()
@@ -78,8 +80,8 @@ def fitted_harmonics(model: SplatModel, cameras: Sequence[Camera], fit_steps: in
         psnr_of_better = _picture_psnr(model, better, spread)
         if psnr_of_better > unfitted:
             harmonics, picture_psnr, fitted = better, psnr_of_better, fit_steps
-    loss = BakingLoss(len(cameras), baked.rmse, baked.psnr, baked.worst, len(spread), picture_psnr, fitted, unfitted)
-    return harmonics, loss
+    of_colors = (len(cameras), baked.rmse, baked.psnr, baked.worst)
+    return harmonics, BakingLoss(*of_colors, len(spread), picture_psnr, fitted, unfitted, opacities_vary=not is_same)
 
 
 @torch.no_grad()
