@@ -430,3 +430,15 @@ def test_a_mirror_whose_opacities_vary_keeps_the_weights_that_move_them(
     assert ringlight("train", tiny, "ringlight-mirror", "--out", varying, *QUICK).code == 0
     without = ringlight("train", tiny, "ringlight-mirror", "--basis-size", "0", "--from", varying, *QUICK)
     refused(without, 1, varying, "give --basis-size 4")
+
+
+def test_a_mirror_goes_on_with_the_maps_that_it_has(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    finer, usual = ("--shader.levels", "8", "16", "32", "64", "128"), ("--shader.levels", "8", "16", "32", "64")
+    source = tmp_path / "finer"
+    assert ringlight("train", tiny, "ringlight-mirror", *finer, "--out", source, *QUICK).code == 0
+    for method in ("ringlight-mirror", "ringlight"):
+        run = tmp_path / method
+        done = ringlight("train", tiny, method, "--from", source, "--out", run, *SHORT)
+        assert done.code == 0, done.err
+        assert json.loads((run / "recipe.json").read_text())["recipe"]["shader"]["levels"] == [8, 16, 32, 64, 128]
+    refused(ringlight("train", tiny, "ringlight-mirror", *usual, "--from", source, *QUICK), 1, source, "of shape")

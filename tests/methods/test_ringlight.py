@@ -6,6 +6,7 @@ import pytest
 
 from ringlight.errors import RecipeError
 from ringlight.methods import reflection_trial
+from ringlight.methods.recipe import Recipe
 from ringlight.methods.ringlight import SUITS, GrowthBound, RingLightRecipe
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
@@ -15,13 +16,13 @@ RINGLIGHT = RingLightRecipe()
 METHOD_OF_SHADING = {"basis": "ringlight-basis", "mirror": "ringlight-mirror", "harmonics": "3dgs"}
 
 
-def settled(recipe: RingLightRecipe):
+def settled(recipe: Recipe):
     return recipe.settled(tiny_scene(), rasterizer_for("auto"), 0)
 
 
 @pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
 def test_who_asks_for_a_shading_gets_its_method_without_a_reason(shading: str, method: str):
-    assert settled(dataclasses.replace(RINGLIGHT, shading=shading)) == (METHODS[method].at_length(), None)
+    assert settled(dataclasses.replace(RINGLIGHT, shading=shading)) == settled(METHODS[method])
 
 
 @pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
@@ -38,8 +39,8 @@ def test_where_it_is_open_the_trial_decides_and_gives_the_reason(
 @pytest.mark.parametrize(("shading", "method"), METHOD_OF_SHADING.items())
 def test_its_settings_are_those_of_the_chosen_method(shading: str, method: str):
     recipe = RingLightRecipe(70, shading, visible_only=True, densify=GrowthBound(900))
-    expected = dataclasses.replace(METHODS[method], steps=70, visible_only=True).ending_with(900).at_length()
-    assert settled(recipe)[0] == expected
+    expected = dataclasses.replace(METHODS[method], steps=70, visible_only=True).ending_with(900)
+    assert settled(recipe) == settled(expected)
 
 
 def test_it_may_settle_on_what_it_may_choose():

@@ -4,6 +4,7 @@ import dataclasses
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -17,6 +18,7 @@ from ringlight.methods.relight_recipe import relight_recipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.shade.reflection_settings import FINE_LEVELS, USUAL_LEVELS
 from tiny_scene import tiny_scene
 
 RECIPE = RingLightMirrorRecipe(steps=20, warmup=0.5)
@@ -46,6 +48,20 @@ def test_the_shader_is_switched_on_after_the_warm_up_and_learns():
     for progress in train(training):
         assert bool(training.model.get_buffer("shader.lit")) == (progress.step >= 10)
     assert all(not torch.equal(value, before[name]) for name, value in training.model.shader.named_parameters())
+
+
+def test_it_settles_on_maps_as_fine_as_suit_the_photographs():
+    rasterize = rasterizer_for("auto")
+    found = {size: RECIPE.settled(tiny_scene(views=1, size=size), rasterize, 0)[0] for size in (24, 320)}
+    assert [recipe.shader.levels for recipe in found.values()] == [USUAL_LEVELS, FINE_LEVELS]
+    assert all(RECIPE.may_settle_on(recipe) for recipe in found.values())
+    scene = tiny_scene(views=1, size=320)
+    uneven = dataclasses.replace(scene, train=tuple(without_even_border(view) for view in scene.train))
+    assert RECIPE.settled(uneven, rasterize, 0)[0].shader.levels == USUAL_LEVELS, "nothing cuts the subject out"
+    given = dataclasses.replace(RECIPE, shader=dataclasses.replace(RECIPE.shader, levels=USUAL_LEVELS))
+    assert [given.may_settle_on(recipe) for recipe in found.values()] == [True, False]
+    shader = found[320].parts(tiny_scene().box)[1]
+    assert [level.shape[0] for level in shader.maps[0].levels] == list(FINE_LEVELS)
 
 
 def test_the_light_keeps_its_rates_while_the_normals_settle():
@@ -137,6 +153,11 @@ def test_where_no_hull_cuts_the_subject_out_there_may_be_three_gaussians_for_fou
 def bound(recipe: RingLightMirrorRecipe, scene: Scene) -> int:
     strategies = recipe.build(scene, rasterizer_for("auto"), seed=0).strategies
     return next(strategy.most for strategy in strategies if strategy.most is not None)
+
+
+def without_even_border(view: View) -> View:
+    ramp = np.arange(view.load().size // 4, dtype=np.uint8).reshape(view.load().shape[:2])
+    return dataclasses.replace(view, load=lambda: np.stack([ramp] * 3, -1), has_alpha=False)
 
 
 def without_mask(view: View) -> View:

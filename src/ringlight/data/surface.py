@@ -16,7 +16,7 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.core.randomness import generator
 from ringlight.core.scene import PointCloud, Scene
-from ringlight.data.border_masks import border_masks
+from ringlight.data.border_masks import border_masks, on_even_background
 from ringlight.data.hull import Mask, masks_of, visual_hull
 from ringlight.data.photographed_colors import photographed_colors
 
@@ -28,6 +28,11 @@ def own_points(scene: Scene) -> PointCloud:
     """The scene's own points, with normals."""
     positions = scene.points.positions
     return replace(scene.points, normals=plane_normals(positions, [view.camera for view in scene.train]))
+
+
+def is_cut_out(scene: Scene) -> bool:
+    """Whether photographs have masks, or an even background, by which a hull may be carved."""
+    return bool(masks_of(scene.train)) or on_even_background(scene.train, scene.background_color)
 
 
 def hull_points(scene: Scene, count: int, seed: int) -> PointCloud | None:

@@ -21,7 +21,7 @@ from ringlight.data.border_masks import on_even_background
 from ringlight.data.hull import masks_of
 from ringlight.data.points import FEWEST_FOR_BOX
 from ringlight.data.shrunk import shrunk
-from ringlight.data.surface import guessed_masks, points_on_hull
+from ringlight.data.surface import guessed_masks, is_cut_out, points_on_hull
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
@@ -91,7 +91,7 @@ def chosen_shading(
     trial = reflection_trial(scene, rasterize, seed, most_steps)
     if trial is not None:
         return "mirror" if trial.reflects else "basis", str(trial)
-    if masks_of(scene.train) or on_even_background(scene.train, scene.background_color):
+    if is_cut_out(scene):
         return "harmonics", "masks or background leave nothing of the subject where the cameras look"
     nothing_to_carve = "no masks and no even background cut the subject out"
     if not scene.points.measured or len(scene.points.positions) < FEWEST_FOR_BOX:

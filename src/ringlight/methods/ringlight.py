@@ -80,11 +80,12 @@ class RingLightRecipe:
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[Chosen, str | None]":
         """The recipe of the chosen method with these settings, and why it was chosen, unless the user did."""
         if self.shading != "auto":
-            return self.chosen(self.shading), None
+            return self.chosen(self.shading).settled(scene, rasterize, seed)
         from ringlight.methods.reflection_trial import chosen_shading
 
         shading, reason = chosen_shading(scene, rasterize, seed, self.steps)
-        return self.chosen(shading), f"method: {SHADINGS[shading][0]}, {SUITS[shading]} ({reason})"
+        settled, _ = self.chosen(shading).settled(scene, rasterize, seed)
+        return settled, f"method: {SHADINGS[shading][0]}, {SUITS[shading]} ({reason})"
 
     def may_settle_on(self, other: "Recipe") -> bool:
         """Whether it is a method that this one chooses, or may choose, their bounds aside."""

@@ -20,7 +20,7 @@ from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettin
 from ringlight.methods.basis_rates import basis_rates
 from ringlight.methods.mirror_bounds import most_gaussians, most_without_hull
 from ringlight.methods.splat_recipe import SplatRecipe
-from ringlight.shade.reflection_settings import ReflectionSettings
+from ringlight.shade.reflection_settings import FINE_FROM, FINE_LEVELS, USUAL_LEVELS, ReflectionSettings
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ringlight.core.scene import PointCloud, Scene
     from ringlight.fit.train import Training
     from ringlight.methods.assembly import Course
+    from ringlight.methods.recipe import Recipe
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
 
@@ -170,6 +171,20 @@ class RingLightMirrorRecipe(SplatRecipe):
             reason = f"no step is lit until --consistency-until {self.consistency_until:g} of the run"
             consistent = dict.fromkeys(("consistency", *OF_CONSISTENCY), reason)
         return super().without_effect() | varying | consistent
+
+    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightMirrorRecipe, None]":
+        """With everything decided that depends on the run's length, and maps as fine as suit the photographs."""
+        from ringlight.data.surface import is_cut_out
+
+        large = self.shader.levels is None and scene.pixels >= FINE_FROM
+        levels = FINE_LEVELS if large and is_cut_out(scene) else USUAL_LEVELS
+        return dataclasses.replace(self.at_length(), shader=self.shader.for_levels(levels)), None
+
+    def may_settle_on(self, other: "Recipe") -> bool:
+        """See :meth:`SplatRecipe.may_settle_on`; with any maps that are left to photographs."""
+        if self.shader.levels is None and isinstance(other, RingLightMirrorRecipe):
+            other = dataclasses.replace(other, shader=other.shader.left_to_photographs())
+        return super().may_settle_on(other)
 
     def at_length(self) -> "RingLightMirrorRecipe":
         """See :meth:`SplatRecipe.at_length`."""

@@ -18,12 +18,14 @@ from ringlight.fit.room import SHARE, most_rows
 from ringlight.fit.train import Training
 from ringlight.methods.recipe import Recipe
 from ringlight.methods.ringlight import SHADINGS, RingLightRecipe
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.store import StoredModel
 from ringlight.methods.table import CHOOSERS, method_of
 from ringlight.models.narrowed_splats import REST
 from ringlight.models.splats import SplatModel
 from ringlight.runs.imported import PLY, model_of_ply
 from ringlight.runs.opened import open_model
+from ringlight.shade.reflection import ReflectionShader
 
 HARMONICS = ("3dgs", "light-gaussian")
 """Methods whose models have the same tensors; each takes those of the other whole."""
@@ -58,8 +60,17 @@ def settled_like(recipe: Recipe, start: Start) -> Recipe:
     if isinstance(recipe, RingLightRecipe) and recipe.shading == "auto":
         for shading, (method, _) in SHADINGS.items():
             if method == header.method and (shading != "harmonics" or header.preset in CHOOSERS):
-                return replace(recipe, shading=shading)
-    return recipe
+                return _with_maps_of(recipe.chosen(shading), start)
+    return _with_maps_of(recipe, start)
+
+
+def _with_maps_of(recipe: Recipe, start: Start) -> Recipe:
+    """The recipe; of a mirror that leaves its maps to the photographs, with those of a start that is one."""
+    source = start.stored.model.splats()
+    shader = None if source is None else source.shader
+    if not isinstance(recipe, RingLightMirrorRecipe) or not isinstance(shader, ReflectionShader):
+        return recipe
+    return replace(recipe, shader=recipe.shader.for_levels(shader.settings.sides))
 
 
 LEARNED_ALREADY = {"coarse_steps": 0}

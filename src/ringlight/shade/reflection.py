@@ -70,10 +70,10 @@ class ReflectionShader(nn.Module):
         self.settings = settings
         drawn = generator(seed, 0, "reflection")
         shells = range(settings.shells)
-        self.maps = nn.ModuleList(OctahedralMaps(settings.levels, settings.features, drawn) for _ in shells)
+        self.maps = nn.ModuleList(OctahedralMaps(settings.sides, settings.features, drawn) for _ in shells)
         if settings.parallax:
             self.sphere = nn.Parameter(torch.tensor([[0.0, 0.0, 0.0, FIRST_LOG_INVERSE_RADII[s]] for s in shells]))
-        features = settings.shells * len(settings.levels) * settings.features
+        features = settings.shells * len(settings.sides) * settings.features
         if settings.axis_nodes:
             self.places = AxisFactors(settings.axis_nodes, features)
         inputs = 1 + settings.latents + 3 + features + 3 * settings.raw_direction

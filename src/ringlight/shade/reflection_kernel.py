@@ -34,10 +34,10 @@ def kernel_takes(settings: ReflectionSettings, *tensors: Tensor) -> bool:
         and settings.axis_nodes <= REFLECTION_MAX_SIDE
         and settings.hidden <= REFLECTION_MAX_HIDDEN
         and settings.latents <= REFLECTION_MAX_LATENTS
-        and max(settings.levels) <= REFLECTION_MAX_SIDE
+        and max(settings.sides) <= REFLECTION_MAX_SIDE
     )
     fits = fits and settings.features <= REFLECTION_MAX_FEATURES and settings.features % REFLECTION_QUAD == 0
-    fits = fits and len(settings.levels) <= REFLECTION_MAX_LEVELS
+    fits = fits and len(settings.sides) <= REFLECTION_MAX_LEVELS
     return fits and {(tensor.dtype, tensor.device.type) for tensor in tensors} == {(torch.float32, "cpu")}
 
 
@@ -69,7 +69,7 @@ def reflection_job(
         latents=settings.latents,
         shells=settings.shells,
         features=settings.features,
-        sides=settings.levels,
+        sides=settings.sides,
         parallax=settings.parallax,
         direction=settings.raw_direction,
         depth_gradient=depth_gradient,

@@ -1,6 +1,6 @@
 """Settings of the reflection shader; free of torch, so that the command line can print them at once."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ringlight.core.kernel_limits import REFLECTION_MAX_LAYERS
@@ -12,6 +12,13 @@ LARGEST = {"hidden": 1024, "features": 64, "latents": 64, "side": 1024, "axis_no
 
 FIRST_LOG_INVERSE_RADII = (-1.5, 0.0)
 """Logarithms of the shells' first inverse radii, in half sides of the scene's box: far around it, and close."""
+
+USUAL_LEVELS = (8, 16, 32, 64)
+"""Nodes on each side of maps of what small photographs show."""
+
+FINE_LEVELS, FINE_FROM = (*USUAL_LEVELS, 128), 100_000
+"""And for photographs of so many pixels of a subject that is cut out: of 400 x 400 they are worth 0.3 to 0.4 dB on
+chrome and nothing on balls, of 200 x 200 nothing, for a quarter of a megabyte (docs/experiments/mirrors.md)."""
 
 NEAR_FIELD = RingSettings(
     rank=8, features=8, head_hidden=64, bands=6, view_bands=4, position_nodes=128, view_nodes=24, core_scale=0.1
@@ -27,8 +34,9 @@ class ReflectionSettings:
     """Width of the network's hidden layers."""
     hidden_layers: int = 2
     """Hidden layers of the network, 1 or 2."""
-    levels: tuple[int, ...] = (8, 16, 32, 64)
-    """Nodes on each side of the octahedral maps."""
+    levels: tuple[int, ...] | None = None
+    """Nodes on each side of the octahedral maps. By default 8 16 32 64, and 128 where photographs have 100,000 pixels
+    or more, and masks or an even background cut the subject out."""
     features: int = 4
     """Features at each node of each map."""
     latents: int = 4
@@ -55,7 +63,7 @@ class ReflectionSettings:
     """Whether the gradient of the reflecting point reaches the blended depth, and so the Gaussians' centres."""
 
     def __post_init__(self) -> None:
-        if not self.levels:
+        if self.levels is not None and not self.levels:
             raise RecipeError("shader.levels is empty; give at least one side, such as 32")
         if not 1 <= self.hidden_layers < REFLECTION_MAX_LAYERS:
             raise RecipeError(f"shader.hidden_layers is {self.hidden_layers}; give 1 to {REFLECTION_MAX_LAYERS - 1}")
@@ -63,7 +71,7 @@ class ReflectionSettings:
             least = 0 if name == "latents" else 1
             if not least <= value <= LARGEST[name]:
                 raise RecipeError(f"shader.{name} is {value}; give {least} to {LARGEST[name]}")
-        for side in self.levels:
+        for side in self.sides:
             if not 2 <= side <= LARGEST["side"]:
                 raise RecipeError(f"shader.levels has a side of {side} nodes; give 2 to {LARGEST['side']}")
         self._check_axes()
@@ -73,6 +81,19 @@ class ReflectionSettings:
         if not 1 <= self.shells <= most:
             without = "" if self.parallax else " without parallax, where all shells would be one"
             raise RecipeError(f"shader.shells is {self.shells}; give 1 to {most}{without}")
+
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """Nodes on each side of the maps; without photographs that say more, the usual ones."""
+        return USUAL_LEVELS if self.levels is None else self.levels
+
+    def for_levels(self, levels: tuple[int, ...]) -> "ReflectionSettings":
+        """The same with these where they are left open."""
+        return self if self.levels is not None else replace(self, levels=levels)
+
+    def left_to_photographs(self) -> "ReflectionSettings":
+        """The same where these maps may be what photographs said, with that left to them."""
+        return replace(self, levels=None) if self.levels in (USUAL_LEVELS, FINE_LEVELS) else self
 
     def _check_axes(self) -> None:
         if self.axis_nodes and not 2 <= self.axis_nodes <= LARGEST["axis_nodes"]:

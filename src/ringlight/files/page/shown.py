@@ -168,7 +168,7 @@ def _mirror(color: ColorModel, shader: ReflectionShader) -> Shown:
     sizes = {
         "BASIS": basis,
         "LATENTS": settings.latents,
-        "LEVELS": len(settings.levels),
+        "LEVELS": len(settings.sides),
         "AXIS_NODES": settings.axis_nodes,
         "HIDDEN": settings.hidden,
         "LAYERS": settings.hidden_layers,
