@@ -1,15 +1,17 @@
 """Points on the surface: from the hull, or the scene's own with normals that look at the cameras."""
 
 import dataclasses
+from collections.abc import Callable
 
+import numpy as np
 import pytest
 import torch
 
 from ringlight.core.directions import normalize
-from ringlight.core.scene import PointCloud, Scene
+from ringlight.core.scene import PointCloud, Scene, View
 from ringlight.data import hull
 from ringlight.data.photographed_colors import photographed_colors
-from ringlight.data.surface import hull_points, own_points, plane_normals
+from ringlight.data.surface import hull_points, is_cut_out, own_points, plane_normals
 from tiny_scene import BALLS, tiny_scene
 
 
@@ -96,3 +98,35 @@ def test_a_point_that_no_camera_faces_is_grey(scene: Scene):
     far_outside = 30 * normals  # in view across the scene, but from behind
     assert torch.equal(photographed_colors(far_outside, normals, 0.01, scene), torch.full((50, 3), 0.5))
     assert not torch.equal(photographed_colors(far_outside, -normals, 0.01, scene), torch.full((50, 3), 0.5))
+
+
+def test_masks_and_even_backgrounds_cut_a_subject_out(scene: Scene):
+    assert is_cut_out(scene)
+    assert is_cut_out(of_views(scene, over_white))
+    assert not is_cut_out(of_views(scene, over_ramp))
+    assert not is_cut_out(of_views(scene, over_ramp, first=15)), "one photograph has a mask, the others have none"
+
+
+def test_few_photographs_tell_whether_it_is_cut_out(scene: Scene):
+    looked_at: set[str] = set()
+
+    def counted(view: View) -> View:
+        return dataclasses.replace(view, load=lambda: looked_at.add(view.name) or view.load())
+
+    assert is_cut_out(of_views(scene, counted))
+    assert len(looked_at) == 8
+
+
+def of_views(scene: Scene, changed: Callable[[View], View], first: int = 16) -> Scene:
+    return dataclasses.replace(scene, train=(*map(changed, scene.train[:first]), *scene.train[first:]))
+
+
+def over_white(view: View) -> View:
+    image = view.image(torch.ones(3)).permute(1, 2, 0).mul(255).round().byte().numpy()
+    return dataclasses.replace(view, load=lambda: image, has_alpha=False)
+
+
+def over_ramp(view: View) -> View:
+    height, width, _ = view.load().shape
+    ramp = np.broadcast_to(np.arange(width, dtype=np.uint8)[:, None], (height, width, 3)).copy()
+    return dataclasses.replace(view, load=lambda: ramp, has_alpha=False)

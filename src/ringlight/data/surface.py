@@ -16,8 +16,8 @@ from ringlight.core.camera import Camera
 from ringlight.core.directions import normalize
 from ringlight.core.randomness import generator
 from ringlight.core.scene import PointCloud, Scene
-from ringlight.data.border_masks import border_masks, on_even_background
-from ringlight.data.hull import Mask, masks_of, visual_hull
+from ringlight.data.border_masks import PROBES, border_masks, on_even_background
+from ringlight.data.hull import Mask, evenly_chosen, masks_of, visual_hull
 from ringlight.data.photographed_colors import photographed_colors
 
 PLANE_NEIGHBOURS = 12
@@ -31,8 +31,10 @@ def own_points(scene: Scene) -> PointCloud:
 
 
 def is_cut_out(scene: Scene) -> bool:
-    """Whether photographs have masks, or an even background, by which a hull may be carved."""
-    return bool(masks_of(scene.train)) or on_even_background(scene.train, scene.background_color)
+    """Whether photographs have masks, or an even background, by which a hull may be carved. A few are looked at: to
+    decode all takes seconds."""
+    have_masks = all(view.has_alpha for view in scene.train) and masks_of(evenly_chosen(scene.train, PROBES))
+    return bool(have_masks) or on_even_background(scene.train, scene.background_color)
 
 
 def hull_points(scene: Scene, count: int, seed: int) -> PointCloud | None:
