@@ -19,16 +19,17 @@ import triton
 from triton.backends.compiler import GPUTarget
 from triton.compiler import ASTSource
 
-from ringlight.color import drawable_triton, harmonics_triton
+from ringlight.color import drawable_triton, harmonics_triton, mirror_triton, shared_basis_triton
 from ringlight.fields import octahedral_triton, perceptron_triton, ring_triton
 from ringlight.fit import adam_triton
 from ringlight.fit.losses import photometric_triton
 from ringlight.rasterize import stored_form_triton
 
-INTEGERS = {"height", "width", "step_y", "step_x", "step_c", "count", "nodes", "side", "slab"}
+INTEGERS = {"height", "width", "step_y", "step_x", "step_c", "count", "nodes", "side", "slab", "stride"}
 ADDRESSES = {"levels", "gradients", "tensors"}
 """Tables of pointers; ``gradients`` of the maps."""
-FLOATS = {"pixel_weight", "ssim_weight", "near", "log_reach", "farthest", "shortest"}
+FLOATS = {"pixel_weight", "ssim_weight", "near", "log_reach", "farthest", "shortest", "least", "flip_below"}
+FLOATS |= {"from_x", "from_y", "from_z", "z_x", "z_y", "z_z", "z_0"}
 OTHERS = {"sides": "*i32", "left": "*i32", "marks": "*i8"}
 
 EXACT, WIDE = dict(INPUTS=32, HIDDEN=64, OUTPUTS=3), dict(WIDE_INPUTS=32, WIDE_HIDDEN=64, WIDE_OUTPUTS=16)
@@ -38,6 +39,8 @@ SIZES = dict(REACH=5, SIZE=photometric_triton.BLOCK)
 RING = dict(RANK=8, WIDTH=8, B=ring_triton.ROWS)
 MAPS = dict(WIDTH=4, PADDED=4, B=octahedral_triton.ROWS)
 HARMONICS = dict(USED=15, ALL=15, B=harmonics_triton.BLOCK)
+BASIS = HARMONICS | dict(SIZE=8, WIDE=32, MOVES=True, B=shared_basis_triton.ROWS)
+SURFACE = dict(LATENTS=4, B=mirror_triton.BLOCK)
 ACTIVE = dict(FACTOR=True, B=stored_form_triton.BLOCK)
 
 KERNELS: list[tuple[ModuleType, str, dict[str, Any]]] = [
@@ -54,6 +57,9 @@ KERNELS: list[tuple[ModuleType, str, dict[str, Any]]] = [
       for layers in (DEEP, FLAT, DEEP | dict(HALF=True))),
     (harmonics_triton, "_colors", HARMONICS),
     (harmonics_triton, "_gradient", HARMONICS),
+    *((shared_basis_triton, name, BASIS | dict(LOGITS=logits)) for name in ("_emit", "_emit_gradient")
+      for logits in (False, True)),
+    *((mirror_triton, name, SURFACE) for name in ("_surface", "_surface_gradient")),
     (drawable_triton, "_drawable", dict(B=drawable_triton.BLOCK)),
     (stored_form_triton, "_activate", ACTIVE),
     (stored_form_triton, "_activate_gradient", ACTIVE),

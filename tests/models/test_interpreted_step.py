@@ -20,8 +20,11 @@ POINTS = 40
 """Gaussians: the interpreter takes a hundred microseconds an operation of a kernel."""
 
 CHOSEN = (
+    "ringlight.color.basis_opacities",
     "ringlight.color.drawable",
     "ringlight.color.ringlight",
+    "ringlight.color.shared_basis",
+    "ringlight.color.varying_mirror",
     "ringlight.fields.networks",
     "ringlight.fields.octahedral",
     "ringlight.fields.ring_tables",
@@ -49,7 +52,7 @@ def training(method: str, rasterize: Rasterizer) -> Training:
 
 
 @pytest.mark.skipif(interpreted.HAS_GPU, reason="tests marked cuda run the kernels themselves")
-@pytest.mark.parametrize("method", ["ringlight-ring", "ringlight-mirror"])
+@pytest.mark.parametrize("method", ["ringlight-basis", "ringlight-ring", "ringlight-mirror"])
 def test_steps_with_kernels_interpreted(method: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(hull, "FINE_CELLS", 8)
     native = training(method, rasterizer_for("cpu"))

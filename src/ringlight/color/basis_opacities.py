@@ -9,6 +9,8 @@ So who lowers the logit lowers the opacity from every side, and nothing is clamp
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float
@@ -25,7 +27,11 @@ from ringlight.core.gradients import COLOR, COLUMNS, Gradients, dense
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.sh_basis import MAX_DEGREE, basis_count, sh_basis
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
+
+if TYPE_CHECKING:
+    from ringlight.color.shared_basis_triton import BasisRows
 
 OPACITY_BASIS = "opacity_basis"
 """The shared parameter."""
@@ -57,6 +63,8 @@ class BasisOpacities(SharedBasis):
             return super().emit(gaussians, camera, names, want)
         columns = gaussians.columns()
         read = {name: columns[name] for name in ("means", "opacity_logits", DC, WEIGHTS)}
+        if runs_triton(*read.values(), self.basis, self.opacity_basis):
+            return self.by_triton(gaussians, camera, want)
         if runs_native(*read.values(), self.basis, self.opacity_basis):
             plain = super().emit(gaussians, camera, names, want)
             return with_varying_opacities(plain, gaussians, self, COLOR + OPACITY_BASIS, camera, want)
@@ -69,6 +77,14 @@ class BasisOpacities(SharedBasis):
 
         shared = {COLOR + BASIS: self.basis, COLOR + OPACITY_BASIS: self.opacity_basis}
         return emitted_by_torch(channels, read, shared, want)
+
+    def rows(self, gaussians: Gaussians, constants: Float[Tensor, "N 3"], camera: Camera) -> "BasisRows":
+        """With what moves the opacities, from degree 1 on."""
+        plain = super().rows(gaussians, constants, camera)
+        if not plain.degree:
+            return plain
+        logits, moves = gaussians.opacity_logits.contiguous(), self.opacity_basis.detach()
+        return replace(plain, logits=logits, moves=moves, least=LEAST_MEAN)
 
 
 @torch.no_grad()

@@ -4,6 +4,7 @@ The polynomials are those of ``core/sh_basis.py``; the way back differentiates t
 normalized. The reference is ``sh_colors_reference``.
 """
 
+import functools
 from typing import Any
 
 import torch
@@ -23,12 +24,18 @@ NORMS = (C0, C1, *C2, *C3, GREY, SMALLEST_LENGTH**2)
 """What the kernels need of ``core/sh_basis.py``, in their order."""
 
 
+@functools.cache
+def norms_on(device: torch.device) -> Float[Tensor, "11"]:
+    """Copied once: a copy in each step would wait for the GPU."""
+    return torch.tensor(NORMS, device=device)
+
+
 @triton.jit
-def _direction(means, position, row, mask, shortest):
+def direction_to(means, from_x, from_y, from_z, row, mask, shortest):
     """Unit direction to the Gaussian, and the inverse of its length."""
-    x = tl.load(means + row * 3, mask=mask, other=1.0) - tl.load(position)
-    y = tl.load(means + row * 3 + 1, mask=mask, other=0.0) - tl.load(position + 1)
-    z = tl.load(means + row * 3 + 2, mask=mask, other=0.0) - tl.load(position + 2)
+    x = tl.load(means + row * 3, mask=mask, other=1.0) - from_x
+    y = tl.load(means + row * 3 + 1, mask=mask, other=0.0) - from_y
+    z = tl.load(means + row * 3 + 2, mask=mask, other=0.0) - from_z
     inverse = 1.0 / tl.sqrt(tl.maximum(x * x + y * y + z * z, shortest))
     return x * inverse, y * inverse, z * inverse, inverse
 
@@ -101,7 +108,7 @@ def _cubic(K: tl.constexpr, x, y, z, norms):
 
 
 @triton.jit
-def _harmonic(K: tl.constexpr, x, y, z, norms):
+def harmonic(K: tl.constexpr, x, y, z, norms):
     """Harmonic K + 1, counted from the first of degree 1 on, and its slopes by x, y and z."""
     if K < 3:
         value, grad_x, grad_y, grad_z = _linear(K, x, y, z, norms)
@@ -113,24 +120,27 @@ def _harmonic(K: tl.constexpr, x, y, z, norms):
 
 
 @triton.jit
-def _unclamped(colors, upstream, place, mask):
+def unclamped(colors, upstream, place, mask):
     """The upstream gradient of one channel, where the colour was not clamped at black."""
     shown = tl.load(colors + place, mask=mask, other=0.0) > 0
     return tl.where(shown, tl.load(upstream + place, mask=mask, other=0.0), 0.0)
 
 
 @triton.jit
-def _colors(means, dc, rest, position, norms, colors, count, USED: tl.constexpr, ALL: tl.constexpr, B: tl.constexpr):
+def _colors(
+    means, dc, rest, norms, colors, count, from_x, from_y, from_z,
+    USED: tl.constexpr, ALL: tl.constexpr, B: tl.constexpr,
+):  # fmt: skip
     """``USED`` harmonics of the ``ALL`` that ``rest`` [N ALL 3] holds."""
     row = tl.program_id(0) * B + tl.arange(0, B)
     mask = row < count
-    x, y, z, _ = _direction(means, position, row, mask, tl.load(norms + 10))
+    x, y, z, _ = direction_to(means, from_x, from_y, from_z, row, mask, tl.load(norms + 10))
     first, grey = tl.load(norms), tl.load(norms + 9)
     red = grey + first * tl.load(dc + row * 3, mask=mask, other=0.0)
     green = grey + first * tl.load(dc + row * 3 + 1, mask=mask, other=0.0)
     blue = grey + first * tl.load(dc + row * 3 + 2, mask=mask, other=0.0)
     for k in tl.static_range(USED):
-        value, _, _, _ = _harmonic(k, x, y, z, norms)
+        value, _, _, _ = harmonic(k, x, y, z, norms)
         at = rest + (row * ALL + k) * 3
         red += value * tl.load(at, mask=mask, other=0.0)
         green += value * tl.load(at + 1, mask=mask, other=0.0)
@@ -142,24 +152,24 @@ def _colors(means, dc, rest, position, norms, colors, count, USED: tl.constexpr,
 
 @triton.jit
 def _gradient(
-    means, rest, position, norms, colors, upstream, grad_means, grad_dc, grad_rest, count,
+    means, rest, norms, colors, upstream, grad_means, grad_dc, grad_rest, count, from_x, from_y, from_z,
     USED: tl.constexpr, ALL: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     """A channel that was clamped at black has no gradient; ``grad_rest`` of harmonics not in use is not written."""
     row = tl.program_id(0) * B + tl.arange(0, B)
     mask = row < count
-    x, y, z, inverse = _direction(means, position, row, mask, tl.load(norms + 10))
+    x, y, z, inverse = direction_to(means, from_x, from_y, from_z, row, mask, tl.load(norms + 10))
     place = row * 3
-    red = _unclamped(colors, upstream, place, mask)
-    green = _unclamped(colors, upstream, place + 1, mask)
-    blue = _unclamped(colors, upstream, place + 2, mask)
+    red = unclamped(colors, upstream, place, mask)
+    green = unclamped(colors, upstream, place + 1, mask)
+    blue = unclamped(colors, upstream, place + 2, mask)
     first = tl.load(norms)
     tl.store(grad_dc + place, first * red, mask=mask)
     tl.store(grad_dc + place + 1, first * green, mask=mask)
     tl.store(grad_dc + place + 2, first * blue, mask=mask)
     grad_x, grad_y, grad_z = x * 0.0, x * 0.0, x * 0.0
     for k in tl.static_range(USED):
-        value, slope_x, slope_y, slope_z = _harmonic(k, x, y, z, norms)
+        value, slope_x, slope_y, slope_z = harmonic(k, x, y, z, norms)
         at = (row * ALL + k) * 3
         slope = red * tl.load(rest + at, mask=mask, other=0.0)
         slope += green * tl.load(rest + at + 1, mask=mask, other=0.0)
@@ -180,24 +190,23 @@ class _Harmonics(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, means: Tensor, dc: Tensor, rest: Tensor, position: Tensor, degree: int) -> Tensor:
         colors = torch.empty_like(means)
-        tables = torch.cat([position.float().cpu(), torch.tensor(NORMS)]).to(means.device)
-        ctx.used = basis_count(degree) - 1
-        ctx.save_for_backward(means, rest, tables, colors)
+        ctx.position, ctx.used = position.tolist(), basis_count(degree) - 1
+        ctx.save_for_backward(means, rest, colors)
         if len(means):
             grid = (triton.cdiv(len(means), BLOCK),)
-            sizes = (len(means), ctx.used, rest.shape[1], BLOCK)
-            _colors[grid](means, dc, rest, tables, tables[3:], colors, *sizes)
+            sizes = (ctx.used, rest.shape[1], BLOCK)
+            _colors[grid](means, dc, rest, norms_on(means.device), colors, len(means), *ctx.position, *sizes)
         return colors
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
-        means, rest, tables, colors = ctx.saved_tensors
+        means, rest, colors = ctx.saved_tensors
         grad_means, grad_dc, grad_rest = torch.empty_like(means), torch.empty_like(means), torch.zeros_like(rest)
         if len(means):
             _gradient[(triton.cdiv(len(means), BLOCK),)](
-                means, rest, tables, tables[3:], colors, upstream.contiguous(), grad_means, grad_dc, grad_rest,
-                len(means), ctx.used, rest.shape[1], BLOCK,
+                means, rest, norms_on(means.device), colors, upstream.contiguous(), grad_means, grad_dc, grad_rest,
+                len(means), *ctx.position, ctx.used, rest.shape[1], BLOCK,
             )  # fmt: skip
         return grad_means, grad_dc, grad_rest, None, None
 

@@ -8,6 +8,7 @@ is linear: nothing saturates, and viewers that know harmonics show it exactly.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float
@@ -25,8 +26,12 @@ from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import MAX_DEGREE, basis_count, sh_from_rgb
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 from ringlight.errors import RecipeError
+
+if TYPE_CHECKING:
+    from ringlight.color.shared_basis_triton import BasisRows
 
 DC, WEIGHTS, BASIS = "sh_dc", "basis_weights", "basis"
 """Columns, and the shared parameter."""
@@ -63,6 +68,8 @@ class SharedBasis(SphericalHarmonics):
             gaussians.means, gaussians.appearance[DC], gaussians.appearance[WEIGHTS], self.basis,
             int(self.active_degree),
         )  # fmt: skip
+        if runs_triton(lit.means, lit.dc, lit.weights, lit.basis):
+            return self.by_triton(gaussians, camera, want)
         if runs_native(lit.means, lit.dc, lit.weights, lit.basis):
             return _native_emission(lit, camera.native, want)
 
@@ -73,6 +80,22 @@ class SharedBasis(SphericalHarmonics):
 
         columns = {"means": lit.means, DC: lit.dc, WEIGHTS: lit.weights}
         return emitted_by_torch(colors, columns, {COLOR + BASIS: self.basis}, want)
+
+    def by_triton(self, gaussians: Gaussians, camera: Camera, want: Want) -> Emission:
+        """The same on a GPU."""
+        from ringlight.color.basis_emission import emission_of_basis
+
+        return emission_of_basis(self.rows(gaussians, gaussians.appearance[DC], camera), want)
+
+    def rows(self, gaussians: Gaussians, constants: Float[Tensor, "N 3"], camera: Camera) -> "BasisRows":
+        """What Triton's kernels read."""
+        from ringlight.color.shared_basis_triton import BasisRows
+
+        columns = gaussians.means, constants, gaussians.appearance[WEIGHTS]
+        means, constants, weights = (column.contiguous() for column in columns)
+        return BasisRows(
+            means, constants, weights, self.basis.detach(), camera.position, int(self.active_degree)
+        )  # fmt: skip
 
     @torch.no_grad()
     def harmonics(self, gaussians: Gaussians) -> Harmonics:

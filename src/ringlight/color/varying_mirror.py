@@ -15,15 +15,17 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.color.basis_opacities import OPACITY_BASIS, BasisOpacities, with_varying_opacities
-from ringlight.color.mirror import NORMALS, Mirror, mirror_view
+from ringlight.color.mirror import FLIP_BELOW, NORMALS, Mirror, mirror_view
 from ringlight.color.ringlight import BASE, LATENTS
 from ringlight.color.shared_basis import BASIS, DC, WEIGHTS, SharedBasis
 from ringlight.core.camera import Camera
+from ringlight.core.directions import SMALLEST_LENGTH
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLOR, COLUMNS, Gradients, dense
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
 from ringlight.core.sh_basis import C0, sh_from_rgb
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 
 VARYING = "varying."
@@ -31,6 +33,9 @@ VARYING = "varying."
 
 OPACITY_BASES = (COLOR + OPACITY_BASIS, COLOR + VARYING + OPACITY_BASIS)
 """What moves opacities in models of either kind."""
+
+OUR_NAMES = {COLOR + name: COLOR + VARYING + name for name in (BASIS, OPACITY_BASIS)}
+"""Of what is shared, by what the basis calls it."""
 
 RGB = 3
 """Channels of the colour, which come first."""
@@ -57,6 +62,8 @@ class VaryingMirror(Mirror):
         columns = {"means": gaussians.means}
         columns |= {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS, WEIGHTS)}
         varying, degree = self.varying, int(self.varying.active_degree)
+        if list(names) != ["rgb"] and runs_triton(*columns.values(), varying.basis):
+            return self._by_triton(gaussians, camera, want)
         if list(names) != ["rgb"] and self.runs_native([*columns.values(), varying.basis]):
             lit = _native_emission(columns, varying.basis, degree, camera, self.emits, want)
             if not isinstance(varying, BasisOpacities) or not degree:
@@ -77,6 +84,18 @@ class VaryingMirror(Mirror):
             plain.backward(reached, None, into)
 
         return Emission(plain.widths, channels, colors.opacity_factor, backward)
+
+    def _by_triton(self, gaussians: Gaussians, camera: Camera, want: Want) -> Emission:
+        """The same on a GPU."""
+        from ringlight.color import basis_emission
+
+        rows = self.varying.rows(gaussians, gaussians.appearance[BASE], camera)
+        surface = {name: gaussians.appearance[name] for name in (NORMALS, LATENTS)}
+        turned = (FLIP_BELOW, SMALLEST_LENGTH)
+        names = {field: OUR_NAMES.get(name, name) for field, name in basis_emission.NAMES.items()}
+        names["constants"] = COLUMNS + BASE
+        lit = replace(rows, by_logits=True)
+        return basis_emission.emission_of_mirror(lit, surface, turned, camera, self.emits, names, want)
 
     @torch.no_grad()
     def _on_basis(self, gaussians: Gaussians) -> Gaussians:
@@ -120,8 +139,7 @@ def _native_emission(
 
 def _by_our_names(found: Gradients) -> Gradients:
     """What the basis calls ``color.…`` is ``color.varying.…``; its constant coefficient is none of ours."""
-    names = {COLOR + name: COLOR + VARYING + name for name in (BASIS, OPACITY_BASIS)}
-    return Gradients({names.get(name, name): value for name, value in found.items() if name != COLUMNS + DC})
+    return Gradients({OUR_NAMES.get(name, name): value for name, value in found.items() if name != COLUMNS + DC})
 
 
 def varying_channels_reference(
