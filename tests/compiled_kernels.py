@@ -24,13 +24,14 @@ from ringlight.fields import octahedral_triton, perceptron_triton, ring_triton
 from ringlight.fit import adam_triton
 from ringlight.fit.losses import photometric_triton
 from ringlight.rasterize import stored_form_triton
+from ringlight.shade import reflection_triton
 
-INTEGERS = {"height", "width", "step_y", "step_x", "step_c", "count", "nodes", "side", "slab", "stride"}
+INTEGERS = {"height", "step_y", "step_x", "step_c", "count", "nodes", "side", "slab", "stride", "width", "step"}
 ADDRESSES = {"levels", "gradients", "tensors"}
 """Tables of pointers; ``gradients`` of the maps."""
 FLOATS = {"pixel_weight", "ssim_weight", "near", "log_reach", "farthest", "shortest", "least", "flip_below"}
-FLOATS |= {"from_x", "from_y", "from_z", "z_x", "z_y", "z_z", "z_0"}
-OTHERS = {"sides": "*i32", "left": "*i32", "marks": "*i8"}
+FLOATS |= {"faintest_normal", "least_chord", "smallest", "from_x", "from_y", "from_z", "z_x", "z_y", "z_z", "z_0"}
+OTHERS = {"sides": "*i32", "starts": "*i32", "left": "*i32", "marks": "*i8", "pixels": "*i64"}
 
 EXACT, WIDE = dict(INPUTS=32, HIDDEN=64, OUTPUTS=3), dict(WIDE_INPUTS=32, WIDE_HIDDEN=64, WIDE_OUTPUTS=16)
 DEEP = EXACT | WIDE | dict(DEEP=True, HALF=False, B=perceptron_triton.ROWS)
@@ -41,6 +42,8 @@ MAPS = dict(WIDTH=4, PADDED=4, B=octahedral_triton.ROWS)
 HARMONICS = dict(USED=15, ALL=15, B=harmonics_triton.BLOCK)
 BASIS = HARMONICS | dict(SIZE=8, WIDE=32, MOVES=True, B=shared_basis_triton.ROWS)
 SURFACE = dict(LATENTS=4, B=mirror_triton.BLOCK)
+MIRROR = dict(LATENTS=4, SHELLS=1, LEVELS=5, FEATURES=4, WIDE=4, PARALLAX=1, NODES=16, DEPTH=1, RAW=0)
+MIRROR |= dict(B=reflection_triton.ROWS)
 ACTIVE = dict(FACTOR=True, B=stored_form_triton.BLOCK)
 
 KERNELS: list[tuple[ModuleType, str, dict[str, Any]]] = [
@@ -60,6 +63,8 @@ KERNELS: list[tuple[ModuleType, str, dict[str, Any]]] = [
     *((shared_basis_triton, name, BASIS | dict(LOGITS=logits)) for name in ("_emit", "_emit_gradient")
       for logits in (False, True)),
     *((mirror_triton, name, SURFACE) for name in ("_surface", "_surface_gradient")),
+    (reflection_triton, "read_surface", MIRROR),
+    (reflection_triton, "read_surface_gradient", MIRROR | dict(PADDED=16)),
     (drawable_triton, "_drawable", dict(B=drawable_triton.BLOCK)),
     (stored_form_triton, "_activate", ACTIVE),
     (stored_form_triton, "_activate_gradient", ACTIVE),

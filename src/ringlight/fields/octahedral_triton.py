@@ -19,7 +19,7 @@ ROWS = 128
 
 
 @triton.jit
-def _node(level, line, column, side, index, mask, WIDTH: tl.constexpr):
+def node_of(level, line, column, side, index, mask, WIDTH: tl.constexpr):
     """Features [B F] of a sewn node: the mean of the four that its edges pair it with, which inside are all itself."""
     last = side - 1
     other_column = tl.where((line == 0) | (line == last), last - column, column)
@@ -32,7 +32,7 @@ def _node(level, line, column, side, index, mask, WIDTH: tl.constexpr):
 
 
 @triton.jit
-def _add_to_node(level, line, column, side, index, values, mask, WIDTH: tl.constexpr):
+def add_to_node(level, line, column, side, index, values, mask, WIDTH: tl.constexpr):
     """The same mean backwards; inside the square all goes to the node itself."""
     last = side - 1
     flips = (line == 0) | (line == last)
@@ -49,7 +49,7 @@ def _add_to_node(level, line, column, side, index, values, mask, WIDTH: tl.const
 
 
 @triton.jit
-def _cell(coordinate, side):
+def cell_of(coordinate, side):
     """The node at or below a coordinate in [-1, 1], and how far to the next one."""
     position = (tl.minimum(tl.maximum(coordinate, -1.0), 1.0) + 1.0) * (0.5 * (side - 1))
     cell = tl.minimum(position.to(tl.int32), side - 2)
@@ -65,12 +65,12 @@ def _read_maps(levels, sides, uv, features, count, WIDTH: tl.constexpr, PADDED: 
     side = tl.load(sides + number)
     index = tl.arange(0, PADDED)
     mask = (row < count)[:, None] & (index < WIDTH)[None, :]
-    column, across = _cell(tl.load(uv + row * 2, mask=row < count, other=0.0), side)
-    line, down = _cell(tl.load(uv + row * 2 + 1, mask=row < count, other=0.0), side)
-    a = _node(level, line, column, side, index, mask, WIDTH)
-    b = _node(level, line, column + 1, side, index, mask, WIDTH)
-    c = _node(level, line + 1, column, side, index, mask, WIDTH)
-    d = _node(level, line + 1, column + 1, side, index, mask, WIDTH)
+    column, across = cell_of(tl.load(uv + row * 2, mask=row < count, other=0.0), side)
+    line, down = cell_of(tl.load(uv + row * 2 + 1, mask=row < count, other=0.0), side)
+    a = node_of(level, line, column, side, index, mask, WIDTH)
+    b = node_of(level, line, column + 1, side, index, mask, WIDTH)
+    c = node_of(level, line + 1, column, side, index, mask, WIDTH)
+    d = node_of(level, line + 1, column + 1, side, index, mask, WIDTH)
     upper = a + (b - a) * across[:, None]
     lower = c + (d - c) * across[:, None]
     to = features + row[:, None] * (WIDTH * tl.num_programs(1)) + number * WIDTH + index[None, :]
@@ -89,12 +89,12 @@ def _read_maps_gradient(
     side = tl.load(sides + number)
     index = tl.arange(0, PADDED)
     mask = (row < count)[:, None] & (index < WIDTH)[None, :]
-    column, across = _cell(tl.load(uv + row * 2, mask=row < count, other=0.0), side)
-    line, down = _cell(tl.load(uv + row * 2 + 1, mask=row < count, other=0.0), side)
-    a = _node(level, line, column, side, index, mask, WIDTH)
-    b = _node(level, line, column + 1, side, index, mask, WIDTH)
-    c = _node(level, line + 1, column, side, index, mask, WIDTH)
-    d = _node(level, line + 1, column + 1, side, index, mask, WIDTH)
+    column, across = cell_of(tl.load(uv + row * 2, mask=row < count, other=0.0), side)
+    line, down = cell_of(tl.load(uv + row * 2 + 1, mask=row < count, other=0.0), side)
+    a = node_of(level, line, column, side, index, mask, WIDTH)
+    b = node_of(level, line, column + 1, side, index, mask, WIDTH)
+    c = node_of(level, line + 1, column, side, index, mask, WIDTH)
+    d = node_of(level, line + 1, column + 1, side, index, mask, WIDTH)
     at = upstream + row[:, None] * (WIDTH * tl.num_programs(1)) + number * WIDTH + index[None, :]
     gradient = tl.load(at, mask=mask, other=0.0)
     x, y = across[:, None], down[:, None]
@@ -104,10 +104,10 @@ def _read_maps_gradient(
     place = grad_uv + (number * count + row) * 2
     tl.store(place, by_across * scale, mask=row < count)
     tl.store(place + 1, by_down * scale, mask=row < count)
-    _add_to_node(into, line, column, side, index, gradient * (1 - x) * (1 - y), mask, WIDTH)
-    _add_to_node(into, line, column + 1, side, index, gradient * x * (1 - y), mask, WIDTH)
-    _add_to_node(into, line + 1, column, side, index, gradient * (1 - x) * y, mask, WIDTH)
-    _add_to_node(into, line + 1, column + 1, side, index, gradient * x * y, mask, WIDTH)
+    add_to_node(into, line, column, side, index, gradient * (1 - x) * (1 - y), mask, WIDTH)
+    add_to_node(into, line, column + 1, side, index, gradient * x * (1 - y), mask, WIDTH)
+    add_to_node(into, line + 1, column, side, index, gradient * (1 - x) * y, mask, WIDTH)
+    add_to_node(into, line + 1, column + 1, side, index, gradient * x * y, mask, WIDTH)
 
 
 class _Maps(torch.autograd.Function):

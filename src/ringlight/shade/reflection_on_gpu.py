@@ -1,0 +1,156 @@
+"""Reflection shading on a GPU: covered pixels are gathered once, and what the network sees of them is one kernel's."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+import triton
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from ringlight.core.camera import Camera
+from ringlight.core.directions import SMALLEST_LENGTH
+from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
+from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
+from ringlight.shade.reflection_kernel import reads_depth
+from ringlight.shade.reflection_settings import ReflectionSettings
+from ringlight.shade.reflection_triton import ROWS, SPHERE, read_surface, read_surface_gradient
+
+MOST_PROGRAMS = 512
+"""Of the way back; each has a slab of gradients of the spheres and of the factors of the place."""
+
+COLOR = 3
+"""Channels of a colour, the first ones."""
+
+Gradients = tuple[list[Tensor], Float[Tensor, "H W C"], Float[Tensor, "H W 1"]]
+"""By the parameters, the blended channels and alpha."""
+
+
+@dataclass(frozen=True)
+class LitSurface:
+    """What shades a view. ``levels`` are the maps' of all shells, ``spheres`` [S 4] and ``axes`` [3 K D] or None;
+    ``frame`` is the middle of the scene's box and the inverse of half its longest side."""
+
+    settings: ReflectionSettings
+    frame: tuple[float, float, float, float]
+    levels: Sequence[Float[Tensor, "_ _ F"]]
+    spheres: Float[Tensor, "S 4"] | None
+    axes: Float[Tensor, "3 K D"] | None
+    mlp: nn.Module
+
+    @torch.no_grad()
+    def shade(
+        self,
+        image: Float[Tensor, "H W C"],
+        alpha: Float[Tensor, "H W 1"],
+        camera: Camera,
+        background: Float[Tensor, "3"],
+    ) -> tuple[Float[Tensor, "H W 3"], Callable[[Tensor], Gradients]]:
+        """The colours, and the way back from their gradient, which is gone once at most."""
+        pixels = _Pixels(self, image, alpha, camera, background)
+        seen = pixels.inputs().requires_grad_()
+        with torch.enable_grad():
+            added = self.mlp(seen)
+        color = image[..., :COLOR].clone(memory_format=torch.contiguous_format)
+        color.view(-1, COLOR).index_add_(0, pixels.index, added.detach() * pixels.opacities)
+
+        @torch.no_grad()
+        def backward(grad_color: Float[Tensor, "H W 3"]) -> Gradients:
+            by_color = grad_color.reshape(-1, COLOR).index_select(0, pixels.index)
+            sources = [seen, *self.mlp.parameters()]
+            by_seen, *by_mlp = torch.autograd.grad(added, sources, by_color * pixels.opacities)
+            by_light, by_image, by_alpha = pixels.gradients(seen, by_seen, added, by_color, grad_color)
+            return [*by_light, *by_mlp], by_image, by_alpha
+
+        return color, backward
+
+
+class _Pixels:
+    """The covered pixels of one view, in the order of the image."""
+
+    def __init__(self, light: LitSurface, image: Tensor, alpha: Tensor, camera: Camera, background: Tensor):
+        self.light, self.alpha = light, alpha.contiguous()
+        self.image = image if _by_pixel(image) else image.contiguous()
+        self.index: Int[Tensor, "P"] = (self.alpha.flatten() > FAINTEST_SHADED).nonzero()[:, 0]
+        self.opacities = self.alpha.flatten().index_select(0, self.index)[:, None]
+        numbers = [*camera.focal, *camera.center, *camera.world_to_camera[:3, :3].flatten().tolist()]
+        numbers += [*camera.position.tolist(), *background.tolist(), *light.frame]
+        self.view = torch.tensor(numbers).to(image.device)
+        sides = [len(level) for level in light.levels]
+        sizes = [level.numel() for level in light.levels]
+        starts = [sum(sizes[:number]) for number in range(len(sizes))]
+        self.places = torch.tensor([sides, starts], dtype=torch.int32).to(image.device)
+        self.maps = torch.cat([level.detach().flatten() for level in light.levels])
+
+    def inputs(self) -> Float[Tensor, "P I"]:
+        """What the network sees of each."""
+        settings = self.light.settings
+        features = len(self.light.levels) * settings.features
+        width = 1 + settings.latents + COLOR + features + 3 * settings.raw_direction
+        inputs = self.image.new_empty(len(self.index), width)
+        if len(self.index):
+            read_surface[(triton.cdiv(len(self.index), ROWS),)](
+                *self._read(), inputs, *self._numbers(), **self._sizes()
+            )
+        return inputs
+
+    def gradients(
+        self,
+        seen: Float[Tensor, "P I"],
+        by_seen: Float[Tensor, "P I"],
+        added: Float[Tensor, "P 3"],
+        by_color: Float[Tensor, "P 3"],
+        grad_color: Float[Tensor, "H W 3"],
+    ) -> Gradients:
+        """By maps, spheres and axes in this order, by the blended channels and by alpha."""
+        light, count = self.light, len(self.index)
+        height, width, channels = self.image.shape
+        by_image, by_alpha = self.image.new_zeros(height, width, channels), torch.zeros_like(self.alpha)
+        by_image[..., :COLOR] = grad_color
+        by_maps = torch.zeros_like(self.maps)
+        factors = 0 if light.axes is None else light.axes.numel()
+        shells = light.settings.shells
+        programs = max(min(triton.cdiv(count, ROWS), MOST_PROGRAMS), 1)
+        slabs = self.image.new_zeros(programs, shells * SPHERE + factors)
+        if count:
+            padded = triton.next_power_of_2(max(light.settings.axis_nodes, 1))
+            read_surface_gradient[(programs,)](
+                *self._read(), seen, by_seen.contiguous(), added, by_color, by_image, by_alpha, by_maps, slabs,
+                *self._numbers(), PADDED=padded, **self._sizes(),
+            )  # fmt: skip
+        by_spheres, by_axes = slabs.sum(0).split([shells * SPHERE, factors])
+        parts = by_maps.split([level.numel() for level in light.levels])
+        found = [part.view_as(level) for part, level in zip(parts, light.levels, strict=True)]
+        found += [] if light.spheres is None else [by_spheres.view_as(light.spheres)]
+        found += [] if light.axes is None else [by_axes.view_as(light.axes)]
+        return found, by_image, by_alpha
+
+    def _read(self) -> tuple[Tensor, ...]:
+        unread = self.maps
+        spheres, axes = (unread if part is None else part.detach() for part in (self.light.spheres, self.light.axes))
+        return self.image, self.alpha, self.index, self.view, self.maps, *self.places, spheres, axes
+
+    def _numbers(self) -> tuple[int | float, ...]:
+        width, step = self.image.shape[1], self.image.stride(1)
+        return len(self.index), width, step, SHORTEST_NORMAL**2, SMALLEST_HALF_CHORD_SQUARED, SMALLEST_LENGTH
+
+    def _sizes(self) -> dict[str, int]:
+        settings = self.light.settings
+        return {
+            "LATENTS": settings.latents,
+            "SHELLS": settings.shells,
+            "LEVELS": len(settings.sides),
+            "FEATURES": settings.features,
+            "WIDE": triton.next_power_of_2(settings.features),
+            "PARALLAX": int(settings.parallax),
+            "NODES": settings.axis_nodes,
+            "DEPTH": int(reads_depth(settings)),
+            "RAW": int(settings.raw_direction),
+            "B": ROWS,
+        }
+
+
+def _by_pixel(image: Float[Tensor, "H W C"]) -> bool:
+    """Whether a pixel's channels lie side by side, and pixels at even steps, row by row."""
+    by_line, by_pixel, by_channel = image.stride()
+    return by_channel == 1 and by_line == image.shape[1] * by_pixel
