@@ -26,7 +26,7 @@ from ringlight.fit.losses import photometric_triton
 from ringlight.rasterize import stored_form_triton
 from ringlight.shade import reflection_triton
 
-INTEGERS = {"height", "step_y", "step_x", "step_c", "count", "nodes", "side", "slab", "stride", "width", "step"}
+INTEGERS = {"height", "step_y", "step_x", "step_c", "count", "nodes", "side", "slab", "stride", "width", "step", "used"}
 ADDRESSES = {"levels", "gradients", "tensors"}
 """Tables of pointers; ``gradients`` of the maps."""
 FLOATS = {"pixel_weight", "ssim_weight", "near", "log_reach", "farthest", "shortest", "least", "flip_below"}
@@ -40,7 +40,7 @@ SIZES = dict(REACH=5, SIZE=photometric_triton.BLOCK)
 RING = dict(RANK=8, WIDTH=8, B=ring_triton.ROWS)
 MAPS = dict(WIDTH=4, PADDED=4, B=octahedral_triton.ROWS)
 HARMONICS = dict(USED=15, ALL=15, B=harmonics_triton.BLOCK)
-BASIS = HARMONICS | dict(SIZE=8, WIDE=32, MOVES=True, B=shared_basis_triton.ROWS)
+BASIS = dict(SIZE=8, WIDE=32, ALL=15, MOVES=True, B=shared_basis_triton.ROWS)
 SURFACE = dict(LATENTS=4, B=mirror_triton.BLOCK)
 MIRROR = dict(LATENTS=4, SHELLS=1, LEVELS=5, FEATURES=4, WIDE=4, PARALLAX=1, NODES=16, DEPTH=1, RAW=0)
 MIRROR |= dict(B=reflection_triton.ROWS)

@@ -19,9 +19,9 @@ class RasterizerOnGpu:
 
     name = "cuda"
     device = torch.device("cpu")
-    gradient_tolerance = 1e-3
+    gradient_tolerance = 3e-3
     """gsplat is compiled with the fast exponential, whose error an opaque stack divides by what little light is left:
-    3e-4 of a column's largest gradient on an H100."""
+    1.0e-3 of a column's largest gradient on an H200."""
 
     def __init__(self) -> None:
         self.there = rasterizer_for("cuda")

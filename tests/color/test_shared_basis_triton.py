@@ -79,4 +79,5 @@ def test_no_rows():
 
 def assert_near(mine: Tensor, truth: Tensor, tolerance: float) -> None:
     scale = truth.abs().max().item() if truth.numel() else 0.0
-    torch.testing.assert_close(mine.cpu().double(), truth.detach(), rtol=0, atol=tolerance * scale + 1e-9)
+    # At degree 0 a factor's slopes cancel but for rounding.
+    torch.testing.assert_close(mine.cpu().double(), truth.detach(), rtol=0, atol=tolerance * scale + 1e-6)

@@ -6,11 +6,13 @@ import triton.language as tl
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from ringlight.core.triton_kernels import VARYING
+
 BLOCK = 512
 """Gaussians a program."""
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _drawable(means, log_scales, logits, view, marks, count, B: tl.constexpr):
     """``view``: rows of the pose 12, focal 2, half size 2, centre less half size 2, steepest slopes 2, reach in sigmas,
     reach in pixels, faintest logit."""

@@ -16,6 +16,7 @@ from torch.autograd.function import once_differentiable
 
 from ringlight.core.directions import SMALLEST_LENGTH
 from ringlight.core.sh_basis import C0, C1, C2, C3, GREY, basis_count
+from ringlight.core.triton_kernels import VARYING
 
 BLOCK = 256
 """Gaussians a program."""
@@ -126,7 +127,7 @@ def unclamped(colors, upstream, place, mask):
     return tl.where(shown, tl.load(upstream + place, mask=mask, other=0.0), 0.0)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _colors(
     means, dc, rest, norms, colors, count, from_x, from_y, from_z,
     USED: tl.constexpr, ALL: tl.constexpr, B: tl.constexpr,
@@ -150,7 +151,7 @@ def _colors(
     tl.store(colors + row * 3 + 2, tl.maximum(blue, 0.0), mask=mask)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _gradient(
     means, rest, norms, colors, upstream, grad_means, grad_dc, grad_rest, count, from_x, from_y, from_z,
     USED: tl.constexpr, ALL: tl.constexpr, B: tl.constexpr,

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
+from ringlight.core.triton_kernels import VARYING
 
 BLOCK = 256
 """Gaussians a program."""
@@ -32,7 +33,7 @@ def _facing(means, normals, row, mask, from_x, from_y, from_z, flip_below, short
     return x * scale, y * scale, z * scale, scale, squared
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _surface(
     means, normals, latents, channels, count, stride, from_x, from_y, from_z, z_x, z_y, z_z, z_0,
     flip_below, shortest, LATENTS: tl.constexpr, B: tl.constexpr,
@@ -53,7 +54,7 @@ def _surface(
     tl.store(into + 6 + LATENTS, depth, mask=mask)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _surface_gradient(
     means, normals, upstream, grad_means, grad_normals, grad_latents,
     count, stride, from_x, from_y, from_z, z_x, z_y, z_z, flip_below, shortest,

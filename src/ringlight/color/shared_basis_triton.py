@@ -17,9 +17,11 @@ from torch import Tensor
 
 from ringlight.color.harmonics_triton import direction_to, harmonic, norms_on, unclamped
 from ringlight.core.sh_basis import basis_count
+from ringlight.core.triton_kernels import VARYING
+from ringlight.fields.perceptron_triton import LEAST
 
-ROWS = 64
-"""Gaussians a block: with 8 functions their values take 16 registers of 128 threads."""
+ROWS = 32
+"""Gaussians a block; with twice as many the way back spills a third of a kilobyte a thread."""
 
 MOST_PROGRAMS = 512
 """Of the way back; each has a slab of gradients of what is shared."""
@@ -29,15 +31,31 @@ RGB, VALUES = 3, 4
 
 
 @triton.jit
-def _values_of(basis, moves, k, entries, SIZE: tl.constexpr, ALL: tl.constexpr, MOVES: tl.constexpr):
-    """Coefficients [W] of harmonic k: value ``entries % 4`` of function ``entries // 4``."""
-    place = (entries // 4) * ALL + k
-    value = entries % 4
-    known = entries // 4 < SIZE
+def _coefficients(basis, moves, used, entries, SIZE: tl.constexpr, ALL: tl.constexpr, MOVES: tl.constexpr):
+    """[16 W]: value ``entries % 4`` of function ``entries // 4`` by harmonic; zero from harmonic ``used`` on."""
+    harmonic = tl.arange(0, 16)[:, None]
+    value = (entries % 4)[None, :]
+    place = (entries // 4)[None, :] * ALL + harmonic
+    known = (entries // 4 < SIZE)[None, :] & (harmonic < used)
     found = tl.load(basis + place * 3 + value, mask=known & (value < 3), other=0.0)
     if MOVES:
         found += tl.load(moves + place, mask=known & (value == 3), other=0.0)
     return found
+
+
+@triton.jit
+def _harmonics(x, y, z, norms, B: tl.constexpr):
+    """All from degree 1 on, [B 16], the last zero, and their slopes by x, y and z."""
+    index = tl.arange(0, 16)[None, :]
+    heights = tl.zeros((B, 16), tl.float32)
+    by_x, by_y, by_z = heights, heights, heights
+    for k in tl.static_range(15):
+        height, slope_x, slope_y, slope_z = harmonic(k, x, y, z, norms)
+        heights = tl.where(index == k, height[:, None], heights)
+        by_x = tl.where(index == k, slope_x[:, None], by_x)
+        by_y = tl.where(index == k, slope_y[:, None], by_y)
+        by_z = tl.where(index == k, slope_z[:, None], by_z)
+    return heights, by_x, by_y, by_z
 
 
 @triton.jit
@@ -53,11 +71,11 @@ def _constant(constants, place, mask, norms, LOGITS: tl.constexpr):
     return color, slope
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _emit(
     means, constants, logits, weights, basis, moves, norms, channels, factors,
-    count, stride, least, from_x, from_y, from_z,
-    SIZE: tl.constexpr, WIDE: tl.constexpr, USED: tl.constexpr, ALL: tl.constexpr, LOGITS: tl.constexpr,
+    count, stride, used, least, from_x, from_y, from_z,
+    SIZE: tl.constexpr, WIDE: tl.constexpr, ALL: tl.constexpr, LOGITS: tl.constexpr,
     MOVES: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     """Writes the first three of a row's ``stride`` channels. Without MOVES logits, moves and factors are not used."""
@@ -65,10 +83,8 @@ def _emit(
     mask = row < count
     entries = tl.arange(0, WIDE)
     x, y, z, _ = direction_to(means, from_x, from_y, from_z, row, mask, tl.load(norms + 10))
-    towards = tl.zeros((B, WIDE), tl.float32)
-    for k in tl.static_range(USED):
-        height, _, _, _ = harmonic(k, x, y, z, norms)
-        towards += height[:, None] * _values_of(basis, moves, k, entries, SIZE, ALL, MOVES)[None, :]
+    heights, _, _, _ = _harmonics(x, y, z, norms, B)
+    towards = tl.dot(heights, _coefficients(basis, moves, used, entries, SIZE, ALL, MOVES), input_precision="ieee")
     known = mask[:, None] & (entries // 4 < SIZE)[None, :]
     mixed = towards * tl.load(weights + row[:, None] * SIZE + (entries // 4)[None, :], mask=known, other=0.0)
     for c in tl.static_range(3):
@@ -81,27 +97,28 @@ def _emit(
         tl.store(factors + row, tl.sigmoid(logit + moved) / tl.maximum(tl.sigmoid(logit), least), mask=mask)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _emit_gradient(
     means, constants, logits, weights, basis, moves, norms, channels, upstream, by_factors,
     grad_means, grad_constants, grad_logits, grad_weights, slabs,
-    count, stride, least, from_x, from_y, from_z,
-    SIZE: tl.constexpr, WIDE: tl.constexpr, USED: tl.constexpr, ALL: tl.constexpr, LOGITS: tl.constexpr,
+    count, stride, used, least, from_x, from_y, from_z,
+    SIZE: tl.constexpr, WIDE: tl.constexpr, ALL: tl.constexpr, LOGITS: tl.constexpr,
     MOVES: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     """A colour that was clamped at black has no gradient. ``slabs`` [programs K ALL 4] are zero before."""
     entries = tl.arange(0, WIDE)
     value = (entries % 4)[None, :]
     function = entries // 4
-    slab = slabs + tl.program_id(0) * (SIZE * ALL * 4)
+    coefficients = _coefficients(basis, moves, used, entries, SIZE, ALL, MOVES)
+    index = tl.arange(0, 16)[:, None]
+    place = slabs + tl.program_id(0) * (SIZE * ALL * 4) + (function[None, :] * ALL + index) * 4 + value
+    stored = (function < SIZE)[None, :] & (index < used)
     for begin in range(tl.program_id(0) * B, count, tl.num_programs(0) * B):
         row = begin + tl.arange(0, B)
         mask = row < count
         x, y, z, inverse = direction_to(means, from_x, from_y, from_z, row, mask, tl.load(norms + 10))
-        towards = tl.zeros((B, WIDE), tl.float32)
-        for k in tl.static_range(USED):
-            height, _, _, _ = harmonic(k, x, y, z, norms)
-            towards += height[:, None] * _values_of(basis, moves, k, entries, SIZE, ALL, MOVES)[None, :]
+        heights, slope_x, slope_y, slope_z = _harmonics(x, y, z, norms, B)
+        towards = tl.dot(heights, coefficients, input_precision="ieee")
         known = mask[:, None] & (function < SIZE)[None, :]
         weight = tl.load(weights + row[:, None] * SIZE + function[None, :], mask=known, other=0.0)
         by_value = tl.zeros((B, WIDE), tl.float32)
@@ -124,16 +141,12 @@ def _emit_gradient(
         written = mask[:, None] & (functions < SIZE)[None, :]
         tl.store(grad_weights + row[:, None] * SIZE + functions[None, :], by_weight, mask=written)
         by_height = weight * by_value
-        grad_x, grad_y, grad_z = x * 0.0, x * 0.0, x * 0.0
-        for k in tl.static_range(USED):
-            height, slope_x, slope_y, slope_z = harmonic(k, x, y, z, norms)
-            slope = tl.sum(by_height * _values_of(basis, moves, k, entries, SIZE, ALL, MOVES)[None, :], 1)
-            grad_x += slope * slope_x
-            grad_y += slope * slope_y
-            grad_z += slope * slope_z
-            place = slab + (function * ALL + k) * 4 + entries % 4
-            shared = tl.load(place, mask=function < SIZE, other=0.0) + tl.sum(height[:, None] * by_height, 0)
-            tl.store(place, shared, mask=function < SIZE)
+        by_harmonic = tl.dot(by_height, tl.trans(coefficients), input_precision="ieee")
+        grad_x = tl.sum(by_harmonic * slope_x, 1)
+        grad_y = tl.sum(by_harmonic * slope_y, 1)
+        grad_z = tl.sum(by_harmonic * slope_z, 1)
+        shared = tl.load(place, mask=stored, other=0.0) + tl.dot(tl.trans(heights), by_height, input_precision="ieee")
+        tl.store(place, shared, mask=stored)
         along = grad_x * x + grad_y * y + grad_z * z
         tl.store(grad_means + row * 3, (grad_x - along * x) * inverse, mask=mask)
         tl.store(grad_means + row * 3 + 1, (grad_y - along * y) * inverse, mask=mask)
@@ -195,9 +208,10 @@ class BasisRows:
 
     def _numbers(self, channels: Tensor) -> tuple[int | float | bool, ...]:
         size, stored, _ = self.basis.shape
-        wide = triton.next_power_of_2(VALUES * size)
-        sizes = (size, wide, basis_count(self.degree) - 1, stored, self.by_logits, self.moves is not None, ROWS)
-        return len(channels), channels.shape[1], self.least, *self.position.tolist(), *sizes
+        wide = max(triton.next_power_of_2(VALUES * size), LEAST)
+        sizes = (size, wide, stored, self.by_logits, self.moves is not None, ROWS)
+        used = basis_count(self.degree) - 1
+        return len(channels), channels.shape[1], used, self.least, *self.position.tolist(), *sizes
 
 
 @dataclass(frozen=True)

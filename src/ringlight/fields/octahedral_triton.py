@@ -14,6 +14,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from ringlight.core.triton_kernels import VARYING
+
 ROWS = 128
 """Directions a program, at one level."""
 
@@ -56,7 +58,7 @@ def cell_of(coordinate, side):
     return cell, position - cell.to(tl.float32)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _read_maps(levels, sides, uv, features, count, WIDTH: tl.constexpr, PADDED: tl.constexpr, B: tl.constexpr):
     """``levels`` holds addresses of [side side F]; ``features`` is [N, L F]."""
     row = tl.program_id(0) * B + tl.arange(0, B)
@@ -77,7 +79,7 @@ def _read_maps(levels, sides, uv, features, count, WIDTH: tl.constexpr, PADDED: 
     tl.store(to, upper + (lower - upper) * down[:, None], mask=mask)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _read_maps_gradient(
     levels, gradients, sides, uv, upstream, grad_uv, count, WIDTH: tl.constexpr, PADDED: tl.constexpr, B: tl.constexpr
 ):

@@ -15,6 +15,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from ringlight.core.triton_kernels import VARYING
+
 ROWS = 32
 """Rows a block."""
 
@@ -63,7 +65,7 @@ def _vector(at, columns, COLUMNS: tl.constexpr):
     return tl.load(at + columns, mask=columns < COLUMNS, other=0.0)[None, :]
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _forward(
     inputs, w1, b1, w2, b2, w3, b3, outputs, count,
     INPUTS: tl.constexpr, HIDDEN: tl.constexpr, OUTPUTS: tl.constexpr, DEEP: tl.constexpr, HALF: tl.constexpr,
@@ -84,7 +86,7 @@ def _forward(
     tl.store(outputs + row[:, None] * OUTPUTS + o[None, :], y, mask=shown)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _backward(
     inputs, w1, b1, w2, b2, w3, upstream, grad_inputs, slabs, count, slab,
     INPUTS: tl.constexpr, HIDDEN: tl.constexpr, OUTPUTS: tl.constexpr, DEEP: tl.constexpr, HALF: tl.constexpr,

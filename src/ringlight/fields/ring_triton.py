@@ -16,6 +16,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from ringlight.core.triton_kernels import VARYING
+
 ROWS = 16
 """Gaussians a program: with rank 16 a matrix of each takes 32 registers of 128 threads."""
 
@@ -69,7 +71,7 @@ def _add_on_map(gradients, corner, across, down, side, entries, values, mask, SI
     tl.atomic_add(below + SIZE, lower * across[:, None], mask=mask)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _ring_product(
     points, uv, axes, view, products, count, nodes, side, RANK: tl.constexpr, WIDTH: tl.constexpr, B: tl.constexpr
 ):
@@ -99,7 +101,7 @@ def _ring_product(
     tl.store(products + entries, product, mask=mask[:, :, None] & (index < RANK)[None, None, :])
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _ring_product_gradient(
     points, uv, axes, view, upstream, grad_axes, grad_view, count, nodes, side,
     RANK: tl.constexpr, WIDTH: tl.constexpr, B: tl.constexpr,

@@ -9,6 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from ringlight.core.triton_kernels import VARYING
+
 BLOCK = 512
 """Gaussians a program."""
 
@@ -28,7 +30,7 @@ def _is_fine(means, log_scales, row, mask, plane, near, log_reach, farthest):
     return (tl.maximum(tl.maximum(a, b), c) < widest) & (farther < farthest) & (depth - depth == 0)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _activate(
     means, log_scales, quats, logits, factor, plane, active_quats, scales, opacities,
     count, near, log_reach, farthest, shortest, FACTOR: tl.constexpr, B: tl.constexpr,
@@ -53,7 +55,7 @@ def _activate(
     tl.store(opacities + row, tl.where(fine, opacity, 0.0), mask=mask)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def _activate_gradient(
     means, log_scales, quats, logits, factor, plane, grad_quats, grad_scales, grad_opacities,
     to_log_scales, to_quats, to_logits, to_factor,

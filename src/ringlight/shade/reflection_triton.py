@@ -8,6 +8,7 @@ program, as in ``fields/perceptron_triton.py``; those of the maps are atomic add
 import triton
 import triton.language as tl
 
+from ringlight.core.triton_kernels import VARYING
 from ringlight.fields.octahedral_triton import add_to_node, cell_of, node_of
 
 ROWS = 64
@@ -120,7 +121,7 @@ def _add_factors(slab, cell, part, first, index, by_factor, NODES: tl.constexpr,
     tl.store(place, tl.load(place, mask=mask, other=0.0) + total, mask=mask)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def read_surface(
     image, alpha, pixels, view, maps, sides, starts, spheres, axes, inputs,
     count, width, step, faintest_normal, least_chord, smallest,
@@ -133,7 +134,7 @@ def read_surface(
     pixel = tl.load(pixels + row, mask=mask, other=0).to(tl.int32)
     ALL: tl.constexpr = SHELLS * LEVELS * FEATURES
     INPUTS: tl.constexpr = 4 + LATENTS + ALL + 3 * RAW
-    opacity, n_x, n_y, n_z, _, _, d_x, d_y, d_z, p_x, p_y, p_z = _surface(
+    opacity, n_x, n_y, n_z, _inverse, _squared, d_x, d_y, d_z, p_x, p_y, p_z = _surface(
         image, alpha, pixel, mask, view, width, step, faintest_normal, LATENTS, DEPTH
     )
     at, into = image + pixel * step, inputs + row * INPUTS
@@ -154,11 +155,13 @@ def read_surface(
     for shell in tl.static_range(SHELLS):
         s_x, s_y, s_z = r_x, r_y, r_z
         if PARALLAX:
-            s_x, s_y, s_z, _, _, _, _, _, _, _ = _exit(p_x, p_y, p_z, r_x, r_y, r_z, spheres + shell * 4, least_chord)
-        u, v, _, _, _ = _octahedral(s_x, s_y, s_z, smallest)
+            s_x, s_y, s_z, _x, _y, _z, _along, _chord, _distance, _nearness = _exit(
+                p_x, p_y, p_z, r_x, r_y, r_z, spheres + shell * 4, least_chord
+            )
+        u, v, _flat_x, _flat_y, _shrunk = _octahedral(s_x, s_y, s_z, smallest)
         for number in range(LEVELS):
             side, level = tl.load(sides + number), maps + tl.load(starts + shell * LEVELS + number)
-            a, b, c, d, line, column, across, down = _map_corners(level, u, v, side, index, known, FEATURES)
+            a, b, c, d, _, _, across, down = _map_corners(level, u, v, side, index, known, FEATURES)
             upper = a + (b - a) * across
             feature = upper + (c + (d - c) * across - upper) * down
             first = (shell * LEVELS + number) * FEATURES
@@ -169,7 +172,7 @@ def read_surface(
             tl.store(into[:, None] + 4 + LATENTS + first + index[None, :], feature, mask=known)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=VARYING)
 def read_surface_gradient(
     image, alpha, pixels, view, maps, sides, starts, spheres, axes, inputs, upstream, added, by_color,
     grad_image, grad_alpha, grad_maps, slabs,
