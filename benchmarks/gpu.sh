@@ -16,7 +16,8 @@ ringlight doctor
 # Before the workers, which would build them all at once.
 "$python" -c 'from ringlight.rasterize.choose import rasterizer_for; rasterizer_for("cuda")'
 "$python" -m pytest -n "${WORKERS:-4}" -m cuda tests
-"$python" -m pytest -n "${WORKERS:-4}" tests/*/test_*_triton.py
+"$python" -m pytest -n "${WORKERS:-4}" tests/*/test_*_triton.py \
+  tests/shade/test_reflection_on_gpu.py tests/color/test_basis_emission.py
 
 # --seconds bounds each size, and each method at it.
 ringlight bench raster --device cuda --sizes 100k@400 300k@800 --seconds 10 --save "gpu-$name-raster"

@@ -64,7 +64,8 @@ KERNELS: list[tuple[ModuleType, str, dict[str, Any]]] = [
       for logits in (False, True)),
     *((mirror_triton, name, SURFACE) for name in ("_surface", "_surface_gradient")),
     (reflection_triton, "read_surface", MIRROR),
-    (reflection_triton, "read_surface_gradient", MIRROR | dict(PADDED=16)),
+    *((reflection_triton, "read_surface_gradient", MIRROR | dict(PADDED=16) | changed)
+      for changed in ({}, dict(NODES=0, PADDED=1), dict(PARALLAX=0, SHELLS=2, RAW=1))),
     (drawable_triton, "_drawable", dict(B=drawable_triton.BLOCK)),
     (stored_form_triton, "_activate", ACTIVE),
     (stored_form_triton, "_activate_gradient", ACTIVE),

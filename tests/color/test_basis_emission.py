@@ -95,8 +95,11 @@ def test_equals_torch_in_double(kind: str, degree: int, monkeypatch: pytest.Monk
 def test_a_picture_is_emitted_without_a_way_back(kind: str, monkeypatch: pytest.MonkeyPatch):
     gaussians, model = table(70), MODELS[kind]()
     names = list(model.emits)
-    expected = model.emit(gaussians, camera(), names, Want.EXACT).channels
+    expected = model.emit(gaussians, camera(), names, Want.EXACT)
     for module in CHOOSING:
         monkeypatch.setattr(f"ringlight.color.{module}.runs_triton", lambda *_: True)
     ours = model.to(interpreted.DEVICE).emit(moved(gaussians, interpreted.DEVICE), camera(), names, Want.EXACT)
-    torch.testing.assert_close(ours.channels.cpu(), expected.detach(), rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(ours.channels.cpu(), expected.channels.detach(), rtol=1e-5, atol=1e-5)
+    assert (ours.opacity_factor is None) == (expected.opacity_factor is None)
+    if expected.opacity_factor is not None:
+        torch.testing.assert_close(ours.opacity_factor.cpu(), expected.opacity_factor, rtol=1e-5, atol=1e-5)

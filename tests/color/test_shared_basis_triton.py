@@ -5,10 +5,11 @@ import torch
 from torch import Tensor
 
 import interpreted
+from ringlight.color import shared_basis_triton
 from ringlight.color.basis_opacities import LEAST_MEAN, factors_reference
 from ringlight.color.harmonics import sh_colors_reference
 from ringlight.color.shared_basis import mixed_harmonics
-from ringlight.color.shared_basis_triton import BasisRows
+from ringlight.color.shared_basis_triton import BasisRows, MovedOpacities
 from ringlight.core.sh_basis import sh_from_rgb
 
 HARMONICS = 15
@@ -52,8 +53,7 @@ def test_equals_the_references(degree: int, size: int, count: int, by_logits: bo
     gradients = torch.autograd.grad(outputs, list(kept.values()), arrived, allow_unused=True)
     truth = dict(zip(kept, gradients, strict=True))
 
-    there = {name: tensor.to(interpreted.DEVICE) for name, tensor in given.items() if name in kept}
-    rows = BasisRows(**there, position=position, degree=degree, least=LEAST_MEAN, by_logits=by_logits)
+    rows = rows_of({name: given[name] for name in kept}, position, degree, by_logits)
     channels = torch.full((count, 5), 7.0, device=interpreted.DEVICE)
     found_factors = rows.emit(channels)
     found = rows.gradients(channels, upstream.to(interpreted.DEVICE), by_factors.to(interpreted.DEVICE))
@@ -67,10 +67,28 @@ def test_equals_the_references(degree: int, size: int, count: int, by_logits: bo
         assert_near(getattr(found, name), wanted, 4e-5)
 
 
+def test_programs_go_over_many_blocks(monkeypatch: pytest.MonkeyPatch):
+    given, upstream, by_factors = drawn(200, 3), torch.randn(200, 3), torch.randn(200)
+    found = []
+    for programs in (shared_basis_triton.MOST_PROGRAMS, 2):
+        monkeypatch.setattr(shared_basis_triton, "MOST_PROGRAMS", programs)
+        rows = rows_of(given, torch.ones(3), degree=3)
+        channels = torch.empty_like(rows.means)
+        rows.emit(channels)
+        found.append(rows.gradients(channels, upstream.to(interpreted.DEVICE), by_factors.to(interpreted.DEVICE)))
+    for name in ("basis", "moves", "weights"):
+        torch.testing.assert_close(getattr(found[0], name), getattr(found[1], name), rtol=1e-4, atol=1e-4)
+
+
+def rows_of(given: dict[str, Tensor], position: Tensor, degree: int, by_logits: bool = False) -> BasisRows:
+    there = {name: tensor.to(interpreted.DEVICE) for name, tensor in given.items()}
+    opacities = MovedOpacities(there.pop("logits"), there.pop("moves"), LEAST_MEAN) if "moves" in there else None
+    return BasisRows(**there, position=position, degree=degree, opacities=opacities, by_logits=by_logits)
+
+
 def test_no_rows():
-    there = {name: tensor.to(interpreted.DEVICE) for name, tensor in drawn(0, 3).items()}
-    rows = BasisRows(**there, position=torch.zeros(3), degree=3, least=LEAST_MEAN)
-    channels = there["means"].new_empty(0, 3)
+    rows = rows_of(drawn(0, 3), torch.zeros(3), degree=3)
+    channels = rows.means.new_empty(0, 3)
     assert rows.emit(channels).shape == (0,)
     found = rows.gradients(channels, channels, None)
     assert (found.basis == 0).all()

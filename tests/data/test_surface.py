@@ -117,6 +117,14 @@ def test_few_photographs_tell_whether_it_is_cut_out(scene: Scene):
     assert len(looked_at) == 8
 
 
+def test_a_photograph_that_does_not_carve_needs_no_mask(scene: Scene):
+    views = [dataclasses.replace(view, name=str(index)) for index, view in enumerate(scene.train * 9)]
+    carving = {view.name for view in hull.evenly_chosen(views)}
+    train = [view if view.name in carving else over_ramp(view) for view in views]
+    assert len(carving) < len(train)
+    assert is_cut_out(dataclasses.replace(scene, train=tuple(train)))
+
+
 def of_views(scene: Scene, changed: Callable[[View], View], first: int = 16) -> Scene:
     return dataclasses.replace(scene, train=(*map(changed, scene.train[:first]), *scene.train[first:]))
 

@@ -30,6 +30,8 @@ CHOSEN = (
     "ringlight.fields.ring_tables",
     "ringlight.fit.adam",
     "ringlight.rasterize.stored_form",
+    "ringlight.shade.reflection",
+    "ringlight.shade.reflection_on_gpu",
 )
 """Modules that choose between Triton's kernels and others; the loss has its own test."""
 

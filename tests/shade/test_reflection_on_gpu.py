@@ -10,12 +10,16 @@ from torch import Tensor
 import interpreted
 from ringlight.core.gradients import Gradients, dense
 from ringlight.core.want import Want
+from ringlight.shade import reflection_on_gpu
 from ringlight.shade.covered import FAINTEST_SHADED
 from ringlight.shade.reflection import ReflectionShader
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 BACKGROUND = torch.tensor([0.2, 0.5, 0.9])
 SMALL = ReflectionSettings(hidden=16, levels=(4, 7), features=4, latents=3)
+PLANAR = -1
+"""In place of a number of channels behind those that are read: each channel lies by itself."""
+
 KINDS = {
     "plain": SMALL,
     "two shells": replace(SMALL, shells=2),
@@ -56,7 +60,7 @@ def outcome(shader: ReflectionShader, image: Tensor, alpha: Tensor) -> dict[str,
     return found | {"color": shown.color, "image": by_image, "alpha": by_alpha}
 
 
-@pytest.mark.parametrize("padded", [0, 3])
+@pytest.mark.parametrize("padded", [0, 3, PLANAR])
 @pytest.mark.parametrize("kind", KINDS)
 def test_equals_torch(kind: str, padded: int, monkeypatch: pytest.MonkeyPatch):
     check(KINDS[kind], shader_of(KINDS[kind]), padded, monkeypatch)
@@ -67,11 +71,41 @@ def test_rays_that_pass_the_sphere_by(monkeypatch: pytest.MonkeyPatch):
     check(settings, shader_of(settings, inside=True), 0, monkeypatch)
 
 
+def test_programs_go_over_many_blocks(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(reflection_on_gpu, "MOST_PROGRAMS", 1)
+    settings = KINDS["axes, two shells"]
+    check(settings, shader_of(settings), 0, monkeypatch)
+
+
+def test_what_is_not_learned_gets_no_gradient(monkeypatch: pytest.MonkeyPatch):
+    as_on_a_gpu(monkeypatch)
+    shader = shader_of(SMALL).to(interpreted.DEVICE)
+    shader.mlp[0].weight.requires_grad_(False)
+    found = outcome(shader, *(tensor.float().to(interpreted.DEVICE) for tensor in image_of(SMALL, shader)))
+    assert "shader.mlp.0.weight" not in found
+    assert {"shader.mlp.0.bias", "shader.mlp.2.weight", "shader.maps.0.levels.0"} <= found.keys()
+
+
+@pytest.mark.parametrize("changes", [{"axis_nodes": 32}, {"depth_gradient": True}, {"ring": "full"}])
+def test_what_the_kernels_do_not_take_is_torchs(changes: dict, monkeypatch: pytest.MonkeyPatch):
+    as_on_a_gpu(monkeypatch)
+    settings = replace(SMALL, **changes)
+    assert not reflection_on_gpu.fits_triton(settings, torch.zeros(1))
+    assert reflection_on_gpu.fits_triton(SMALL, torch.zeros(1))
+
+
+def as_on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("reflection", "reflection_on_gpu"):
+        monkeypatch.setattr(f"ringlight.shade.{module}.runs_triton", lambda *_: True)
+
+
 def check(settings: ReflectionSettings, shader: ReflectionShader, padded: int, monkeypatch: pytest.MonkeyPatch) -> None:
     image, alpha = image_of(settings, shader)
     expected = outcome(shader.double(), image, alpha)
-    monkeypatch.setattr("ringlight.shade.reflection.runs_triton", lambda *_: True)
-    there = torch.nn.functional.pad(image, (0, padded)).float().to(interpreted.DEVICE)[..., : image.shape[-1]]
+    as_on_a_gpu(monkeypatch)
+    there = torch.nn.functional.pad(image, (0, max(padded, 0))).float().to(interpreted.DEVICE)[..., : image.shape[-1]]
+    if padded == PLANAR:
+        there = image.float().to(interpreted.DEVICE).permute(2, 0, 1).contiguous().permute(1, 2, 0)
     found = outcome(shader.float().to(interpreted.DEVICE), there, alpha.float().to(interpreted.DEVICE))
     assert found.keys() == expected.keys()
     for name, truth in expected.items():
@@ -83,7 +117,7 @@ def test_a_picture_without_a_surface_and_one_without_a_way_back(monkeypatch: pyt
     settings, shader = SMALL, shader_of(SMALL)
     image, alpha = (tensor.float() for tensor in image_of(settings, shader))
     expected = shader.shaded_by_torch(image, alpha, camera(), BACKGROUND, Want.PICTURE).color
-    monkeypatch.setattr("ringlight.shade.reflection.runs_triton", lambda *_: True)
+    as_on_a_gpu(monkeypatch)
     there = shader.to(interpreted.DEVICE)
     shown = there.shade(
         image.to(interpreted.DEVICE), alpha.to(interpreted.DEVICE), camera(), BACKGROUND, Want.PICTURE
@@ -92,16 +126,3 @@ def test_a_picture_without_a_surface_and_one_without_a_way_back(monkeypatch: pyt
     empty = outcome(there, image.to(interpreted.DEVICE), torch.zeros_like(alpha).to(interpreted.DEVICE))
     assert torch.equal(empty["color"].cpu(), image[..., :3])
     assert all((empty[name] == 0).all() for name in empty if name.startswith("shader."))
-
-
-def test_the_box_is_read_again_once_it_has_changed(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("ringlight.shade.reflection.runs_triton", lambda *_: True)
-    shader, other = shader_of(SMALL).to(interpreted.DEVICE), ReflectionShader(SMALL, 2 * BOX + 0.3)
-    image, alpha = (tensor.float().to(interpreted.DEVICE) for tensor in image_of(SMALL, shader))
-    before = shader.shade(image, alpha, camera(), BACKGROUND, Want.PICTURE).color
-    state = shader.state_dict()
-    shader.load_state_dict(state | {"box": other.box})
-    after = shader.shade(image, alpha, camera(), BACKGROUND, Want.PICTURE).color
-    expected = shader.shaded_by_torch(image, alpha, camera(), BACKGROUND, Want.PICTURE).color
-    assert not torch.allclose(after, before)
-    torch.testing.assert_close(after, expected.detach(), rtol=0, atol=1e-5)

@@ -83,8 +83,10 @@ class BasisOpacities(SharedBasis):
         plain = super().rows(gaussians, constants, camera)
         if not plain.degree:
             return plain
+        from ringlight.color.shared_basis_triton import MovedOpacities
+
         logits, moves = gaussians.opacity_logits.contiguous(), self.opacity_basis.detach()
-        return replace(plain, logits=logits, moves=moves, least=LEAST_MEAN)
+        return replace(plain, opacities=MovedOpacities(logits, moves, LEAST_MEAN))
 
 
 @torch.no_grad()

@@ -93,9 +93,8 @@ class SharedBasis(SphericalHarmonics):
 
         columns = gaussians.means, constants, gaussians.appearance[WEIGHTS]
         means, constants, weights = (column.contiguous() for column in columns)
-        return BasisRows(
-            means, constants, weights, self.basis.detach(), camera.position, int(self.active_degree)
-        )  # fmt: skip
+        basis, degree = self.basis.detach(), int(self.active_degree)
+        return BasisRows(means, constants, weights, basis, camera.position, degree)
 
     @torch.no_grad()
     def harmonics(self, gaussians: Gaussians) -> Harmonics:

@@ -33,10 +33,10 @@ RGB, VALUES = 3, 4
 @triton.jit
 def _coefficients(basis, moves, used, entries, SIZE: tl.constexpr, ALL: tl.constexpr, MOVES: tl.constexpr):
     """[16 W]: value ``entries % 4`` of function ``entries // 4`` by harmonic; zero from harmonic ``used`` on."""
-    harmonic = tl.arange(0, 16)[:, None]
+    index = tl.arange(0, 16)[:, None]
     value = (entries % 4)[None, :]
-    place = (entries // 4)[None, :] * ALL + harmonic
-    known = (entries // 4 < SIZE)[None, :] & (harmonic < used)
+    place = (entries // 4)[None, :] * ALL + index
+    known = (entries // 4 < SIZE)[None, :] & (index < used)
     found = tl.load(basis + place * 3 + value, mask=known & (value < 3), other=0.0)
     if MOVES:
         found += tl.load(moves + place, mask=known & (value == 3), other=0.0)
@@ -154,10 +154,18 @@ def _emit_gradient(
 
 
 @dataclass(frozen=True)
+class MovedOpacities:
+    """Logits, what moves them with the direction, and the least mean as LEAST_MEAN in ``color/basis_opacities.py``."""
+
+    logits: Float[Tensor, "N"]
+    moves: Float[Tensor, "K J"]
+    least: float
+
+
+@dataclass(frozen=True)
 class BasisRows:
     """What is emitted: ``constants`` are coefficients of the constant harmonic or, with ``by_logits``, the logits of
-    the colours without a direction. Where ``moves`` is given, logits of opacity are too. ``least`` as LEAST_MEAN in
-    ``color/basis_opacities.py``. All are contiguous float32 on one GPU."""
+    the colours without a direction. All are contiguous float32 on one GPU."""
 
     means: Float[Tensor, "N 3"]
     constants: Float[Tensor, "N 3"]
@@ -165,14 +173,12 @@ class BasisRows:
     basis: Float[Tensor, "K J 3"]
     position: Float[Tensor, "3"]
     degree: int
-    logits: Float[Tensor, "N"] | None = None
-    moves: Float[Tensor, "K J"] | None = None
-    least: float = 0.0
+    opacities: MovedOpacities | None = None
     by_logits: bool = False
 
     def emit(self, channels: Float[Tensor, "N C"]) -> Float[Tensor, "N"] | None:
         """Writes the first three channels; returns the opacity factors, if there are any."""
-        count, factors = len(self.means), None if self.logits is None else torch.empty_like(self.logits)
+        count, factors = len(self.means), None if self.opacities is None else torch.empty_like(self.opacities.logits)
         if count:
             _emit[(triton.cdiv(count, ROWS),)](
                 *self._read(), channels, self.means if factors is None else factors, *self._numbers(channels)
@@ -188,8 +194,8 @@ class BasisRows:
         slabs = self.means.new_zeros(programs, *self.basis.shape[:2], VALUES)
         by_means, by_constants, by_weights = map(torch.empty_like, (self.means, self.constants, self.weights))
         by_logits = None
-        if self.logits is not None:
-            by_logits = torch.empty_like(self.logits)
+        if self.opacities is not None:
+            by_logits = torch.empty_like(self.opacities.logits)
             by_factors = torch.zeros_like(by_logits) if by_factors is None else by_factors.contiguous()
         if count:
             written = by_means, by_constants, unread if by_logits is None else by_logits, by_weights, slabs
@@ -203,15 +209,15 @@ class BasisRows:
 
     def _read(self) -> tuple[Tensor, ...]:
         unread = self.means
-        logits, moves = (unread if tensor is None else tensor for tensor in (self.logits, self.moves))
+        logits, moves = (unread, unread) if self.opacities is None else (self.opacities.logits, self.opacities.moves)
         return self.means, self.constants, logits, self.weights, self.basis, moves, norms_on(self.means.device)
 
     def _numbers(self, channels: Tensor) -> tuple[int | float | bool, ...]:
         size, stored, _ = self.basis.shape
         wide = max(triton.next_power_of_2(VALUES * size), LEAST)
-        sizes = (size, wide, stored, self.by_logits, self.moves is not None, ROWS)
-        used = basis_count(self.degree) - 1
-        return len(channels), channels.shape[1], used, self.least, *self.position.tolist(), *sizes
+        sizes = (size, wide, stored, self.by_logits, self.opacities is not None, ROWS)
+        used, least = basis_count(self.degree) - 1, 0.0 if self.opacities is None else self.opacities.least
+        return len(channels), channels.shape[1], used, least, *self.position.tolist(), *sizes
 
 
 @dataclass(frozen=True)

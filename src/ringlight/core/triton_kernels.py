@@ -11,9 +11,9 @@ SWITCH = "RINGLIGHT_TRITON"
 """Set to "0" for torch operations in place of our kernels, to tell which of both is wrong; to "bf16" for products of
 bfloat16 numbers in networks, which are faster and round their factors to three digits."""
 
-VARYING = ("count",)
-"""Arguments of kernels that change within a run. Left to itself Triton compiles anew where one is a multiple of 16 or
-1: seconds a kernel, and gains nothing by it here."""
+VARYING = ("count", "used", "width")
+"""Arguments of kernels that change within a run: rows, harmonics in use, pixels a line. Left to itself Triton compiles
+anew where one is a multiple of 16, or is 1: seconds a kernel, and gains nothing by it here."""
 
 
 def runs_triton(*tensors: Tensor) -> bool:

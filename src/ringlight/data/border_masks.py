@@ -28,7 +28,7 @@ BORDER_SHARE = 0.9
 an overexposed sky takes one side or two of each."""
 
 PROBES = 8
-"""Photographs whose borders are looked at before all others are decoded."""
+"""Photographs that are looked at before all others are decoded."""
 
 CELLS = 96
 """Voxels along the longest side of the scene's box while photographs vote."""

@@ -31,9 +31,10 @@ def own_points(scene: Scene) -> PointCloud:
 
 
 def is_cut_out(scene: Scene) -> bool:
-    """Whether photographs have masks, or an even background, by which a hull may be carved. A few are looked at: to
-    decode all takes seconds."""
-    have_masks = all(view.has_alpha for view in scene.train) and masks_of(evenly_chosen(scene.train, PROBES))
+    """Whether photographs have masks, or an even background, by which a hull may be carved. Of those that would carve
+    it a few are looked at: to decode all takes seconds."""
+    carving = evenly_chosen(scene.train)
+    have_masks = all(view.has_alpha for view in carving) and masks_of(evenly_chosen(carving, PROBES))
     return bool(have_masks) or on_even_background(scene.train, scene.background_color)
 
 

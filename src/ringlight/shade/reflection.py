@@ -88,7 +88,6 @@ class ReflectionShader(nn.Module):
             last.weight.mul_(FIRST_LAST_LAYER)
             last.bias.zero_()
         self.register_buffer("box", box.clone().float())
-        self._read_frame: tuple[Tensor | None, int, tuple[float, float, float, float]] = (None, 0, (0.0, 0.0, 0.0, 0.0))
         # Python reads it, also of a model that is an outline on torch's meta device.
         self.register_buffer("lit", torch.tensor(True, device="cpu"))
         names = {id(parameter): name for name, parameter in self.named_parameters()}
@@ -138,8 +137,8 @@ class ReflectionShader(nn.Module):
             return Shaded(image, unchanged)
         if shaded is not None and want is not Want.GRADIENTS:
             return Shaded(shaded)
-        if runs_triton(image, alpha) and self.settings.ring == "none" and not self.settings.depth_gradient:
-            return self._shaded_by_triton(image, alpha, camera, background, want)
+        if runs_triton(image, alpha):
+            return self._shaded_on_gpu(image, alpha, camera, background, want)
         if not kernel_takes(self.settings, image, alpha):
             return self.shaded_by_torch(image, alpha, camera, background, want)
         return self._shaded_by_kernel(image, alpha, camera, background, want, shaded)
@@ -169,7 +168,7 @@ class ReflectionShader(nn.Module):
 
         return Shaded(color, backward)
 
-    def _shaded_by_triton(
+    def _shaded_on_gpu(
         self,
         image: Float[Tensor, "H W C"],
         alpha: Float[Tensor, "H W 1"],
@@ -177,33 +176,25 @@ class ReflectionShader(nn.Module):
         background: Float[Tensor, "3"],
         want: Want,
     ) -> Shaded:
-        """On a GPU, where no gradient reaches the depth and there is no ring."""
-        from ringlight.shade.reflection_on_gpu import LitSurface
+        from ringlight.shade.reflection_on_gpu import LitSurface, fits_triton
 
+        if not fits_triton(self.settings, image, alpha, *self.kernel_parameters()):
+            return self.shaded_by_torch(image, alpha, camera, background, want)
         spheres = self.sphere if self.settings.parallax else None
         axes = self.places.axes if self.settings.axis_nodes else None
-        light = LitSurface(self.settings, self._frame(), list(self.maps.parameters()), spheres, axes, self.mlp)
-        color, way_back = light.shade(image, alpha, camera, background)
+        light = LitSurface(self.settings, self.box, list(self.maps.parameters()), spheres, axes, self.mlp)
+        color, way_back = light.shade(image, alpha, camera, background, want)
         if want is not Want.GRADIENTS:
             return Shaded(color)
 
         @torch.no_grad()
         def backward(grad_color: Tensor, into: Gradients) -> ImageGradients:
             gradients, by_image, by_alpha = way_back(grad_color)
-            self._add(gradients, into)
+            names = zip(self._kernel_names, gradients, strict=True)
+            into.add_all({SHADER + name: gradient for name, gradient in names if gradient is not None})
             return by_image, by_alpha
 
         return Shaded(color, backward)
-
-    def _frame(self) -> tuple[float, float, float, float]:
-        """The box's middle and the inverse of half its longest side; read once, since to read a GPU is to wait."""
-        box, version, frame = self._read_frame
-        if box is not self.box or version != self.box._version:
-            low, high = self.box.cpu()
-            x, y, z = (0.5 * (low + high)).tolist()
-            frame = x, y, z, float(2 / (high - low).max())
-            self._read_frame = self.box, self.box._version, frame
-        return frame
 
     def shaded_by_torch(
         self,

@@ -1,20 +1,23 @@
 """Reflection shading on a GPU: covered pixels are gathered once, and what the network sees of them is one kernel's."""
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
 import triton
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Int32
 from torch import Tensor, nn
 
 from ringlight.core.camera import Camera
 from ringlight.core.directions import SMALLEST_LENGTH
+from ringlight.core.triton_kernels import runs_triton
+from ringlight.core.want import Want
 from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_kernel import reads_depth
 from ringlight.shade.reflection_settings import ReflectionSettings
-from ringlight.shade.reflection_triton import ROWS, SPHERE, read_surface, read_surface_gradient
+from ringlight.shade.reflection_triton import MOST_FACTORS, ROWS, SPHERE, read_surface, read_surface_gradient
 
 MOST_PROGRAMS = 512
 """Of the way back; each has a slab of gradients of the spheres and of the factors of the place."""
@@ -22,17 +25,24 @@ MOST_PROGRAMS = 512
 COLOR = 3
 """Channels of a colour, the first ones."""
 
-Gradients = tuple[list[Tensor], Float[Tensor, "H W C"], Float[Tensor, "H W 1"]]
-"""By the parameters, the blended channels and alpha."""
+WayBack = tuple[list[Tensor | None], Float[Tensor, "H W C"], Float[Tensor, "H W 1"]]
+"""Gradients by the parameters, the blended channels and alpha; None for a parameter that asks for none."""
+
+
+def fits_triton(settings: ReflectionSettings, *tensors: Tensor) -> bool:
+    """Whether the kernels take it: float32 on one GPU, no ring, no gradient of the depth, few enough factors."""
+    padded = triton.next_power_of_2(settings.axis_nodes) * triton.next_power_of_2(settings.features)
+    fits = settings.ring == "none" and not settings.depth_gradient and padded <= MOST_FACTORS
+    return fits and runs_triton(*tensors)
 
 
 @dataclass(frozen=True)
 class LitSurface:
     """What shades a view. ``levels`` are the maps' of all shells, ``spheres`` [S 4] and ``axes`` [3 K D] or None;
-    ``frame`` is the middle of the scene's box and the inverse of half its longest side."""
+    ``box`` [low, high] is the scene's, world units."""
 
     settings: ReflectionSettings
-    frame: tuple[float, float, float, float]
+    box: Float[Tensor, "2 3"]
     levels: Sequence[Float[Tensor, "_ _ F"]]
     spheres: Float[Tensor, "S 4"] | None
     axes: Float[Tensor, "3 K D"] | None
@@ -45,24 +55,44 @@ class LitSurface:
         alpha: Float[Tensor, "H W 1"],
         camera: Camera,
         background: Float[Tensor, "3"],
-    ) -> tuple[Float[Tensor, "H W 3"], Callable[[Tensor], Gradients]]:
-        """The colours, and the way back from their gradient, which is gone once at most."""
+        want: Want,
+    ) -> tuple[Float[Tensor, "H W 3"], Callable[[Tensor], WayBack]]:
+        """The colours, and the way back from their gradient, which may be gone once where gradients are wanted."""
         pixels = _Pixels(self, image, alpha, camera, background)
-        seen = pixels.inputs().requires_grad_()
-        with torch.enable_grad():
+        seen = pixels.inputs().requires_grad_(want is Want.GRADIENTS)
+        with torch.set_grad_enabled(want is Want.GRADIENTS):
             added = self.mlp(seen)
         color = image[..., :COLOR].clone(memory_format=torch.contiguous_format)
         color.view(-1, COLOR).index_add_(0, pixels.index, added.detach() * pixels.opacities)
 
         @torch.no_grad()
-        def backward(grad_color: Float[Tensor, "H W 3"]) -> Gradients:
+        def backward(grad_color: Float[Tensor, "H W 3"]) -> WayBack:
             by_color = grad_color.reshape(-1, COLOR).index_select(0, pixels.index)
-            sources = [seen, *self.mlp.parameters()]
-            by_seen, *by_mlp = torch.autograd.grad(added, sources, by_color * pixels.opacities)
+            learned = [parameter for parameter in self.mlp.parameters() if parameter.requires_grad]
+            by_seen, *found = torch.autograd.grad(added, [seen, *learned], by_color * pixels.opacities)
+            by_learned = iter(found)
+            by_mlp = [next(by_learned) if parameter.requires_grad else None for parameter in self.mlp.parameters()]
             by_light, by_image, by_alpha = pixels.gradients(seen, by_seen, added, by_color, grad_color)
             return [*by_light, *by_mlp], by_image, by_alpha
 
         return color, backward
+
+    @property
+    def frame(self) -> tuple[float, float, float, float]:
+        """The middle of the box, and the inverse of half its longest side."""
+        low, high = self.box.tolist()
+        longest = max(above - below for below, above in zip(low, high, strict=True))
+        x, y, z = (0.5 * (below + above) for below, above in zip(low, high, strict=True))
+        return x, y, z, 2 / longest
+
+
+@functools.cache
+def _places(sides: tuple[int, ...], shells: int, features: int, device: torch.device) -> Int32[Tensor, "2 L"]:
+    """Of each level its side, and where it begins among the numbers of all. Copied once: copies wait for the GPU."""
+    sides = sides * shells
+    sizes = [side * side * features for side in sides]
+    starts = [sum(sizes[:number]) for number in range(len(sizes))]
+    return torch.tensor([sides, starts], dtype=torch.int32, device=device)
 
 
 class _Pixels:
@@ -76,10 +106,8 @@ class _Pixels:
         numbers = [*camera.focal, *camera.center, *camera.world_to_camera[:3, :3].flatten().tolist()]
         numbers += [*camera.position.tolist(), *background.tolist(), *light.frame]
         self.view = torch.tensor(numbers).to(image.device)
-        sides = [len(level) for level in light.levels]
-        sizes = [level.numel() for level in light.levels]
-        starts = [sum(sizes[:number]) for number in range(len(sizes))]
-        self.places = torch.tensor([sides, starts], dtype=torch.int32).to(image.device)
+        settings = light.settings
+        self.places = _places(settings.sides, settings.shells, settings.features, image.device)
         self.maps = torch.cat([level.detach().flatten() for level in light.levels])
 
     def inputs(self) -> Float[Tensor, "P I"]:
@@ -101,7 +129,7 @@ class _Pixels:
         added: Float[Tensor, "P 3"],
         by_color: Float[Tensor, "P 3"],
         grad_color: Float[Tensor, "H W 3"],
-    ) -> Gradients:
+    ) -> tuple[list[Tensor], Float[Tensor, "H W C"], Float[Tensor, "H W 1"]]:
         """By maps, spheres and axes in this order, by the blended channels and by alpha."""
         light, count = self.light, len(self.index)
         height, width, channels = self.image.shape
