@@ -14,9 +14,9 @@ FEWEST_VIEWS = 12
 FIRST_GAUSSIANS = 20_000
 """On the hull; half of them cost 0.2 dB on chair_400, twice of them only add Gaussians."""
 
-LONGEST = 5_000
-"""Steps of a run that gains by the hull: 0.5 dB on chair_400 after 3,000. Given longer, random points find more of what
-the hull hides: after 7,000 steps they are ahead there (docs/experiments/shared-basis.md)."""
+LONGEST = 10_000
+"""Steps of a run that starts there by default: 0.5 dB on chair_400 after 3,000, and after 7,000 none there, 0.2 on
+lego_400 and 0.4 on maryrose_400 (docs/experiments/shared-basis.md). Longer runs were not measured."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class SurfaceStart:
 
     points: int | None = None
     """So many; 0 starts from the scene's points, and so do scenes without masks or with fewer than 12 photographs. By
-    default 20,000 in runs of up to 5,000 steps, and 0 in longer ones."""
+    default 20,000 in runs of up to 10,000 steps, and 0 in longer ones."""
     opacity: float = 0.5
     """Of these Gaussians at the start."""
 
