@@ -30,8 +30,7 @@ CHOSEN = (
     "ringlight.fields.ring_tables",
     "ringlight.fit.adam",
     "ringlight.rasterize.stored_form",
-    "ringlight.shade.reflection",
-    "ringlight.shade.reflection_on_gpu",
+    "ringlight.shade.reflection_kernel",
 )
 """Modules that choose between Triton's kernels and others; the loss has its own test."""
 

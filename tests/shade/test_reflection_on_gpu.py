@@ -13,6 +13,7 @@ from ringlight.core.want import Want
 from ringlight.shade import reflection_on_gpu
 from ringlight.shade.covered import FAINTEST_SHADED
 from ringlight.shade.reflection import ReflectionShader
+from ringlight.shade.reflection_kernel import fits_triton
 from ringlight.shade.reflection_settings import ReflectionSettings
 
 BACKGROUND = torch.tensor([0.2, 0.5, 0.9])
@@ -81,8 +82,9 @@ def test_what_is_not_learned_gets_no_gradient(monkeypatch: pytest.MonkeyPatch):
     as_on_a_gpu(monkeypatch)
     shader = shader_of(SMALL).to(interpreted.DEVICE)
     shader.mlp[0].weight.requires_grad_(False)
+    shader.sphere.requires_grad_(False)
     found = outcome(shader, *(tensor.float().to(interpreted.DEVICE) for tensor in image_of(SMALL, shader)))
-    assert "shader.mlp.0.weight" not in found
+    assert not {"shader.mlp.0.weight", "shader.sphere"} & found.keys()
     assert {"shader.mlp.0.bias", "shader.mlp.2.weight", "shader.maps.0.levels.0"} <= found.keys()
 
 
@@ -90,13 +92,12 @@ def test_what_is_not_learned_gets_no_gradient(monkeypatch: pytest.MonkeyPatch):
 def test_what_the_kernels_do_not_take_is_torchs(changes: dict, monkeypatch: pytest.MonkeyPatch):
     as_on_a_gpu(monkeypatch)
     settings = replace(SMALL, **changes)
-    assert not reflection_on_gpu.fits_triton(settings, torch.zeros(1))
-    assert reflection_on_gpu.fits_triton(SMALL, torch.zeros(1))
+    assert not fits_triton(settings, torch.zeros(1))
+    assert fits_triton(SMALL, torch.zeros(1))
 
 
 def as_on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("reflection", "reflection_on_gpu"):
-        monkeypatch.setattr(f"ringlight.shade.{module}.runs_triton", lambda *_: True)
+    monkeypatch.setattr("ringlight.shade.reflection_kernel.runs_triton", lambda *_: True)
 
 
 def check(settings: ReflectionSettings, shader: ReflectionShader, padded: int, monkeypatch: pytest.MonkeyPatch) -> None:

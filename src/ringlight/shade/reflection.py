@@ -19,7 +19,6 @@ from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, ImageGradients, KeptTiles, Shaded, TileGradients, TileShading
-from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 from ringlight.fields.axis_factors import AxisFactors
 from ringlight.fields.diagonal_ring import DiagonalRing
@@ -33,6 +32,7 @@ from ringlight.shade.covered import CoveredPixels, covered_pixels
 from ringlight.shade.passthrough import unchanged
 from ringlight.shade.reflection_kernel import (
     ReflectionJob,
+    fits_triton,
     kernel_takes,
     plane_gradients,
     planes_of,
@@ -137,8 +137,11 @@ class ReflectionShader(nn.Module):
             return Shaded(image, unchanged)
         if shaded is not None and want is not Want.GRADIENTS:
             return Shaded(shaded)
-        if runs_triton(image, alpha):
-            return self._shaded_on_gpu(image, alpha, camera, background, want)
+        if fits_triton(self.settings, image, alpha, *self.kernel_parameters()):
+            from ringlight.shade.reflection_on_gpu import LitSurface
+
+            light = LitSurface(self.settings, self.box, self.kernel_parameters(), self._kernel_names, self.mlp)
+            return light.shade(image, alpha, camera, background, want)
         if not kernel_takes(self.settings, image, alpha):
             return self.shaded_by_torch(image, alpha, camera, background, want)
         return self._shaded_by_kernel(image, alpha, camera, background, want, shaded)
@@ -165,34 +168,6 @@ class ReflectionShader(nn.Module):
             block, grad_alpha = plane_gradients(job, image, alpha, parameters, grad_color, gradients)
             self._add(gradients, into)
             return block.permute(1, 2, 0), grad_alpha.permute(1, 2, 0)
-
-        return Shaded(color, backward)
-
-    def _shaded_on_gpu(
-        self,
-        image: Float[Tensor, "H W C"],
-        alpha: Float[Tensor, "H W 1"],
-        camera: Camera,
-        background: Float[Tensor, "3"],
-        want: Want,
-    ) -> Shaded:
-        from ringlight.shade.reflection_on_gpu import LitSurface, fits_triton
-
-        if not fits_triton(self.settings, image, alpha, *self.kernel_parameters()):
-            return self.shaded_by_torch(image, alpha, camera, background, want)
-        spheres = self.sphere if self.settings.parallax else None
-        axes = self.places.axes if self.settings.axis_nodes else None
-        light = LitSurface(self.settings, self.box, list(self.maps.parameters()), spheres, axes, self.mlp)
-        color, way_back = light.shade(image, alpha, camera, background, want)
-        if want is not Want.GRADIENTS:
-            return Shaded(color)
-
-        @torch.no_grad()
-        def backward(grad_color: Tensor, into: Gradients) -> ImageGradients:
-            gradients, by_image, by_alpha = way_back(grad_color)
-            names = zip(self._kernel_names, gradients, strict=True)
-            into.add_all({SHADER + name: gradient for name, gradient in names if gradient is not None})
-            return by_image, by_alpha
 
         return Shaded(color, backward)
 

@@ -1,5 +1,6 @@
 """The fused reflection shader: planes and parameters in, colours out, nothing kept in between."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from ringlight.core.kernel_limits import (
     REFLECTION_QUAD,
 )
 from ringlight.core.rendering import KeptTiles, TileGradients
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_settings import ReflectionSettings
@@ -39,6 +41,18 @@ def kernel_takes(settings: ReflectionSettings, *tensors: Tensor) -> bool:
     fits = fits and settings.features <= REFLECTION_MAX_FEATURES and settings.features % REFLECTION_QUAD == 0
     fits = fits and len(settings.sides) <= REFLECTION_MAX_LEVELS
     return fits and {(tensor.dtype, tensor.device.type) for tensor in tensors} == {(torch.float32, "cpu")}
+
+
+MOST_FACTORS = 64
+"""Nodes of an axis times features of a map, each rounded up to a power of two, that Triton's way back of a block of
+pixels can hold: with four times as many it spills 1.9 KB a thread."""
+
+
+def fits_triton(settings: ReflectionSettings, *tensors: Tensor) -> bool:
+    """Whether Triton's kernels take it: float32 on one GPU, no ring, no gradient of the depth, few enough factors."""
+    factors = math.prod(1 << (size - 1).bit_length() for size in (max(settings.axis_nodes, 1), settings.features))
+    fits = settings.ring == "none" and not settings.depth_gradient and factors <= MOST_FACTORS
+    return fits and runs_triton(*tensors)
 
 
 def reads_depth(settings: ReflectionSettings) -> bool:

@@ -1,7 +1,7 @@
 """Reflection shading on a GPU: covered pixels are gathered once, and what the network sees of them is one kernel's."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -11,13 +11,14 @@ from torch import Tensor, nn
 
 from ringlight.core.camera import Camera
 from ringlight.core.directions import SMALLEST_LENGTH
-from ringlight.core.triton_kernels import runs_triton
+from ringlight.core.gradients import SHADER, Gradients
+from ringlight.core.rendering import ImageGradients, Shaded
 from ringlight.core.want import Want
 from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_kernel import reads_depth
 from ringlight.shade.reflection_settings import ReflectionSettings
-from ringlight.shade.reflection_triton import MOST_FACTORS, ROWS, SPHERE, read_surface, read_surface_gradient
+from ringlight.shade.reflection_triton import ROWS, SPHERE, read_surface, read_surface_gradient
 
 MOST_PROGRAMS = 512
 """Of the way back; each has a slab of gradients of the spheres and of the factors of the place."""
@@ -25,27 +26,16 @@ MOST_PROGRAMS = 512
 COLOR = 3
 """Channels of a colour, the first ones."""
 
-WayBack = tuple[list[Tensor | None], Float[Tensor, "H W C"], Float[Tensor, "H W 1"]]
-"""Gradients by the parameters, the blended channels and alpha; None for a parameter that asks for none."""
-
-
-def fits_triton(settings: ReflectionSettings, *tensors: Tensor) -> bool:
-    """Whether the kernels take it: float32 on one GPU, no ring, no gradient of the depth, few enough factors."""
-    padded = triton.next_power_of_2(settings.axis_nodes) * triton.next_power_of_2(settings.features)
-    fits = settings.ring == "none" and not settings.depth_gradient and padded <= MOST_FACTORS
-    return fits and runs_triton(*tensors)
-
 
 @dataclass(frozen=True)
 class LitSurface:
-    """What shades a view. ``levels`` are the maps' of all shells, ``spheres`` [S 4] and ``axes`` [3 K D] or None;
-    ``box`` [low, high] is the scene's, world units."""
+    """What shades a view. ``parameters`` are the shader's in the kernels' order: maps of all shells, spheres and axes
+    if there are such, ``mlp``; ``names`` are theirs. ``box`` [low, high] is the scene's, world units."""
 
     settings: ReflectionSettings
     box: Float[Tensor, "2 3"]
-    levels: Sequence[Float[Tensor, "_ _ F"]]
-    spheres: Float[Tensor, "S 4"] | None
-    axes: Float[Tensor, "3 K D"] | None
+    parameters: Sequence[Tensor]
+    names: Sequence[str]
     mlp: nn.Module
 
     @torch.no_grad()
@@ -56,26 +46,49 @@ class LitSurface:
         camera: Camera,
         background: Float[Tensor, "3"],
         want: Want,
-    ) -> tuple[Float[Tensor, "H W 3"], Callable[[Tensor], WayBack]]:
-        """The colours, and the way back from their gradient, which may be gone once where gradients are wanted."""
+    ) -> Shaded:
+        """As ``ReflectionShader.shade``. Parameters that ask for no gradient get none."""
         pixels = _Pixels(self, image, alpha, camera, background)
         seen = pixels.inputs().requires_grad_(want is Want.GRADIENTS)
         with torch.set_grad_enabled(want is Want.GRADIENTS):
             added = self.mlp(seen)
         color = image[..., :COLOR].clone(memory_format=torch.contiguous_format)
         color.view(-1, COLOR).index_add_(0, pixels.index, added.detach() * pixels.opacities)
+        if want is not Want.GRADIENTS:
+            return Shaded(color)
 
         @torch.no_grad()
-        def backward(grad_color: Float[Tensor, "H W 3"]) -> WayBack:
+        def backward(grad_color: Float[Tensor, "H W 3"], into: Gradients) -> ImageGradients:
             by_color = grad_color.reshape(-1, COLOR).index_select(0, pixels.index)
             learned = [parameter for parameter in self.mlp.parameters() if parameter.requires_grad]
-            by_seen, *found = torch.autograd.grad(added, [seen, *learned], by_color * pixels.opacities)
-            by_learned = iter(found)
-            by_mlp = [next(by_learned) if parameter.requires_grad else None for parameter in self.mlp.parameters()]
-            by_light, by_image, by_alpha = pixels.gradients(seen, by_seen, added, by_color, grad_color)
-            return [*by_light, *by_mlp], by_image, by_alpha
+            by_seen, *by_mlp = torch.autograd.grad(added, [seen, *learned], by_color * pixels.opacities)
+            found, by_image, by_alpha = pixels.gradients(seen, by_seen, added, by_color, grad_color)
+            asking = [
+                name for name, parameter in zip(self.names, self.parameters, strict=True) if parameter.requires_grad
+            ]
+            given = [
+                gradient for gradient, parameter in zip(found, self.parameters, strict=False) if parameter.requires_grad
+            ]
+            into.add_all(dict(zip((SHADER + name for name in asking), [*given, *by_mlp], strict=True)))
+            return by_image, by_alpha
 
-        return color, backward
+        return Shaded(color, backward)
+
+    @property
+    def levels(self) -> Sequence[Float[Tensor, "_ _ F"]]:
+        """Of the maps of all shells."""
+        return self.parameters[: self.settings.shells * len(self.settings.sides)]
+
+    @property
+    def spheres(self) -> Float[Tensor, "S 4"] | None:
+        """One for each shell, if there is parallax."""
+        return self.parameters[len(self.levels)] if self.settings.parallax else None
+
+    @property
+    def axes(self) -> Float[Tensor, "3 K D"] | None:
+        """The factors of the place, if there are such."""
+        before = len(self.levels) + self.settings.parallax
+        return self.parameters[before] if self.settings.axis_nodes else None
 
     @property
     def frame(self) -> tuple[float, float, float, float]:

@@ -15,10 +15,6 @@ from ringlight.shade.reflected_ray_triton import exit_gradient, exit_of, octahed
 ROWS = 64
 """Pixels a block."""
 
-MOST_FACTORS = 64
-"""Nodes of an axis times features of a map, each rounded up to a power of two, that a way back of so many pixels can
-hold: with four times as many it spills 1.9 KB a thread."""
-
 SPHERE = 4
 """Numbers of a sphere."""
 
