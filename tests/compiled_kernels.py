@@ -75,7 +75,7 @@ KERNELS: list[tuple[ModuleType, str, dict[str, Any]]] = [
 def main(architectures: list[int]) -> None:
     for module, name, constants in KERNELS:
         kernel = getattr(module, name)
-        options = perceptron_triton.LAUNCH if module is perceptron_triton else {}
+        options = getattr(module, "LAUNCH", {})
         for architecture in architectures:
             names = kernel.arg_names
             source = ASTSource(

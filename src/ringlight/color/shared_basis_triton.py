@@ -26,6 +26,9 @@ ROWS = 32
 MOST_PROGRAMS = 512
 """Of the way back; each has a slab of gradients of what is shared."""
 
+LAUNCH = {"num_stages": 1}
+"""One stage: the next block's part of the slab may not be fetched before this block has added to it."""
+
 RGB, VALUES = 3, 4
 """Colours, and values of a function."""
 
@@ -200,7 +203,7 @@ class BasisRows:
         if count:
             written = by_means, by_constants, unread if by_logits is None else by_logits, by_weights, slabs
             given = channels, upstream, unread if by_factors is None else by_factors
-            _emit_gradient[(programs,)](*self._read(), *given, *written, *self._numbers(channels))
+            _emit_gradient[(programs,)](*self._read(), *given, *written, *self._numbers(channels), **LAUNCH)
         shared = slabs.sum(0)
         by_basis, by_moves = shared[..., :RGB].contiguous(), shared[..., RGB].contiguous()
         return BasisGradients(

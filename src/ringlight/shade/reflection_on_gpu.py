@@ -18,7 +18,7 @@ from ringlight.fields.parallax import SMALLEST_HALF_CHORD_SQUARED
 from ringlight.shade.covered import FAINTEST_SHADED, SHORTEST_NORMAL
 from ringlight.shade.reflection_kernel import reads_depth
 from ringlight.shade.reflection_settings import ReflectionSettings
-from ringlight.shade.reflection_triton import ROWS, SPHERE, read_surface, read_surface_gradient
+from ringlight.shade.reflection_triton import LAUNCH, ROWS, SPHERE, read_surface, read_surface_gradient
 
 MOST_PROGRAMS = 512
 """Of the way back; each has a slab of gradients of the spheres and of the factors of the place."""
@@ -157,7 +157,7 @@ class _Pixels:
             padded = triton.next_power_of_2(max(light.settings.axis_nodes, 1))
             read_surface_gradient[(programs,)](
                 *self._read(), seen, by_seen.contiguous(), added, by_color, by_image, by_alpha, by_maps, slabs,
-                *self._numbers(), PADDED=padded, **self._sizes(),
+                *self._numbers(), PADDED=padded, **self._sizes(), **LAUNCH,
             )  # fmt: skip
         by_spheres, by_axes = slabs.sum(0).split([shells * SPHERE, factors])
         parts = by_maps.split([level.numel() for level in light.levels])

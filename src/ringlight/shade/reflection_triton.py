@@ -15,6 +15,9 @@ from ringlight.shade.reflected_ray_triton import exit_gradient, exit_of, octahed
 ROWS = 64
 """Pixels a block."""
 
+LAUNCH = {"num_stages": 1}
+"""As in ``color/shared_basis_triton.py``: slabs are read and written in turns."""
+
 SPHERE = 4
 """Numbers of a sphere."""
 
