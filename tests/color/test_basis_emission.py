@@ -7,7 +7,7 @@ from torch import Tensor
 import interpreted
 from ringlight.color.basis_opacities import BasisOpacities
 from ringlight.color.contract import ColorModel
-from ringlight.color.mirror import FLIP_BELOW
+from ringlight.color.mirror import FLIP_BELOW, Mirror
 from ringlight.color.shared_basis import SharedBasis
 from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.core.camera import Camera
@@ -16,7 +16,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import Gradients, dense
 from ringlight.core.want import Want
 
-CHOOSING = ("basis_opacities", "shared_basis", "varying_mirror")
+CHOOSING = ("basis_opacities", "mirror", "shared_basis", "varying_mirror")
 """Modules that choose between Triton's kernels and others."""
 
 SIZE, LATENTS = 5, 3
@@ -51,6 +51,7 @@ def table(count: int) -> Gaussians:
 MODELS = {
     "colours": lambda: SharedBasis(SIZE),
     "opacities": lambda: BasisOpacities(SIZE),
+    "plain mirror": lambda: Mirror(LATENTS),
     "mirror": lambda: VaryingMirror(LATENTS, SIZE),
     "mirror, opacities": lambda: VaryingMirror(LATENTS, SIZE, opacities=True),
 }
@@ -78,7 +79,8 @@ def outcome(model: ColorModel, gaussians: Gaussians) -> dict[str, Tensor]:
 @pytest.mark.parametrize("degree", [0, 3])
 def test_equals_torch_in_double(kind: str, degree: int, monkeypatch: pytest.MonkeyPatch):
     gaussians, model = table(150), MODELS[kind]()
-    getattr(model, "varying", model).active_degree.fill_(degree)
+    if not kind.startswith("plain"):
+        getattr(model, "varying", model).active_degree.fill_(degree)
     expected = outcome(model.double(), moved(gaussians, torch.float64))
     for module in CHOOSING:
         monkeypatch.setattr(f"ringlight.color.{module}.runs_triton", lambda *_: True)

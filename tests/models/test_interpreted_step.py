@@ -22,6 +22,7 @@ POINTS = 40
 CHOSEN = (
     "ringlight.color.basis_opacities",
     "ringlight.color.drawable",
+    "ringlight.color.mirror",
     "ringlight.color.ringlight",
     "ringlight.color.shared_basis",
     "ringlight.color.varying_mirror",

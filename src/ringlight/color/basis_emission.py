@@ -70,5 +70,28 @@ def emission_of_mirror(
     return Emission(widths, channels, factors, backward)
 
 
+@torch.no_grad()
+def emission_of_plain_mirror(
+    columns: Mapping[str, Tensor], turned: tuple[float, float], camera: Camera, widths: Mapping[str, int], want: Want
+) -> Emission:
+    """Of a mirror whose base colours do not vary; ``columns`` are means, base, normals and latents by name."""
+    means, base, normals, latents = (column.contiguous() for column in columns.values())
+    channels = means.new_empty(len(means), sum(widths.values()))
+    channels[:, :RGB] = base.sigmoid()
+    write_surface(means, normals, latents, camera, *turned, channels)
+    if want is not Want.GRADIENTS:
+        return Emission(widths, channels)
+
+    @torch.no_grad()
+    def backward(grad_channels: Tensor, _: Tensor | None, into: Gradients) -> None:
+        upstream, by_means = grad_channels.contiguous(), torch.zeros_like(means)
+        by_base = torch.ops.aten.sigmoid_backward(upstream[:, :RGB], channels[:, :RGB])
+        others = surface_gradients(means, normals, latents, camera, *turned, upstream, by_means)
+        found = zip(columns, (by_means, by_base, *others), strict=True)
+        into.add_all({COLUMNS + name: gradient for name, gradient in found})
+
+    return Emission(widths, channels, backward=backward)
+
+
 def _named(found: BasisGradients, names: Mapping[str, str]) -> dict[str, Tensor]:
     return {names[field]: gradient for field, gradient in vars(found).items() if gradient is not None}

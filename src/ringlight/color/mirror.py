@@ -17,6 +17,7 @@ from ringlight.core.kernel_limits import MIRROR_MAX_LATENTS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
 from ringlight.core.scene import PointCloud
+from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 
 NORMALS = "normals"
@@ -64,6 +65,10 @@ class Mirror(nn.Module):
         if list(names) == ["rgb"]:
             return _base_emission(gaussians.appearance[BASE], want)
         columns = {"means": gaussians.means} | {name: gaussians.appearance[name] for name in (BASE, NORMALS, LATENTS)}
+        if runs_triton(*columns.values()):
+            from ringlight.color.basis_emission import emission_of_plain_mirror
+
+            return emission_of_plain_mirror(columns, (FLIP_BELOW, SMALLEST_LENGTH), camera, self.emits, want)
         if self.runs_native(columns.values()):
             return _native_emission(columns, camera, self.emits, want)
 
