@@ -60,12 +60,11 @@ KERNELS: list[tuple[ModuleType, str, dict[str, Any]]] = [
       for layers in (DEEP, FLAT, DEEP | dict(HALF=True))),
     (harmonics_triton, "_colors", HARMONICS),
     (harmonics_triton, "_gradient", HARMONICS),
-    *((shared_basis_triton, name, BASIS | dict(LOGITS=logits)) for name in ("_emit", "_emit_gradient")
-      for logits in (False, True)),
+    (shared_basis_triton, "_emit", BASIS | dict(LOGITS=False)),
+    (shared_basis_triton, "_emit_gradient", BASIS | dict(LOGITS=True)),
     *((mirror_triton, name, SURFACE) for name in ("_surface", "_surface_gradient")),
     (reflection_triton, "read_surface", MIRROR),
-    *((reflection_triton, "read_surface_gradient", MIRROR | dict(PADDED=16) | changed)
-      for changed in ({}, dict(NODES=0, PADDED=1), dict(PARALLAX=0, SHELLS=2, RAW=1))),
+    (reflection_triton, "read_surface_gradient", MIRROR | dict(PADDED=16)),
     (drawable_triton, "_drawable", dict(B=drawable_triton.BLOCK)),
     (stored_form_triton, "_activate", ACTIVE),
     (stored_form_triton, "_activate_gradient", ACTIVE),

@@ -61,10 +61,14 @@ def outcome(shader: ReflectionShader, image: Tensor, alpha: Tensor) -> dict[str,
     return found | {"color": shown.color, "image": by_image, "alpha": by_alpha}
 
 
-@pytest.mark.parametrize("padded", [0, 3, PLANAR])
 @pytest.mark.parametrize("kind", KINDS)
-def test_equals_torch(kind: str, padded: int, monkeypatch: pytest.MonkeyPatch):
-    check(KINDS[kind], shader_of(KINDS[kind]), padded, monkeypatch)
+def test_equals_torch(kind: str, monkeypatch: pytest.MonkeyPatch):
+    check(KINDS[kind], shader_of(KINDS[kind]), 0, monkeypatch)
+
+
+@pytest.mark.parametrize("padded", [3, PLANAR])
+def test_channels_may_lie_otherwise(padded: int, monkeypatch: pytest.MonkeyPatch):
+    check(SMALL, shader_of(SMALL), padded, monkeypatch)
 
 
 def test_rays_that_pass_the_sphere_by(monkeypatch: pytest.MonkeyPatch):
