@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
-from ringlight.methods.surface_start import FEWEST_VIEWS, LONGEST, SurfaceStart
+from ringlight.methods.surface_start import FEWEST_VIEWS, SurfaceStart
 from ringlight.methods.table import METHODS
 
 if TYPE_CHECKING:
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 def settings_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
     """A sentence on each, of what a new run was asked for and how it begins."""
     preset = METHODS[session.record.preset]
-    return [*_of_random_points(asked, session), *_of_surface(recipe, session), *_of_other_settings(recipe, preset)]
+    of_start = [*_of_random_points(asked, session), *_of_surface(recipe, preset, session)]
+    return [*of_start, *_of_other_settings(recipe, preset)]
 
 
 def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
@@ -35,14 +36,16 @@ def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
 
 
-def _of_surface(recipe: Recipe, session: "Session") -> list[str]:
-    """Of a method that starts on the hull of masks where the scene has some."""
-    start, usual = recipe.start, SurfaceStart()
-    if start is None or not _begins_elsewhere(session):
+def _of_surface(recipe: Recipe, preset: Recipe, session: "Session") -> list[str]:
+    """Of a method that starts on the hull of masks where the scene has some; what its ``preset`` has was not asked
+    for."""
+    start, usual = recipe.start, preset.start
+    if start is None or usual is None or not _begins_elsewhere(session):
         return []
+    points = None if start.points in (0, usual.points) else start.points
     opacity = None if start.opacity == usual.opacity else start.opacity
-    flags = {"--start.points": start.points or None, "--start.opacity": opacity}
-    reason = _why_not_carved(session, start, recipe.steps)
+    flags = {"--start.points": points, "--start.opacity": opacity}
+    reason = _why_not_carved(session, start)
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
 
 
@@ -73,14 +76,12 @@ def _begins_elsewhere(session: "Session") -> bool:
     return means.shape == points.shape and bool((means == points).all())
 
 
-def _why_not_carved(session: "Session", start: SurfaceStart, steps: int) -> str:
+def _why_not_carved(session: "Session", start: SurfaceStart) -> str:
     views = session.scene.train
     if session.record.start is not None:
         return f"the run starts from {session.record.start}"
     if start.points == 0:
         return "--start.points is 0"
-    if not start.at_length(steps).points:
-        return f"runs of more than {LONGEST:,} steps carve no surface unless --start.points asks for it"
     if not all(view.has_alpha for view in views):
         return "a surface is carved from masks, which not all photographs have"
     if len(views) < FEWEST_VIEWS:

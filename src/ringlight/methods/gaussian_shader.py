@@ -12,7 +12,7 @@ from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, between, check_rates, how_long
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
-from ringlight.methods.surface_start import FIRST_GAUSSIANS, SurfaceStart
+from ringlight.methods.surface_start import SurfaceStart
 from ringlight.methods.three_dgs import COARSE_SHARE, degrees_by_step, harmonics_rates
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class GaussianShaderRecipe(SplatRecipe):
     """Weight of the entropy of alpha; 0 for none."""
     residual_penalty: float = 1e-3
     """Weight of the mean squared length of the normals' residuals; 0 for none."""
-    start: SurfaceStart = field(default_factory=lambda: SurfaceStart(points=FIRST_GAUSSIANS))
+    start: SurfaceStart = field(default_factory=SurfaceStart)
     """Where Gaussians start. GaussianShader takes the scene's points; discs that lie in the hull have normals to begin
     with, which short runs do not find from random points."""
     antialiased: bool = False
@@ -118,7 +118,6 @@ class GaussianShaderRecipe(SplatRecipe):
             environment_rate=of_light["environment_rate"],
             material_rate=of_light["material_rate"],
             normal_rate=of_light["normal_rate"],
-            start=self.start.at_length(self.steps),
         )
 
     @property
@@ -133,7 +132,7 @@ class GaussianShaderRecipe(SplatRecipe):
         return {name: between(short, PAPER_RATE, long) if own is None else own for name, (own, short) in stated.items()}
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.at_length(self.steps).with_normals_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.with_normals_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.shaded_gaussians import ShadedGaussians

@@ -96,7 +96,7 @@ class RingLightBasisRecipe(SplatRecipe):
         """See :meth:`SplatRecipe.at_length`."""
         of_dc, _ = harmonics_rates(self.sh_rate, None, self.steps)
         of_weights, of_basis, of_opacities = self.light_rates
-        settled = replace(super().at_length(), sh_rate=of_dc, start=self.start.at_length(self.steps))
+        settled = replace(super().at_length(), sh_rate=of_dc)
         settled = replace(settled, weights_rate=of_weights, basis_rate=of_basis)
         return replace(settled, opacity_basis_rate=of_opacities) if self.varying_opacity else settled
 
@@ -111,7 +111,7 @@ class RingLightBasisRecipe(SplatRecipe):
         return super().without_effect() | unused
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.points_in(scene, seed), scene, rasterize, seed)
 
     def most_by_pixels(self, pixels: int) -> int:
         """See :meth:`SplatRecipe.most_by_pixels`."""

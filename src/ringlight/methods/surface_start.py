@@ -1,6 +1,6 @@
 """Where Gaussians start if masks cut the subject out of the photographs: on its visual hull. Torch-free."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ringlight.errors import RecipeError
@@ -14,31 +14,21 @@ FEWEST_VIEWS = 12
 FIRST_GAUSSIANS = 20_000
 """On the hull; half of them cost 0.2 dB on chair_400, twice of them only add Gaussians."""
 
-LONGEST = 10_000
-"""Steps of a run that starts there by default: 0.5 dB on chair_400 after 3,000, and after 7,000 none there, 0.2 on
-lego_400 and 0.4 on maryrose_400 (docs/experiments/shared-basis.md). Longer runs were not measured."""
-
 
 @dataclass(frozen=True)
 class SurfaceStart:
     """Gaussians drawn from the visual hull of the photographs' masks, as discs that lie in it."""
 
-    points: int | None = None
-    """So many; 0 starts from the scene's points, and so do scenes without masks or with fewer than 12 photographs. By
-    default 20,000 in runs of up to 10,000 steps, and 0 in longer ones."""
+    points: int = FIRST_GAUSSIANS
+    """So many; 0 starts from the scene's points, and so do scenes without masks or with fewer than 12 photographs."""
     opacity: float = 0.5
     """Of these Gaussians at the start."""
 
     def __post_init__(self) -> None:
-        if (self.points or 0) < 0:
+        if self.points < 0:
             raise RecipeError(f"start.points is {self.points}; give 0 (the scene's points) or more")
         if not 0 < self.opacity < 1:
             raise RecipeError(f"start.opacity is {self.opacity:g}; an opacity lies between 0 and 1")
-
-    def at_length(self, steps: int) -> "SurfaceStart":
-        """The same with what is left to the run's length, ``steps``, decided."""
-        short = FIRST_GAUSSIANS if steps <= LONGEST else 0
-        return replace(self, points=short) if self.points is None else self
 
     def points_in(self, scene: "Scene", seed: int) -> "PointCloud":
         """Points of the hull, or else the scene's own. The hull takes some seconds."""

@@ -107,11 +107,10 @@ class ThreeDGSRecipe(SplatRecipe):
     def at_length(self) -> "ThreeDGSRecipe":
         """See :meth:`SplatRecipe.at_length`."""
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
-        start = self.start.at_length(self.steps)
-        return replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest, start=start)
+        return replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.points_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.harmonics import SphericalHarmonics

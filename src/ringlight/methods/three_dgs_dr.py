@@ -15,7 +15,7 @@ from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates, shorter_
 from ringlight.fit.strategies.densify_settings import PAPER_CLONE_BELOW, DensifySettings
 from ringlight.fit.strategies.propagation_settings import PropagationSettings
 from ringlight.methods.splat_recipe import SplatRecipe
-from ringlight.methods.surface_start import FIRST_GAUSSIANS, SurfaceStart
+from ringlight.methods.surface_start import SurfaceStart
 from ringlight.methods.three_dgs import COARSE_SHARE, harmonics_rates
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class ThreeDGSDRRecipe(SplatRecipe):
     first_texels: float = 0.1
     """Bound of the environment's logits at the start, 0 or more: nearly grey. 3DGS-DR: 5, nearly black to nearly
     white."""
-    start: SurfaceStart = field(default_factory=lambda: SurfaceStart(points=FIRST_GAUSSIANS))
+    start: SurfaceStart = field(default_factory=SurfaceStart)
     """Where Gaussians start. 3DGS-DR takes the scene's points; discs that lie in the hull have normals to begin with,
     which short runs do not find from random points."""
     antialiased: bool = False
@@ -111,13 +111,12 @@ class ThreeDGSDRRecipe(SplatRecipe):
     def at_length(self) -> "ThreeDGSDRRecipe":
         """See :meth:`SplatRecipe.at_length`."""
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
-        start = self.start.at_length(self.steps)
         of_strengths = reflection_rate_at(self.reflection_rate, self.steps)
         settled = replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest)
-        return replace(settled, reflection_rate=of_strengths, start=start)
+        return replace(settled, reflection_rate=of_strengths)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.at_length(self.steps).with_normals_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.with_normals_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.reflective_harmonics import ReflectiveHarmonics

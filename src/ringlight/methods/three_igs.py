@@ -97,11 +97,10 @@ class ThreeIGSRecipe(SplatRecipe):
             base_rate=column_rate_at(self.base_rate, self.steps),
             roughness_rate=column_rate_at(self.roughness_rate, self.steps),
             features_rate=column_rate_at(self.features_rate, self.steps),
-            start=self.start.at_length(self.steps),
         )
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
-        return self.build_on(self.start.at_length(self.steps).points_in(scene, seed), scene, rasterize, seed)
+        return self.build_on(self.start.points_in(scene, seed), scene, rasterize, seed)
 
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
         from ringlight.color.illuminated import Illuminated
