@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.gradients import Gradients
-from ringlight.core.rendering import Channels, Emission, Raster, Shaded, TileShading
+from ringlight.core.rendering import Channels, Emission, EmissionGradients, Raster, Shaded, TileShading
 
 ALPHA = "alpha"
 """The buffer that is always there."""
@@ -65,12 +65,41 @@ class WayBack:
 
     @torch.no_grad()
     def __call__(self, grad_color: Float[Tensor, "H W 3"], grad_buffers: Mapping[str, Tensor]) -> Gradients:
+        emission, raster, shaded = self._taken()
+        into = Gradients()
+        emission.backward(*self._to_emission(raster, shaded, grad_color, grad_buffers, into), into)
+        return into
+
+    @torch.no_grad()
+    def to_opacities(self, grad_color: Float[Tensor, "H W 3"]) -> tuple[Gradients, Float[Tensor, "N"] | None]:
+        """The way back up to the colour model, for whoever wants no more than opacities.
+
+        Gradients of shader and geometry, of the latter as if the colour model did not look at it, and by the logarithm
+        of the opacity factor; None where there is no factor.
+        """
+        emission, raster, shaded = self._taken()
+        into = Gradients()
+        _, by_factor = self._to_emission(raster, shaded, grad_color, {}, into)
+        factor = emission.opacity_factor
+        return into, None if factor is None or by_factor is None else factor * by_factor
+
+    def _taken(self) -> tuple[Emission, Raster, Shaded]:
+        """The parts, once, if the parameters are still those that were drawn."""
         if self._parts is None:
             raise RuntimeError("the way back of this picture has been gone already; render it again")
         if any(parameter._version != version for parameter, version in self._versions):
             raise RuntimeError("parameters were changed after this picture was rendered; render it again")
-        into, (emission, raster, shaded) = Gradients(), self._parts
-        self._parts, self._versions = None, []
+        parts, self._parts, self._versions = self._parts, None, []
+        return parts
+
+    def _to_emission(
+        self,
+        raster: Raster,
+        shaded: Shaded,
+        grad_color: Float[Tensor, "H W 3"],
+        grad_buffers: Mapping[str, Tensor],
+        into: Gradients,
+    ) -> EmissionGradients:
         grad_image, grad_alpha = shaded.backward(grad_color, into)
         if raster.tiles is None:
             unread = sum(self._widths) - grad_image.shape[-1]
@@ -81,8 +110,7 @@ class WayBack:
         elif grad_buffers:
             name = next(iter(grad_buffers))
             raise RuntimeError(f"no buffers were asked for, and {name!r} has a gradient; ask for it")
-        emission.backward(*raster.backward(grad_image, grad_alpha, into), into)
-        return into
+        return raster.backward(grad_image, grad_alpha, into)
 
     def _with_buffers(
         self, grad_image: Float[Tensor, "H W C"], grad_alpha: Tensor | None, grad_buffers: Mapping[str, Tensor]

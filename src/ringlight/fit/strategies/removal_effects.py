@@ -7,19 +7,16 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
-from ringlight.core.gradients import COLUMNS, Gradients, dense
+from ringlight.core.gradients import COLUMNS, dense
 from ringlight.core.randomness import generator
 from ringlight.core.want import Want
 from ringlight.models.splats import SplatModel
+from ringlight.models.way_back import WayBack
 
 LOGITS = "opacity_logits"
 
 FAINTEST_REST = 1e-6
 """Least share of light that a row lets through: opacities are floats, and beyond it they are one."""
-
-
-LEAST_FACTOR = 1e-12
-"""Of an opacity, that is divided by."""
 
 
 def removal_effects(
@@ -38,14 +35,15 @@ def removal_effects(
     total = torch.zeros_like(model.columns[LOGITS])
     with torch.no_grad():
         through = (-model.columns[LOGITS]).sigmoid().clamp_min(FAINTEST_REST)
-    vary = opacities_vary(model, cameras)
     for index, camera in enumerate(cameras):
         shown = model.render(camera, background, Want.GRADIENTS)
         signs = drawn_signs(shown.color, generator(seed, step, f"removal effects {index}"))
-        gradients = shown.backward(signs, {})
-        if COLUMNS + LOGITS in gradients:  # a picture may show nothing
-            slopes = _opacity_slopes(model, camera) if vary else through
-            total += (dense(gradients[COLUMNS + LOGITS]) / slopes).square()
+        assert isinstance(shown.backward, WayBack)
+        gradients, by_factor = shown.backward.to_opacities(signs)
+        if by_factor is not None:
+            total += by_factor.square()
+        elif COLUMNS + LOGITS in gradients:  # a picture may show nothing
+            total += (dense(gradients[COLUMNS + LOGITS]) / through).square()
     return total
 
 
@@ -56,23 +54,6 @@ def opacities_vary(model: SplatModel, cameras: Sequence[Camera]) -> bool:
     return any(
         model.color.emit(model.gaussians, camera, ("rgb",), Want.EXACT).opacity_factor is not None for camera in asked
     )
-
-
-@torch.no_grad()
-def _opacity_slopes(model: SplatModel, camera: Camera) -> Float[Tensor, "N"]:
-    """Of ln(opacity towards the camera) by the logit: so much of alpha dC/dalpha is the gradient by the logit.
-
-    Of a sigmoid that is the light that the row lets through; a factor on it moves with the logit too.
-    """
-    through = (-model.columns[LOGITS]).sigmoid()
-    emission = model.color.emit(model.gaussians, camera, ("rgb",), Want.GRADIENTS)
-    factor = emission.opacity_factor
-    if factor is not None:
-        moved = Gradients()
-        emission.backward(torch.zeros_like(emission.channels), factor.detach(), moved)
-        if COLUMNS + LOGITS in moved:
-            through = through + dense(moved[COLUMNS + LOGITS]) / factor.square().clamp_min(LEAST_FACTOR**2)
-    return through.clamp_min(FAINTEST_REST)
 
 
 def drawn_signs(like: Float[Tensor, "*shape"], drawn: torch.Generator) -> Float[Tensor, "*shape"]:
