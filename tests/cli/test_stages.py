@@ -271,9 +271,10 @@ def test_a_start_on_the_hull_that_cannot_be_is_said(
         "--start.opacity 0.4 has no effect: --start.points is 0"
         in ringlight("train", masked, "3dgs", *words, *random).err
     )
-    carved = ringlight("train", masked, "3dgs", *words, "--out", tmp_path / "carved")
+    carved = ringlight("train", masked, "3dgs", *words, "--start.opacity", "0.4", "--out", tmp_path / "carved")
     assert carved.code == 0
     assert "--start.points" not in carved.err, "though there are as many random points"
+    assert "--start.opacity 0.4 has no effect: with fewer than 50 photographs Gaussians start as" in carved.err
     usual = ringlight("train", bare, "3dgs", *words[:-2], "--out", tmp_path / "usual")
     assert "has no effect" not in usual.err, "nothing was asked for"
 

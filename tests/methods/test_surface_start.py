@@ -8,7 +8,7 @@ import torch
 from ringlight.core.scene import Scene, View
 from ringlight.errors import RecipeError
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
-from ringlight.methods.surface_start import FEWEST_VIEWS, FIRST_GAUSSIANS, SurfaceStart
+from ringlight.methods.surface_start import FEWEST_ON_SURFACE, FEWEST_VIEWS, FIRST_GAUSSIANS, SurfaceStart
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import small
@@ -24,15 +24,44 @@ def without_masks(scene: Scene) -> Scene:
     return dataclasses.replace(scene, train=tuple(opaque(view) for view in scene.train))
 
 
+@pytest.fixture
+def few_suffice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a start on the surface: 50 photographs take a while to carve."""
+    monkeypatch.setattr("ringlight.methods.surface_start.FEWEST_ON_SURFACE", FEWEST_VIEWS)
+
+
+def depth_in_balls(positions: torch.Tensor) -> torch.Tensor:
+    """In the ball that is nearest to containing the point."""
+    centers, radii = torch.from_numpy(BALLS[:, :3]).float(), torch.from_numpy(BALLS[:, 3]).float()
+    return (radii - torch.cdist(positions, centers)).max(1).values
+
+
+@pytest.mark.usefixtures("few_suffice")
 def test_points_of_the_hull_lie_around_the_balls_and_differ_by_seed():
     points = OF_HULL.points_in(tiny_scene(views=FEWEST_VIEWS), seed=0)
     assert points.positions.shape == (500, 3)
     assert points.normals is not None
-    centers, radii = torch.from_numpy(BALLS[:, :3]).float(), torch.from_numpy(BALLS[:, 3]).float()
-    depth = radii - torch.cdist(points.positions, centers)
-    assert depth.max(1).values.quantile(0.05) > -0.35, "a hull of twelve views is somewhat wider than what it holds"
+    depth = depth_in_balls(points.positions)
+    assert depth.quantile(0.05) > -0.35, "a hull of twelve views is somewhat wider than what it holds"
     assert depth.max() < 0.2, "no point lies deep inside"
     assert not torch.equal(points.positions, OF_HULL.points_in(tiny_scene(views=FEWEST_VIEWS), seed=1).positions)
+
+
+def test_with_fewer_photographs_they_lie_anywhere_in_it():
+    scene = tiny_scene(views=FEWEST_VIEWS)
+    points = OF_HULL.points_in(scene, seed=0)
+    assert points.positions.shape == (500, 3)
+    assert points.normals is None
+    depth = depth_in_balls(points.positions)
+    assert depth.min() > -0.5, "as wide as the hull"
+    assert (depth > 0.2).sum() > 50, "deep inside too"
+    assert torch.equal(points.positions, OF_HULL.points_in(scene, seed=0).positions)
+    assert not torch.equal(points.positions, OF_HULL.points_in(scene, seed=1).positions)
+    enough = dataclasses.replace(scene, train=(scene.train * FEWEST_ON_SURFACE)[:FEWEST_ON_SURFACE])
+    assert OF_HULL.points_in(enough, seed=0).normals is not None
+    table = RingLightBasisRecipe(steps=20).build(scene, rasterizer_for("auto"), 0).model.gaussians
+    assert torch.allclose(table.opacities, torch.tensor(0.1))
+    assert torch.equal(table.log_scales[:, 0], table.log_scales[:, 2]), "balls"
 
 
 @pytest.mark.parametrize("method", ["3dgs-dr", "gaussian-shader"])
@@ -63,6 +92,7 @@ def test_without_a_hull_the_scenes_points_are_taken(start: SurfaceStart, scene: 
     assert start.points_in(scene, seed=0) is scene.points
 
 
+@pytest.mark.usefixtures("few_suffice")
 @pytest.mark.parametrize("recipe", [RingLightBasisRecipe(steps=20), ThreeDGSRecipe(steps=20)])
 def test_gaussians_on_the_hull_are_discs_of_their_own_opacity(recipe: RingLightBasisRecipe | ThreeDGSRecipe):
     asked = dataclasses.replace(recipe, start=dataclasses.replace(OF_HULL, opacity=0.6))

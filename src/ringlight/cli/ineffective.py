@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
-from ringlight.methods.surface_start import FEWEST_VIEWS, SurfaceStart
+from ringlight.methods.surface_start import FEWEST_ON_SURFACE, FEWEST_VIEWS, SurfaceStart
 from ringlight.methods.table import METHODS
 
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
+
+ROUNDED = 1e-4
+"""Of an opacity that was stored as a logit."""
 
 
 def settings_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
@@ -40,12 +43,15 @@ def _of_surface(recipe: Recipe, preset: Recipe, session: "Session") -> list[str]
     """Of a method that starts on the hull of masks where the scene has some; what its ``preset`` has was not asked
     for."""
     start, usual = recipe.start, preset.start
-    if start is None or usual is None or not _begins_elsewhere(session):
+    if start is None or usual is None:
         return []
     points = None if start.points in (0, usual.points) else start.points
     opacity = None if start.opacity == usual.opacity else start.opacity
-    flags = {"--start.points": points, "--start.opacity": opacity}
-    reason = _why_not_carved(session, start)
+    if _begins_elsewhere(session):
+        flags, reason = {"--start.points": points, "--start.opacity": opacity}, _why_not_carved(session, start)
+    else:
+        flags = {"--start.opacity": None if _are_as_opaque(session, start.opacity) else opacity}
+        reason = f"with fewer than {FEWEST_ON_SURFACE} photographs Gaussians start as faint balls in the hull"
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
 
 
@@ -74,6 +80,12 @@ def _begins_elsewhere(session: "Session") -> bool:
         return True
     means = splats.gaussians.means.detach().cpu()
     return means.shape == points.shape and bool((means == points).all())
+
+
+def _are_as_opaque(session: "Session", opacity: float) -> bool:
+    """Whether the first Gaussians are."""
+    splats = session.training.model.splats()
+    return splats is not None and bool(((splats.gaussians.opacities.detach() - opacity).abs() < ROUNDED).all())
 
 
 def _why_not_carved(session: "Session", start: SurfaceStart) -> str:

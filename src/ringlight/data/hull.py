@@ -113,6 +113,27 @@ def masks_of(views: Sequence[View]) -> list[Mask]:
 
 def visual_hull(masks: Sequence[Mask], box: Float[Tensor, "2 3"]) -> Hull | None:
     """The hull inside ``box``, world units; None where the masks leave nothing, or there are none."""
+    found = _depths_around(masks, box)
+    return None if found is None else _surface(*found)
+
+
+def points_within(
+    masks: Sequence[Mask], box: Float[Tensor, "2 3"], count: int, drawn: torch.Generator
+) -> Float[Tensor, "P 3"] | None:
+    """``count`` points anywhere in the hull, evenly, world units; None where the masks leave nothing."""
+    found = _depths_around(masks, box)
+    solid = torch.empty(0) if found is None else (found[1] > 0).flatten().nonzero()[:, 0]
+    if found is None or not len(solid):
+        return None
+    grid = found[0]
+    rows = solid[torch.randint(len(solid), (count,), generator=drawn)]
+    return grid.centers()[rows] + grid.pitch * (torch.rand(count, 3, generator=drawn) - 0.5)
+
+
+def _depths_around(
+    masks: Sequence[Mask], box: Float[Tensor, "2 3"]
+) -> tuple["VoxelGrid", Float[Tensor, "X Y Z"]] | None:
+    """Fine voxels around the subject, and how deep in the hull each lies, up to BAND voxels."""
     if not masks:
         return None
     coarse = VoxelGrid.over(box, COARSE_CELLS)
@@ -120,7 +141,7 @@ def visual_hull(masks: Sequence[Mask], box: Float[Tensor, "2 3"]) -> Hull | None
     if subject is None:
         return None
     fine = VoxelGrid.over(subject, FINE_CELLS)
-    return _surface(fine, depths_inside(fine.centers(), masks, BAND * fine.pitch).view(fine.shape))
+    return fine, depths_inside(fine.centers(), masks, BAND * fine.pitch).view(fine.shape)
 
 
 def depths_inside(

@@ -17,7 +17,7 @@ from ringlight.core.directions import normalize
 from ringlight.core.randomness import generator
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.data.border_masks import PROBES, border_masks, on_even_background
-from ringlight.data.hull import Mask, evenly_chosen, masks_of, visual_hull
+from ringlight.data.hull import Mask, evenly_chosen, masks_of, points_within, visual_hull
 from ringlight.data.photographed_colors import photographed_colors
 
 PLANE_NEIGHBOURS = 12
@@ -62,6 +62,14 @@ def points_on_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -
     jitter = hull.pitch * (torch.rand(count, 3, generator=draw) - 0.5)
     within = jitter - (jitter * normals).sum(-1, keepdim=True) * normals  # moved within the voxel, not off the surface
     return PointCloud(hull.positions[rows] + within, colors[rows], normals)
+
+
+def points_in_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -> PointCloud | None:
+    """``count`` points drawn from all that these masks leave, not from its surface alone, of random colours; None where
+    they leave nothing."""
+    drawn = generator(seed, 0, "points in the hull")
+    positions = points_within(masks, scene.box, count, drawn)
+    return None if positions is None else PointCloud(positions, torch.rand(count, 3, generator=drawn))
 
 
 def plane_normals(positions: Float[Tensor, "P 3"], cameras: Sequence[Camera]) -> Float[Tensor, "P 3"]:
