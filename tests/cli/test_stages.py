@@ -271,10 +271,14 @@ def test_a_start_on_the_hull_that_cannot_be_is_said(
         "--start.opacity 0.4 has no effect: --start.points is 0"
         in ringlight("train", masked, "3dgs", *words, *random).err
     )
+    discs = ("--start.form", "discs", "--start.opacity", "0.4")
+    assert "--start" not in ringlight("train", masked, "3dgs", *words, *discs, "--out", tmp_path / "discs").err
+    said = ringlight("train", bare, "3dgs", *words, *discs, "--out", tmp_path / "no-discs").err
+    assert "--start.form discs has no effect: a surface is carved from masks" in said
     carved = ringlight("train", masked, "3dgs", *words, "--start.opacity", "0.4", "--out", tmp_path / "carved")
     assert carved.code == 0
     assert "--start.points" not in carved.err, "though there are as many random points"
-    assert "--start.opacity 0.4 has no effect: with fewer than 50 photographs Gaussians start as" in carved.err
+    assert "--start.opacity 0.4 has no effect: with fewer than 54 photographs Gaussians start as" in carved.err
     usual = ringlight("train", bare, "3dgs", *words[:-2], "--out", tmp_path / "usual")
     assert "has no effect" not in usual.err, "nothing was asked for"
 

@@ -8,7 +8,7 @@ import torch
 
 from ringlight.core.scene import Scene, View
 from ringlight.data import hull
-from ringlight.data.hull import Mask, depths_inside, masks_of, visual_hull
+from ringlight.data.hull import Mask, depths_inside, masks_of, points_within, visual_hull
 from tiny_scene import tiny_scene
 
 RADIUS = 0.8
@@ -43,6 +43,29 @@ def test_the_hull_of_a_ball_is_the_ball(ball: Scene, monkeypatch: pytest.MonkeyP
     outwards = torch.nn.functional.normalize(found.positions, dim=-1)
     assert ((found.normals * outwards).sum(-1)[sides]).mean() > 0.97
     torch.testing.assert_close(found.normals.norm(dim=-1), torch.ones(len(radii)))
+
+
+def test_points_within_fill_the_ball_evenly(ball: Scene, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hull, "FINE_CELLS", 64)
+    masks, drawn = masks_of(ball.train), torch.Generator().manual_seed(0)
+    points = points_within(masks, ball.box, 4000, drawn)
+    assert points is not None
+    assert points.shape == (4000, 3)
+    # The hull bulges above and below; between its bulges it is the ball, an eighth of it within half the radius.
+    sides = points[points[:, 2].abs() < 0.5 * RADIUS]
+    assert sides[:, :2].norm(dim=-1).max() < 1.15 * RADIUS
+    assert points.mean(0).norm() < 0.05 * RADIUS
+    inner = (points.norm(dim=-1) < 0.5 * RADIUS).float().mean()
+    assert 0.08 < inner < 0.14
+    few = points_within(masks, ball.box, 3, drawn)
+    assert few is not None
+    assert few.shape == (3, 3)
+
+
+def test_masks_that_leave_nothing_have_no_points_within(ball: Scene):
+    nothing = [Mask(view.camera, torch.full((8, 8), -64.0)) for view in ball.train]
+    assert points_within(nothing, ball.box, 5, torch.Generator()) is None
+    assert points_within([], ball.box, 5, torch.Generator()) is None
 
 
 def test_depths_inside_are_distances_to_the_silhouettes(ball: Scene):

@@ -8,13 +8,14 @@ import torch
 from ringlight.core.scene import Scene, View
 from ringlight.errors import RecipeError
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
-from ringlight.methods.surface_start import FEWEST_ON_SURFACE, FEWEST_VIEWS, FIRST_GAUSSIANS, SurfaceStart
+from ringlight.methods.surface_start import FEWEST_FOR_DISCS, FEWEST_VIEWS, FIRST_GAUSSIANS, SurfaceStart
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import small
 from tiny_scene import BALLS, tiny_scene
 
-OF_HULL = SurfaceStart(points=500)
+OF_HULL = SurfaceStart(points=500, form="discs")
+IN_HULL = SurfaceStart(points=500)
 
 
 def without_masks(scene: Scene) -> Scene:
@@ -24,19 +25,12 @@ def without_masks(scene: Scene) -> Scene:
     return dataclasses.replace(scene, train=tuple(opaque(view) for view in scene.train))
 
 
-@pytest.fixture
-def few_suffice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For a start on the surface: 50 photographs take a while to carve."""
-    monkeypatch.setattr("ringlight.methods.surface_start.FEWEST_ON_SURFACE", FEWEST_VIEWS)
-
-
 def depth_in_balls(positions: torch.Tensor) -> torch.Tensor:
     """In the ball that is nearest to containing the point."""
     centers, radii = torch.from_numpy(BALLS[:, :3]).float(), torch.from_numpy(BALLS[:, 3]).float()
     return (radii - torch.cdist(positions, centers)).max(1).values
 
 
-@pytest.mark.usefixtures("few_suffice")
 def test_points_of_the_hull_lie_around_the_balls_and_differ_by_seed():
     points = OF_HULL.points_in(tiny_scene(views=FEWEST_VIEWS), seed=0)
     assert points.positions.shape == (500, 3)
@@ -49,19 +43,35 @@ def test_points_of_the_hull_lie_around_the_balls_and_differ_by_seed():
 
 def test_with_fewer_photographs_they_lie_anywhere_in_it():
     scene = tiny_scene(views=FEWEST_VIEWS)
-    points = OF_HULL.points_in(scene, seed=0)
+    points = IN_HULL.points_in(scene, seed=0)
     assert points.positions.shape == (500, 3)
     assert points.normals is None
     depth = depth_in_balls(points.positions)
     assert depth.min() > -0.5, "as wide as the hull"
     assert (depth > 0.2).sum() > 50, "deep inside too"
-    assert torch.equal(points.positions, OF_HULL.points_in(scene, seed=0).positions)
-    assert not torch.equal(points.positions, OF_HULL.points_in(scene, seed=1).positions)
-    enough = dataclasses.replace(scene, train=(scene.train * FEWEST_ON_SURFACE)[:FEWEST_ON_SURFACE])
-    assert OF_HULL.points_in(enough, seed=0).normals is not None
+    assert torch.equal(points.positions, IN_HULL.points_in(scene, seed=0).positions)
+    assert not torch.equal(points.positions, IN_HULL.points_in(scene, seed=1).positions)
     table = RingLightBasisRecipe(steps=20).build(scene, rasterizer_for("auto"), 0).model.gaussians
     assert torch.allclose(table.opacities, torch.tensor(0.1))
     assert torch.equal(table.log_scales[:, 0], table.log_scales[:, 2]), "balls"
+
+
+def test_a_run_says_in_which_form_it_starts():
+    """And one that left it to the photographs knows either as its own."""
+    scene, rasterize = tiny_scene(views=FEWEST_VIEWS), rasterizer_for("auto")
+    many = dataclasses.replace(scene, train=(scene.train * FEWEST_FOR_DISCS)[:FEWEST_FOR_DISCS])
+    fewer = dataclasses.replace(many, train=many.train[1:])
+    for method in (RingLightBasisRecipe(steps=20), ThreeDGSRecipe(steps=20, start=IN_HULL)):
+        forms = {}
+        for of in (scene, fewer, many):
+            settled, _ = method.settled(of, rasterize, 0)
+            assert method.may_settle_on(settled)
+            forms[len(of.train)] = settled.start.form
+        assert forms == {FEWEST_VIEWS: "balls", FEWEST_FOR_DISCS - 1: "balls", FEWEST_FOR_DISCS: "discs"}
+        asked = dataclasses.replace(method, start=OF_HULL)
+        assert asked.settled(scene, rasterize, 0)[0].start == OF_HULL
+        assert not asked.may_settle_on(method.settled(scene, rasterize, 0)[0])
+    assert ThreeDGSRecipe(steps=20).settled(scene, rasterize, 0)[0].start.form == "discs", "as before there were balls"
 
 
 @pytest.mark.parametrize("method", ["3dgs-dr", "gaussian-shader"])
@@ -92,7 +102,6 @@ def test_without_a_hull_the_scenes_points_are_taken(start: SurfaceStart, scene: 
     assert start.points_in(scene, seed=0) is scene.points
 
 
-@pytest.mark.usefixtures("few_suffice")
 @pytest.mark.parametrize("recipe", [RingLightBasisRecipe(steps=20), ThreeDGSRecipe(steps=20)])
 def test_gaussians_on_the_hull_are_discs_of_their_own_opacity(recipe: RingLightBasisRecipe | ThreeDGSRecipe):
     asked = dataclasses.replace(recipe, start=dataclasses.replace(OF_HULL, opacity=0.6))

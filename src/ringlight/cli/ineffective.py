@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
-from ringlight.methods.surface_start import FEWEST_ON_SURFACE, FEWEST_VIEWS, SurfaceStart
+from ringlight.methods.surface_start import FEWEST_FOR_DISCS, FEWEST_VIEWS, SurfaceStart
 from ringlight.methods.table import METHODS
 
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
-
-ROUNDED = 1e-4
-"""Of an opacity that was stored as a logit."""
 
 
 def settings_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
@@ -32,7 +29,7 @@ def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
     elif session.scene.points.measured:
         reason = f"the scene brings {counted(len(session.scene.points.positions), 'point')}"
     elif begins.number != len(session.scene.points.positions):
-        reason = f"the run begins with {begins} on a surface carved from the photographs"
+        reason = f"the run begins with {begins} on or in a hull carved from the photographs"
     else:
         return []
     flags = {"--initial-points": asked.initial_points, "--points-seed": asked.points_seed or None}
@@ -47,11 +44,15 @@ def _of_surface(recipe: Recipe, preset: Recipe, session: "Session") -> list[str]
         return []
     points = None if start.points in (0, usual.points) else start.points
     opacity = None if start.opacity == usual.opacity else start.opacity
+    form = None if start.form == usual.form else start.form
     if _begins_elsewhere(session):
-        flags, reason = {"--start.points": points, "--start.opacity": opacity}, _why_not_carved(session, start)
+        flags = {"--start.points": points, "--start.opacity": opacity, "--start.form": form}
+        reason = _why_not_carved(session, start)
     else:
-        flags = {"--start.opacity": None if _are_as_opaque(session, start.opacity) else opacity}
-        reason = f"with fewer than {FEWEST_ON_SURFACE} photographs Gaussians start as faint balls in the hull"
+        faint = start.for_photographs(len(session.scene.train)).form == "balls"
+        flags = {"--start.opacity": opacity if faint else None}
+        few = f"with fewer than {FEWEST_FOR_DISCS} photographs Gaussians start as faint balls"
+        reason = few if start.form == "auto" else "--start.form is balls"
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
 
 
@@ -80,12 +81,6 @@ def _begins_elsewhere(session: "Session") -> bool:
         return True
     means = splats.gaussians.means.detach().cpu()
     return means.shape == points.shape and bool((means == points).all())
-
-
-def _are_as_opaque(session: "Session", opacity: float) -> bool:
-    """Whether the first Gaussians are."""
-    splats = session.training.model.splats()
-    return splats is not None and bool(((splats.gaussians.opacities.detach() - opacity).abs() < ROUNDED).all())
 
 
 def _why_not_carved(session: "Session", start: SurfaceStart) -> str:

@@ -1,4 +1,4 @@
-"""The visual hull: what the alpha masks leave of space, and points with outward normals on its surface.
+"""The visual hull: what the alpha masks leave of space, points with outward normals on its surface, and any in it.
 
 Laurentini, The Visual Hull Concept, 1994. A model that is shaded after blending needs an opaque surface from its first
 step: through a faint one the backs of other Gaussians shine, and their normals blend to nothing.
@@ -122,12 +122,14 @@ def points_within(
 ) -> Float[Tensor, "P 3"] | None:
     """``count`` points anywhere in the hull, evenly, world units; None where the masks leave nothing."""
     found = _depths_around(masks, box)
-    solid = torch.empty(0) if found is None else (found[1] > 0).flatten().nonzero()[:, 0]
-    if found is None or not len(solid):
+    if found is None:
         return None
-    grid = found[0]
-    rows = solid[torch.randint(len(solid), (count,), generator=drawn)]
-    return grid.centers()[rows] + grid.pitch * (torch.rand(count, 3, generator=drawn) - 0.5)
+    grid, depths = found
+    solid = (depths > 0).nonzero()
+    if not len(solid):
+        return None
+    voxels = solid[torch.randint(len(solid), (count,), generator=drawn)]
+    return grid.first + grid.pitch * (voxels + torch.rand(count, 3, generator=drawn) - 0.5)
 
 
 def _depths_around(

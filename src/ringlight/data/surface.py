@@ -1,4 +1,4 @@
-"""Points on the surface that the photographs show, with outward normals: where deferred models start.
+"""Points on the surface that the photographs show, with outward normals: where deferred models start; and in its hull.
 
 On the visual hull where the photographs have masks, or an even background that gives some; else the scene's own points,
 with normals from the planes through their neighbours, turned towards the cameras in front of them.
@@ -65,8 +65,8 @@ def points_on_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -
 
 
 def points_in_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -> PointCloud | None:
-    """``count`` points drawn from all that these masks leave, not from its surface alone, of random colours; None where
-    they leave nothing."""
+    """``count`` points drawn from all that these masks leave, not from its surface alone, of random colours, since most
+    are hidden; None where they leave nothing."""
     drawn = generator(seed, 0, "points in the hull")
     positions = points_within(masks, scene.box, count, drawn)
     return None if positions is None else PointCloud(positions, torch.rand(count, 3, generator=drawn))

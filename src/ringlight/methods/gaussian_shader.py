@@ -80,8 +80,8 @@ class GaussianShaderRecipe(SplatRecipe):
     """Weight of the entropy of alpha; 0 for none."""
     residual_penalty: float = 1e-3
     """Weight of the mean squared length of the normals' residuals; 0 for none."""
-    start: SurfaceStart = field(default_factory=SurfaceStart)
-    """Where Gaussians start. GaussianShader takes the scene's points; discs that lie in the hull have normals to begin
+    start: SurfaceStart = field(default_factory=lambda: SurfaceStart(form="discs"))
+    """Where Gaussians start. GaussianShader takes the scene's points; discs in the hull's surface have normals to begin
     with, which short runs do not find from random points."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""

@@ -27,7 +27,7 @@ Splats = TypeVar("Splats", bound="SplatRecipe")
 
 
 class SplatRecipe(ABC):
-    """Base of recipes whose Gaussians density control grows, and whose settings do not depend on the scene."""
+    """Base of recipes whose Gaussians density control grows, and whose settings hardly depend on the scene."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
     packings: ClassVar[tuple[tuple[str, str], ...]] = ()
@@ -49,12 +49,20 @@ class SplatRecipe(ABC):
         """How these are trained."""
 
     def settled(self: Splats, scene: "Scene", rasterize: "Rasterizer", seed: int) -> tuple[Splats, None]:
-        """With everything decided that depends on the run's length; nothing depends on the scene."""
-        return self.at_length(), None
+        """With everything decided that depends on the run's length, and on how many photographs there are."""
+        settled = self.at_length()
+        if settled.start is None:
+            return settled, None
+        return replace(settled, start=settled.start.for_photographs(len(scene.train))), None
 
     def may_settle_on(self, other: "Recipe") -> bool:
-        """Whether it is this one at its length, their bounds and what decides nothing aside."""
-        return isinstance(other, SplatRecipe) and _deciding(other) == _deciding(self.at_length())
+        """Whether it is this one at its length, their bounds, what decides nothing and what is left to photographs
+        aside."""
+        if not isinstance(other, SplatRecipe):
+            return False
+        if self.start is not None and self.start.form == "auto" and other.start is not None:
+            other = replace(other, start=other.start.left_to_photographs())
+        return _deciding(other) == _deciding(self.at_length())
 
     def at_length(self: Splats) -> Splats:
         """The same with what is left to the run's length decided; ``steps`` is that of the run."""

@@ -1,8 +1,9 @@
 """Where Gaussians start if masks cut the subject out of the photographs: on or in its visual hull. Torch-free."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -11,10 +12,10 @@ if TYPE_CHECKING:
 FEWEST_VIEWS = 12
 """Photographs; the hull of fewer is a rough guess."""
 
-FEWEST_ON_SURFACE = 50
-"""Photographs. Of fewer, Gaussians start anywhere in the hull, for where it is too wide those on its surface hide what
-lies within: 1.9 dB on lego_400 with 24 photographs. With 60 it is 0.3 dB the other way
-(docs/experiments/few-photographs.md)."""
+FEWEST_FOR_DISCS = 54
+"""Photographs. The hull of fewer is too wide, and half opaque discs on its surface hide what lies within: with 40 they
+cost lego_400 a decibel, with 60 they gain 0.3 (docs/experiments/few-photographs.md); in between nothing was measured.
+Nine tenths of 60 are what --validate trains on."""
 
 FIRST_GAUSSIANS = 20_000
 """On the hull; half of them cost 0.2 dB on chair_400, twice of them only add Gaussians."""
@@ -22,19 +23,31 @@ FIRST_GAUSSIANS = 20_000
 
 @dataclass(frozen=True)
 class SurfaceStart:
-    """Gaussians drawn from the visual hull of the photographs' masks: discs that lie in its surface, or with fewer than
-    50 photographs faint balls anywhere in it."""
+    """Gaussians drawn from the visual hull of the photographs' masks."""
 
     points: int = FIRST_GAUSSIANS
     """So many; 0 starts from the scene's points, and so do scenes without masks or with fewer than 12 photographs."""
     opacity: float = 0.5
-    """Of discs at the start; balls have 0.1."""
+    """Of discs at the start. Balls have 0.1."""
+    form: Literal["auto", "discs", "balls"] = later("discs", now="auto")
+    """discs lie in the hull's surface; balls are faint, and anywhere in the hull. auto: discs from 54 photographs on,
+    else balls. Methods that mirror at normals have discs."""
 
     def __post_init__(self) -> None:
         if self.points < 0:
             raise RecipeError(f"start.points is {self.points}; give 0 (the scene's points) or more")
         if not 0 < self.opacity < 1:
             raise RecipeError(f"start.opacity is {self.opacity:g}; an opacity lies between 0 and 1")
+
+    def for_photographs(self, count: int) -> "SurfaceStart":
+        """The same with the form decided; discs where nothing starts on a hull, as in files that know no form."""
+        if self.form != "auto":
+            return self
+        return replace(self, form="balls" if self.points and count < FEWEST_FOR_DISCS else "discs")
+
+    def left_to_photographs(self) -> "SurfaceStart":
+        """The same with the form left to them."""
+        return replace(self, form="auto")
 
     def points_in(self, scene: "Scene", seed: int) -> "PointCloud":
         """Points of the hull, or else the scene's own. The hull takes some seconds."""
@@ -43,7 +56,8 @@ class SurfaceStart:
 
         if not self.points or len(scene.train) < FEWEST_VIEWS:
             return scene.points
-        drawn = points_on_hull if len(scene.train) >= FEWEST_ON_SURFACE else points_in_hull
+        form = self.for_photographs(len(scene.train)).form
+        drawn = points_in_hull if form == "balls" else points_on_hull
         return drawn(masks_of(scene.train), scene, self.points, seed) or scene.points
 
     def with_normals_in(self, scene: "Scene", seed: int) -> "PointCloud":

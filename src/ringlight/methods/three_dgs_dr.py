@@ -75,8 +75,8 @@ class ThreeDGSDRRecipe(SplatRecipe):
     first_texels: float = 0.1
     """Bound of the environment's logits at the start, 0 or more: nearly grey. 3DGS-DR: 5, nearly black to nearly
     white."""
-    start: SurfaceStart = field(default_factory=SurfaceStart)
-    """Where Gaussians start. 3DGS-DR takes the scene's points; discs that lie in the hull have normals to begin with,
+    start: SurfaceStart = field(default_factory=lambda: SurfaceStart(form="discs"))
+    """Where Gaussians start. 3DGS-DR takes the scene's points; discs in the hull's surface have normals to begin with,
     which short runs do not find from random points."""
     antialiased: bool = False
     """Rasterize with the opacity compensation of Mip-Splatting."""

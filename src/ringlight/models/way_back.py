@@ -74,14 +74,17 @@ class WayBack:
     def to_opacities(self, grad_color: Float[Tensor, "H W 3"]) -> tuple[Gradients, Float[Tensor, "N"] | None]:
         """The way back up to the colour model, for whoever wants no more than opacities.
 
-        Gradients of shader and geometry, of the latter as if the colour model did not look at it, and by the logarithm
-        of the opacity factor; None where there is no factor.
+        The gradients of shader and geometry, without what the colour model would add to the latter; and the gradient by
+        the logarithm of the opacity factor, None where there is no factor.
         """
         emission, raster, shaded = self._taken()
         into = Gradients()
         _, by_factor = self._to_emission(raster, shaded, grad_color, {}, into)
         factor = emission.opacity_factor
-        return into, None if factor is None or by_factor is None else factor * by_factor
+        if factor is None:
+            return into, None
+        assert by_factor is not None, "a rasterizer gives a gradient by each factor"
+        return into, factor * by_factor
 
     def _taken(self) -> tuple[Emission, Raster, Shaded]:
         """The parts, once, if the parameters are still those that were drawn."""

@@ -40,6 +40,7 @@ def removal_effects(
         signs = drawn_signs(shown.color, generator(seed, step, f"removal effects {index}"))
         assert isinstance(shown.backward, WayBack)
         gradients, by_factor = shown.backward.to_opacities(signs)
+        # The factor's logarithm is the opacity's own; by the logit the opacity's logarithm moves by 1 - opacity.
         if by_factor is not None:
             total += by_factor.square()
         elif COLUMNS + LOGITS in gradients:  # a picture may show nothing
