@@ -14,8 +14,9 @@ from ringlight.core.rendering import Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
+from ringlight.fit.strategies.blending_weights import blending_weights
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.strategies.drop_least import DropLeast, blending_weights
+from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.reference import ReferenceRasterizer
 from ringlight.shade.passthrough import PassThrough

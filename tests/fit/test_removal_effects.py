@@ -17,8 +17,9 @@ from ringlight.core.want import Want
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
 from ringlight.fit.strategies import removal_effects as removal_effects_file
+from ringlight.fit.strategies.blending_weights import blending_weights
 from ringlight.fit.strategies.densify_settings import DensifySettings
-from ringlight.fit.strategies.drop_least import DropLeast, blending_weights
+from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.fit.strategies.removal_effects import drawn_signs, removal_effects
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for

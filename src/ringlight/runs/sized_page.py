@@ -21,7 +21,7 @@ from ringlight.files.page.blurred_light import with_maps
 from ringlight.files.page.document import page_of, program_texts
 from ringlight.files.page.payload import payload_of
 from ringlight.files.page.shown import shown_of
-from ringlight.fit.strategies.drop_least import blending_weights
+from ringlight.fit.strategies.blending_weights import blending_weights
 from ringlight.fit.strategies.removal_effects import removal_effects
 from ringlight.measure import metrics
 from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_cameras

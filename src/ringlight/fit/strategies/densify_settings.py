@@ -37,7 +37,7 @@ OF_ADAPTIVE = (
 OF_RESETS = ("reset_opacity", "prune_scale")
 """Settings that decide nothing without opacity resets: wide Gaussians are removed from the first on, as in 3DGS."""
 
-OF_DROPPING = ("drop_until", "drop_by")
+OF_DROPPING = ("drop_until", "drop_by", "drop_hidden")
 """Settings that decide nothing where nothing is dropped."""
 
 FEWEST_GROWTHS = 5
@@ -119,6 +119,9 @@ class DensifySettings:
     drop_by: Literal["weights", "effects"] = later("weights")
     """What a Gaussian adds. weights: its blending weights, added up. effects: the squared change of the pictures if it
     were gone; where its neighbours have its colour that is little."""
+    drop_hidden: float = later(0.0)
+    """Share of those left that goes after the last round: those of which the photographs see least, such as what lies
+    under a surface. With mcmc, which ends with an exact number, none."""
     mcmc: MCMCSettings = later(USUAL_MCMC)
     """What only mcmc has."""
 
@@ -129,12 +132,12 @@ class DensifySettings:
         for name in ("threshold", "clone_below", "prune_scale"):
             if not 0 <= (getattr(self, name) or 0) < math.inf:
                 raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 or more, but finite")
-        if self.drop_share is not None and not 0 <= self.drop_share < 1:
-            raise RecipeError(f"densify.drop_share is {self.drop_share:g}; give 0 (keep all) or more, below 1")
-        if not 0 <= self.drop_until <= 1:
-            raise RecipeError(f"densify.drop_until is {self.drop_until:g}; give a share of all steps, from 0 to 1")
-        if not 0 <= self.stop <= 1:
-            raise RecipeError(f"densify.stop is {self.stop:g}; give a share of all steps, from 0 to 1")
+        for name in ("drop_share", "drop_hidden", "prune_opacity"):
+            if not 0 <= (getattr(self, name) or 0) < 1:
+                raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 (keep all) or more, below 1")
+        for name in ("drop_until", "stop"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give a share of all steps, from 0 to 1")
         if not 0 < self.reset_opacity < 1:
             raise RecipeError(f"densify.reset_opacity is {self.reset_opacity}; an opacity lies between 0 and 1")
         if not 0 <= self.prune_opacity < 1:
@@ -144,7 +147,7 @@ class DensifySettings:
         """Settings that decide nothing as the others are, "mcmc.noise", and why."""
         dropping = {} if self.drop_share != 0 else dict.fromkeys(OF_DROPPING, "--densify.drop-share is 0")
         if self.kind == "mcmc":
-            idle = [*OF_ADAPTIVE, *(("mcmc.stop",) if self.drop_share != 0 else ("stop", "latest"))]
+            idle = [*OF_ADAPTIVE, "drop_hidden", *(("mcmc.stop",) if self.drop_share != 0 else ("stop", "latest"))]
             return dropping | dict.fromkeys(idle, "--densify.kind is mcmc")
         resets = {} if self.reset_every else dict.fromkeys(OF_RESETS, "--densify.reset-every is 0")
         idle = [f"mcmc.{name}" for name in vars(self.mcmc)]

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.gaussians import Gaussians
-from ringlight.fit.strategies.drop_least import blending_weights
+from ringlight.fit.strategies.blending_weights import blending_weights
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.convention import MIN_ALPHA
 

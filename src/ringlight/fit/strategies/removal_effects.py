@@ -48,15 +48,6 @@ def removal_effects(
     return total
 
 
-@torch.no_grad()
-def opacities_vary(model: SplatModel, cameras: Sequence[Camera]) -> bool:
-    """Whether opacities depend on the camera. One is asked: a neural field's answer costs as much as its colours."""
-    asked = cameras[:1]
-    return any(
-        model.color.emit(model.gaussians, camera, ("rgb",), Want.EXACT).opacity_factor is not None for camera in asked
-    )
-
-
 def drawn_signs(like: Float[Tensor, "*shape"], drawn: torch.Generator) -> Float[Tensor, "*shape"]:
     """+1 or -1 with equal chances."""
     return torch.randint(0, 2, like.shape, generator=drawn, device="cpu").to(like) * 2 - 1
