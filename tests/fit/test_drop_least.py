@@ -110,7 +110,9 @@ def test_nothing_is_dropped_where_nothing_could_be_spared(settings: DensifySetti
     assert drop(model_of([2.0] * 9, [0.1] * 9), settings, steps)[-1] == 9
 
 
-@pytest.mark.parametrize("wrong", [{"drop_share": 1.0}, {"drop_share": -0.1}, {"drop_until": 1.5}])
+@pytest.mark.parametrize(
+    "wrong", [{"drop_share": 1.0}, {"drop_share": -0.1}, {"drop_until": 1.5}, {"drop_hidden": 1.0}]
+)
 def test_shares_that_are_none_are_refused(wrong: dict[str, float]):
     with pytest.raises(RecipeError, match=rf"densify\.{next(iter(wrong))} is .*; give"):
         DensifySettings(**wrong)

@@ -348,7 +348,9 @@ def test_moves_end_later_than_growth_does_elsewhere_but_not_where_gaussians_are_
 def test_settings_that_decide_nothing_are_those_of_the_other_kind(kind: Literal["adaptive", "mcmc"], share: float):
     idle = DensifySettings(kind=kind, drop_share=share).without_effect()
     of_kind = {name for name, reason in idle.items() if reason == f"--densify.kind is {kind}"}
-    assert idle.keys() - of_kind == ({"drop_until", "drop_by"} if share == 0 else set())
+    dropping = {"drop_until", "drop_by"} | ({"drop_hidden"} if kind == "adaptive" else set())
+    assert idle.keys() - of_kind == (dropping if share == 0 else set())
+    assert ("drop_hidden" in of_kind) is (kind == "mcmc")
     assert ("mcmc.noise" in idle) is (kind == "adaptive")
     assert ("threshold" in idle) is (kind == "mcmc")
     assert ("stop" in idle) is (kind == "mcmc" and share == 0)

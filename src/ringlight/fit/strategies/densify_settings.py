@@ -132,6 +132,9 @@ class DensifySettings:
         for name in ("threshold", "clone_below", "prune_scale"):
             if not 0 <= (getattr(self, name) or 0) < math.inf:
                 raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 or more, but finite")
+        self._check_shares()
+
+    def _check_shares(self) -> None:
         for name in ("drop_share", "drop_hidden", "prune_opacity"):
             if not 0 <= (getattr(self, name) or 0) < 1:
                 raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give 0 (keep all) or more, below 1")
@@ -140,8 +143,6 @@ class DensifySettings:
                 raise RecipeError(f"densify.{name} is {getattr(self, name):g}; give a share of all steps, from 0 to 1")
         if not 0 < self.reset_opacity < 1:
             raise RecipeError(f"densify.reset_opacity is {self.reset_opacity}; an opacity lies between 0 and 1")
-        if not 0 <= self.prune_opacity < 1:
-            raise RecipeError(f"densify.prune_opacity is {self.prune_opacity}; give 0 (keep all) or more, below 1")
 
     def without_effect(self) -> dict[str, str]:
         """Settings that decide nothing as the others are, "mcmc.noise", and why."""
