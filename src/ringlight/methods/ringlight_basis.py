@@ -39,9 +39,6 @@ GAUSSIANS_A_PIXEL = 0.85
 """At its end, if nobody says so. Where 3dgs has a Gaussian a pixel, its own bound, it takes three times the raw bytes;
 long runs reach both bounds."""
 
-HIDDEN_SHARE = 0.01
-"""Of the Gaussians: large ones that hang under a surface, which cameras see that come from lower than any before. After
-30,000 steps on chair_400 the lowest test views lose up to six decibels to them (docs/experiments/hidden.md)."""
 
 FAST_STEPS = 3_000
 """After 7,000 steps at rates around the one that lies between, maryrose_400 has 0.3 to 0.5 dB more on held-out views;
@@ -82,9 +79,7 @@ class RingLightBasisRecipe(SplatRecipe):
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(hold=HOLD))
     """Learning rates of the geometry, and when rates fall."""
     densify: DensifySettings = field(
-        default_factory=lambda: DensifySettings(
-            threshold=None, drop_share=None, drop_by="effects", drop_hidden=HIDDEN_SHARE, reset_every=0
-        )
+        default_factory=lambda: DensifySettings(threshold=None, drop_share=None, drop_by="effects", reset_every=0)
     )
     """Adaptive density control. Without opacity resets: 0.2 dB more on chair_400 after 3,000 steps."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)
