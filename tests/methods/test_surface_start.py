@@ -79,11 +79,19 @@ def test_a_run_says_in_which_form_it_starts():
 def test_methods_that_mirror_at_normals_have_some_to_begin_with(method: str, views: int):
     """Also where photographs have no alpha, or are too few for a hull: of an even background, or of the points."""
     scene = without_masks(tiny_scene(views=views, size=24))
-    table = small(method, start=SurfaceStart(points=300)).build(scene, rasterizer_for("cpu"), 0).model.gaussians
+    table = (
+        small(method, start=SurfaceStart(points=300, form="discs"))
+        .build(scene, rasterizer_for("cpu"), 0)
+        .model.gaussians
+    )
     assert (table.log_scales.argmin(1) == 2).all(), "discs"
     assert not torch.equal(table.quats, table.quats[:1].expand_as(table.quats))
     assert (table.log_scales[:, 2] < table.log_scales[:, 0] - 0.5).all()
-    paper = small(method, start=SurfaceStart(points=0)).build(scene, rasterizer_for("cpu"), 0).model.gaussians
+    with pytest.raises(RecipeError, match=r"start\.form is balls; a method that mirrors at normals starts from discs"):
+        small(method, start=SurfaceStart(points=300, form="balls")).build(scene, rasterizer_for("cpu"), 0)
+    paper = (
+        small(method, start=SurfaceStart(points=0, form="discs")).build(scene, rasterizer_for("cpu"), 0).model.gaussians
+    )
     assert len(paper) == len(scene.points.positions)
     assert torch.equal(paper.quats, paper.quats[:1].expand_as(paper.quats))
 

@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from dataclasses import Field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from ringlight.core.words import counted
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import GaussianRates
-from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.densify_settings import OF_DROPPING, DensifySettings
 from ringlight.methods.surface_start import SurfaceStart
 
 if TYPE_CHECKING:
@@ -103,7 +104,11 @@ class SplatRecipe(ABC):
 
     def without_effect(self) -> dict[str, str]:
         """Settings of density control that decide nothing as the others are, and why."""
-        return {f"densify.{name}": reason for name, reason in self.densify.without_effect().items()}
+        idle, densify = self.densify.without_effect(), self.densify
+        if densify.growth(self.steps).drop_share and not densify.drop_rounds(self.steps):
+            reason = f"a run of {counted(self.steps, 'step')} is too short to drop any, or grows to its end"
+            idle = dict.fromkeys(("drop_share", *OF_DROPPING), reason) | idle
+        return {f"densify.{name}": reason for name, reason in idle.items()}
 
     def never_above(self: Splats, most: int) -> Splats:
         """The same with no more than ``most`` at any step: it ends with what is left of them once some are dropped."""

@@ -26,12 +26,13 @@ class SurfaceStart:
     """Gaussians drawn from the visual hull of the photographs' masks."""
 
     points: int = FIRST_GAUSSIANS
-    """So many; 0 starts from the scene's points, and so do scenes without masks or with fewer than 12 photographs."""
+    """Gaussians to start with, drawn from the visual hull of the photographs' masks. 0 starts from the scene's points,
+    or random ones, and so do scenes without masks or with fewer than 12 photographs."""
     opacity: float = 0.5
-    """Of discs at the start. Balls have 0.1."""
+    """Of discs at the start; balls have 0.1 whatever this is."""
     form: Literal["auto", "discs", "balls"] = later("discs", now="auto")
     """discs lie in the hull's surface; balls are faint, and anywhere in the hull. auto: discs from 54 photographs on,
-    else balls. Methods that mirror at normals have discs."""
+    else balls (docs/experiments/few-photographs.md). Methods that mirror at normals take discs alone."""
 
     def __post_init__(self) -> None:
         if self.points < 0:
@@ -62,9 +63,14 @@ class SurfaceStart:
 
     def with_normals_in(self, scene: "Scene", seed: int) -> "PointCloud":
         """Where methods start that mirror at normals: points of the hull, of masks or of an even background, or else
-        the scene's own with normals of the planes through them; without ``points`` the scene's as they are."""
+        the scene's own with normals of the planes through them; without ``points`` the scene's as they are.
+
+        Raises RecipeError unless the form is discs: balls have no normals.
+        """
         from ringlight.data.surface import hull_points, own_points
 
+        if self.form != "discs":
+            raise RecipeError(f"start.form is {self.form}; a method that mirrors at normals starts from discs")
         if not self.points:
             return scene.points
         found = hull_points(scene, self.points, seed) if len(scene.train) >= FEWEST_VIEWS else None

@@ -120,8 +120,10 @@ class DensifySettings:
     """What a Gaussian adds. weights: its blending weights, added up. effects: the squared change of the pictures if it
     were gone; where its neighbours have its colour that is little."""
     drop_hidden: float = later(0.0)
-    """Share of those left that goes after the last round: those of which the photographs see least, such as what lies
-    under a surface. With mcmc, which ends with an exact number, none."""
+    """Share of the Gaussians that goes too, right after the last round: those of which the photographs see least, such
+    as what hangs under a surface. 0.01 is worth a try in long runs, for views from where nobody photographed; it may
+    cost a tenth of a decibel elsewhere (docs/experiments/hidden.md). Without effect with mcmc, which ends with an exact
+    number."""
     mcmc: MCMCSettings = later(USUAL_MCMC)
     """What only mcmc has."""
 
