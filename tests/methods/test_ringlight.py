@@ -8,6 +8,7 @@ from ringlight.errors import RecipeError
 from ringlight.methods import reflection_trial
 from ringlight.methods.recipe import Recipe
 from ringlight.methods.ringlight import SUITS, GrowthBound, RingLightRecipe
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
@@ -23,8 +24,10 @@ def settled(recipe: Recipe, size: int = 24):
 
 
 def with_maps(recipe: Recipe, levels: tuple[int, ...] = USUAL_LEVELS) -> Recipe:
-    """At its length; a mirror with these maps."""
+    """At its length; a mirror with these maps, a basis from balls, since photographs are few."""
     at_length = recipe.at_length()
+    if isinstance(at_length, RingLightBasisRecipe):
+        return dataclasses.replace(at_length, start=dataclasses.replace(at_length.start, form="balls"))
     if not isinstance(at_length, RingLightMirrorRecipe):
         return at_length
     return dataclasses.replace(at_length, shader=at_length.shader.for_levels(levels))

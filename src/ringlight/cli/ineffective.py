@@ -52,7 +52,7 @@ def _of_surface(recipe: Recipe, preset: Recipe, session: "Session") -> list[str]
         faint = start.for_photographs(len(session.scene.train)).form == "balls"
         flags = {"--start.opacity": opacity if faint else None}
         few = f"with fewer than {FEWEST_FOR_DISCS} photographs Gaussians start as faint balls"
-        reason = few if start.form == "auto" else "--start.form is balls"
+        reason = few if start.form is None else "--start.form is balls"
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
 
 

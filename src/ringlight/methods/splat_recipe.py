@@ -61,13 +61,14 @@ class SplatRecipe(ABC):
         aside."""
         if not isinstance(other, SplatRecipe):
             return False
-        if self.start is not None and self.start.form == "auto" and other.start is not None:
-            other = replace(other, start=other.start.left_to_photographs())
+        if self.start is not None and self.start.form is None and other.start is not None:
+            other = replace(other, start=other.start.left_to_photographs().at_length())
         return _deciding(other) == _deciding(self.at_length())
 
     def at_length(self: Splats) -> Splats:
         """The same with what is left to the run's length decided; ``steps`` is that of the run."""
-        return replace(self, rates=self.rates.at_length(self.steps), densify=self.densify.at_length(self.steps))
+        settled = replace(self, rates=self.rates.at_length(self.steps), densify=self.densify.at_length(self.steps))
+        return settled if self.start is None else replace(settled, start=self.start.at_length())
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.build_on(scene.points, scene, rasterize, seed)

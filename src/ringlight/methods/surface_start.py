@@ -1,9 +1,9 @@
 """Where Gaussians start if masks cut the subject out of the photographs: on or in its visual hull. Torch-free."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from ringlight.core.later import later
+from ringlight.core.later import LATER
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ class SurfaceStart:
     or random ones, and so do scenes without masks or with fewer than 12 photographs."""
     opacity: float = 0.5
     """Of discs at the start; balls have 0.1 whatever this is."""
-    form: Literal["auto", "discs", "balls"] = later("discs", now="auto")
-    """discs lie in the hull's surface; balls are faint, and anywhere in the hull. auto: discs from 54 photographs on,
-    else balls (docs/experiments/few-photographs.md). Methods that mirror at normals take discs alone."""
+    form: Literal["discs", "balls"] | None = field(default=None, metadata={LATER: "discs"})
+    """discs lie in the hull's surface; balls are faint, and anywhere in the hull. By default discs from 54 photographs
+    on, else balls (docs/experiments/few-photographs.md). Methods that mirror at normals take discs alone."""
 
     def __post_init__(self) -> None:
         if self.points < 0:
@@ -42,13 +42,17 @@ class SurfaceStart:
 
     def for_photographs(self, count: int) -> "SurfaceStart":
         """The same with the form decided; discs where nothing starts on a hull, as in files that know no form."""
-        if self.form != "auto":
+        if self.form is not None:
             return self
         return replace(self, form="balls" if self.points and count < FEWEST_FOR_DISCS else "discs")
 
+    def at_length(self) -> "SurfaceStart":
+        """The same with the form decided where no photograph has a say: nothing starts on a hull."""
+        return self if self.points else self.for_photographs(0)
+
     def left_to_photographs(self) -> "SurfaceStart":
         """The same with the form left to them."""
-        return replace(self, form="auto")
+        return replace(self, form=None)
 
     def points_in(self, scene: "Scene", seed: int) -> "PointCloud":
         """Points of the hull, or else the scene's own. The hull takes some seconds."""
@@ -69,7 +73,7 @@ class SurfaceStart:
         """
         from ringlight.data.surface import hull_points, own_points
 
-        if self.form != "discs":
+        if self.form == "balls":
             raise RecipeError(f"start.form is {self.form}; a method that mirrors at normals starts from discs")
         if not self.points:
             return scene.points
