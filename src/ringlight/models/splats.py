@@ -90,7 +90,7 @@ class SplatModel(nn.Module):
 
     def predict(self, batch: ImageBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
         """What a training step asks: the batch's photograph, or crop, over its background."""
-        return self._rendered(batch.camera, batch.background, want, buffers, keeps_tiles=not buffers)
+        return self._rendered(batch.camera, batch.background, want, buffers, keeps_tiles=not buffers)[0]
 
     def render(
         self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
@@ -99,7 +99,15 @@ class SplatModel(nn.Module):
 
         ``buffers`` are those that the caller looks at besides what the shader needs; see :meth:`refuse_unblended`.
         """
-        return self._rendered(camera, background, want, buffers)
+        return self._rendered(camera, background, want, buffers)[0]
+
+    def by_opacity(
+        self, camera: Camera, background: Float[Tensor, "3"], grad_color: Float[Tensor, "H W 3"]
+    ) -> Float[Tensor, "N"]:
+        """Of one picture: :meth:`WayBack.to_opacities`."""
+        _, back = self._rendered(camera, background, Want.GRADIENTS, ())
+        assert back is not None
+        return back.to_opacities(grad_color, self.columns["opacity_logits"].detach())
 
     def _rendered(
         self,
@@ -108,8 +116,9 @@ class SplatModel(nn.Module):
         want: Want,
         buffers: Sequence[str],
         keeps_tiles: bool = False,
-    ) -> Rendering:
-        """With ``keeps_tiles`` what was blended may stay as it lay in the cache: the rendering has no buffers then."""
+    ) -> tuple[Rendering, WayBack | None]:
+        """And its way back, if wanted. With ``keeps_tiles`` what was blended may stay as it lay in the cache: the
+        rendering has no buffers then."""
         needs = self.shader.needs
         names = (*needs, *(name for name in buffers if name not in needs and name != ALPHA))
         gaussians, widths = self.gaussians, [self.color.emits[name] for name in names]
@@ -130,10 +139,10 @@ class SplatModel(nn.Module):
             shaded = shaded_in_tiles(raster, tiles)
         blended = {} if raster.image.shape[-1] == 0 else named_parts(raster, names, widths)
         if want is not Want.GRADIENTS:
-            return Rendering(shaded.color, raster.alpha, blended, raster.footprint, camera=camera)
+            return Rendering(shaded.color, raster.alpha, blended, raster.footprint, camera=camera), None
         drawn = [*gaussians.columns().values(), *self._shared]
         back = WayBack(emission, raster, shaded, dict(zip(names, widths, strict=True)), drawn)
-        return Rendering(shaded.color, raster.alpha, blended, raster.footprint, back, camera)
+        return Rendering(shaded.color, raster.alpha, blended, raster.footprint, back, camera), back
 
     def refuse_unblended(self, buffers: Sequence[str], who: str) -> None:
         """Raise RecipeError where ``who`` looks at a buffer that this model does not blend."""

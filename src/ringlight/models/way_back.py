@@ -7,11 +7,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.core.gradients import Gradients
+from ringlight.core.gradients import COLUMNS, Gradients, dense
 from ringlight.core.rendering import Channels, Emission, EmissionGradients, Raster, Shaded, TileShading
 
 ALPHA = "alpha"
 """The buffer that is always there."""
+
+FAINTEST_REST = 1e-6
+"""Least share of light that a row lets through: opacities are floats, and beyond it they are one."""
 
 
 def named_parts(raster: Raster, names: Sequence[str], widths: Sequence[int]) -> Channels:
@@ -71,20 +74,25 @@ class WayBack:
         return into
 
     @torch.no_grad()
-    def to_opacities(self, grad_color: Float[Tensor, "H W 3"]) -> tuple[Gradients, Float[Tensor, "N"] | None]:
-        """The way back up to the colour model, for whoever wants no more than opacities.
+    def to_opacities(
+        self, grad_color: Float[Tensor, "H W 3"], opacity_logits: Float[Tensor, "N"]
+    ) -> Float[Tensor, "N"]:
+        """The way back that ends before the colour model, for whoever wants no more than opacities.
 
-        The gradients of shader and geometry, without what the colour model would add to the latter; and the gradient by
-        the logarithm of the opacity factor, None where there is no factor.
+        The gradient by the logarithm of each row's opacity towards the camera: alpha times the derivative by alpha,
+        summed over the pixels. ``opacity_logits`` are those that were drawn.
         """
         emission, raster, shaded = self._taken()
         into = Gradients()
         _, by_factor = self._to_emission(raster, shaded, grad_color, {}, into)
-        factor = emission.opacity_factor
-        if factor is None:
-            return into, None
-        assert by_factor is not None, "a rasterizer gives a gradient by each factor"
-        return into, factor * by_factor
+        if emission.opacity_factor is not None:
+            assert by_factor is not None, "a rasterizer gives a gradient by each factor"
+            return emission.opacity_factor * by_factor
+        by_logit = into.get(COLUMNS + "opacity_logits")
+        if by_logit is None:  # a picture may show nothing
+            return torch.zeros_like(opacity_logits)
+        # By the logit the opacity's logarithm moves by 1 - opacity.
+        return dense(by_logit) / (-opacity_logits).sigmoid().clamp_min(FAINTEST_REST)
 
     def _taken(self) -> tuple[Emission, Raster, Shaded]:
         """The parts, once, if the parameters are still those that were drawn."""

@@ -7,16 +7,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.camera import Camera
-from ringlight.core.gradients import COLUMNS, dense
 from ringlight.core.randomness import generator
-from ringlight.core.want import Want
 from ringlight.models.splats import SplatModel
-from ringlight.models.way_back import WayBack
-
-LOGITS = "opacity_logits"
-
-FAINTEST_REST = 1e-6
-"""Least share of light that a row lets through: opacities are floats, and beyond it they are one."""
 
 
 def removal_effects(
@@ -32,19 +24,11 @@ def removal_effects(
     picture shows it, and sqrt(2 / n) where n pictures change alike. Where a shader adds light the picture's gradient
     stands for the change. What a clamped alpha adds is left out.
     """
-    total = torch.zeros_like(model.columns[LOGITS])
-    with torch.no_grad():
-        through = (-model.columns[LOGITS]).sigmoid().clamp_min(FAINTEST_REST)
+    total = torch.zeros(len(model), device=model.device)
     for index, camera in enumerate(cameras):
-        shown = model.render(camera, background, Want.GRADIENTS)
-        signs = drawn_signs(shown.color, generator(seed, step, f"removal effects {index}"))
-        assert isinstance(shown.backward, WayBack)
-        gradients, by_factor = shown.backward.to_opacities(signs)
-        # The factor's logarithm is the opacity's own; by the logit the opacity's logarithm moves by 1 - opacity.
-        if by_factor is not None:
-            total += by_factor.square()
-        elif COLUMNS + LOGITS in gradients:  # a picture may show nothing
-            total += (dense(gradients[COLUMNS + LOGITS]) / through).square()
+        picture = torch.empty(camera.height, camera.width, 3, device=model.device)
+        signs = drawn_signs(picture, generator(seed, step, f"removal effects {index}"))
+        total += model.by_opacity(camera, background, signs).square()
     return total
 
 
