@@ -106,3 +106,15 @@ def test_a_recipe_of_before_opacities_varied_says_nothing_of_them():
     assert relight_recipe(relit, 10) == relit == dataclasses.replace(relit, opacity_basis_rate=None)
     groups = before.build(tiny_scene(), rasterizer_for("auto"), 0).optimizer.groups
     assert "color.opacity_basis" not in groups
+
+
+@pytest.mark.parametrize(("steps", "stop", "last"), [(20, 0.5, 10), (3000, 1.0, 3000)])
+def test_a_run_without_room_to_drop_says_so(steps: int, stop: float, last: int):
+    """Too short, or growing to its end; not one that drops."""
+    settings = ("drop_share", "drop_until", "drop_by", "drop_hidden")
+    recipe = RingLightBasisRecipe(steps=steps)
+    idle = dataclasses.replace(recipe, densify=dataclasses.replace(recipe.densify, stop=stop)).without_effect()
+    for name in settings:
+        assert f"adds Gaussians until step {last} has no room" in idle[f"densify.{name}"]
+    drops = RingLightBasisRecipe(steps=3000).without_effect()
+    assert not drops.keys() & {f"densify.{name}" for name in settings}

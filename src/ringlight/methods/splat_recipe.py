@@ -107,7 +107,10 @@ class SplatRecipe(ABC):
         """Settings of density control that decide nothing as the others are, and why."""
         idle, densify = self.densify.without_effect(), self.densify
         if densify.growth(self.steps).drop_share and not densify.drop_rounds(self.steps):
-            reason = f"a run of {counted(self.steps, 'step')} is too short to drop any, or grows to its end"
+            last = densify.last_step(self.steps)
+            reason = (
+                f"a run of {counted(self.steps, 'step')} that adds Gaussians until step {last} has no room to drop any"
+            )
             idle = dict.fromkeys(("drop_share", *OF_DROPPING), reason) | idle
         return {f"densify.{name}": reason for name, reason in idle.items()}
 

@@ -69,7 +69,7 @@ class SurfaceStart:
         """Where methods start that mirror at normals: points of the hull, of masks or of an even background, or else
         the scene's own with normals of the planes through them; without ``points`` the scene's as they are.
 
-        Raises RecipeError unless the form is discs: balls have no normals.
+        Raises RecipeError where the form is balls, which have no normals.
         """
         from ringlight.data.surface import hull_points, own_points
 
