@@ -1,6 +1,8 @@
 """What ``ringlight doctor`` finds out about GPUs, in environments that are made up."""
 
+import json
 import re
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +16,7 @@ from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.gpu_checks import gpu_findings
 from ringlight.cli.gpu_facts import GpuFacts, gather, version_in
 from ringlight.rasterize import choose
+from ringlight.runs.record import RECORD_NAME
 
 READY = GpuFacts(
     driver=True,
@@ -168,3 +171,26 @@ def test_a_missing_gpu_is_told_before_the_scene_is_read(
     refused(done, 1, "torch finds no NVIDIA GPU on this machine", "--device cpu")
     assert "photographs" not in done.err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_needs_a_gpu_is_not_resumed_without_one(
+    monkeypatch: pytest.MonkeyPatch, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    run = shutil.copytree(trained["3dgs"], tmp_path / "run")
+    written = run / RECORD_NAME
+    record = json.loads(written.read_text())
+    assert "device" in record
+    written.write_text(json.dumps(record | {"device": "cuda"}))
+    monkeypatch.setattr("ringlight.runs.resume.has_gpu", lambda: False)
+    done = ringlight("train", "--resume", run)
+    refused(done, 1, "was begun with --device cuda", "no NVIDIA GPU", f"--from {run}")
+    assert "photographs" not in done.err
+
+
+def test_verify_tells_of_a_missing_gpu_before_the_scene_is_read(
+    monkeypatch: pytest.MonkeyPatch, ringlight: Command
+) -> None:
+    monkeypatch.setattr(choose, "has_gpu", lambda: False)
+    done = ringlight("train", "toaster", "3dgs", "--device", "cuda", "--verify", "2")
+    refused(done, 1, "torch finds no NVIDIA GPU on this machine")
+    assert "photographs" not in done.err

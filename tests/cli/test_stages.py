@@ -18,12 +18,13 @@ from PIL import Image
 from scenes_on_disk import write_tiny_scene
 
 from ringlight.cli import stages as module
-from ringlight.cli.ineffective import settings_without_effect
+from ringlight.cli.ineffective import start_without_effect
 from ringlight.cli.main import run as run_command
 from ringlight.cli.progress import spoken
 from ringlight.cli.stages import StageLine, stages
 from ringlight.cli.streams import Lasting
 from ringlight.data.options import SceneOptions
+from ringlight.methods.table import METHODS
 from ringlight.runs import limits
 from ringlight.runs.resume import resume_run
 
@@ -279,8 +280,49 @@ def test_a_start_on_the_hull_that_cannot_be_is_said(
     assert carved.code == 0
     assert "--start.points" not in carved.err, "though there are as many random points"
     assert "--start.opacity 0.4 has no effect: with fewer than 54 photographs Gaussians start as" in carved.err
+    faint = ("--start.opacity", "0.4", "--out", tmp_path / "planes")
+    planes = ringlight("train", bare, "3dgs-dr", *words[:-2], *faint)
+    assert planes.code == 0
+    assert "has no effect" not in planes.err, "points without a hull have normals here, and so discs"
     usual = ringlight("train", bare, "3dgs", *words[:-2], "--out", tmp_path / "usual")
     assert "has no effect" not in usual.err, "nothing was asked for"
+
+
+@pytest.mark.parametrize(
+    ("method", "flags", "place"),
+    [
+        ("3dgs", (), ", on random points;"),
+        ("3dgs", ("--start.points", "300"), ", anywhere in the visual hull;"),
+        ("3dgs", ("--start.points", "300", "--start.form", "discs"), ", on the visual hull;"),
+        ("tensorf", ("--rays", "16"), " to start with;"),
+    ],
+)
+def test_a_run_says_where_its_gaussians_start(
+    method: str, flags: tuple[str, ...], place: str, masked: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    quick = ("--steps", "1", "--lpips", "--initial-points", "300")
+    said = ringlight("train", masked, method, *quick, *flags, "--out", tmp_path / "run")
+    (line,) = [line for line in said.err.splitlines() if "to start with" in line]
+    assert place in line
+
+
+def test_gaussians_of_a_model_start_where_they_lie(
+    masked: Path, trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    quick = ("--steps", "1", "--lpips", "--from", trained["3dgs"])
+    assert " to start with;" in ringlight("train", masked, "3dgs", *quick, "--out", tmp_path / "run").err
+
+
+def test_a_method_without_points_says_so(masked: Path, tmp_path: Path, ringlight: Command) -> None:
+    quick = ("--steps", "1", "--lpips", "--quiet", "--rays", "16", "--initial-points", "300")
+    said = ringlight("train", masked, "tensorf", *quick, "--out", tmp_path / "run").err
+    assert "warning: --initial-points 300 has no effect: tensorf starts from no points\n" in said
+
+
+def test_idle_settings_are_said_before_anything_is_read(tmp_path: Path, ringlight: Command) -> None:
+    (tmp_path / "empty").mkdir()
+    said = ringlight("train", tmp_path / "empty", "3dgs", "--densify.mcmc.noise", "0").err
+    assert said.startswith("warning: --densify.mcmc.noise 0 has no effect: --densify.kind is adaptive\n")
 
 
 def test_settings_of_the_other_kind_of_density_control_are_said(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
@@ -309,9 +351,9 @@ def test_points_of_a_scene_take_the_effect_of_both_flags(trained: dict[str, Path
     session = resume_run(trained["3dgs"])
     scene = session.scene
     object.__setattr__(scene, "points", type(scene.points)(scene.points.positions, scene.points.colors))
-    said = settings_without_effect(SceneOptions(initial_points=5, points_seed=2), session.record.recipe, session)
+    said = start_without_effect(SceneOptions(initial_points=5, points_seed=2), METHODS["3dgs"], session)
     assert [sentence.split(" has no effect: the scene brings")[0] for sentence in said] == [
         "--initial-points 5",
         "--points-seed 2",
     ]
-    assert settings_without_effect(SceneOptions(), session.record.recipe, session) == []
+    assert start_without_effect(SceneOptions(), METHODS["3dgs"], session) == []

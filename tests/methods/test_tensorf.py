@@ -73,7 +73,7 @@ def test_the_box_is_that_of_the_masks_or_of_the_scene_and_is_told():
     assert "the points" in why
     few = dataclasses.replace(scene.points, positions=scene.points.positions[:99], colors=scene.points.colors[:99])
     assert "the cameras" in TensorfRecipe().settled(dataclasses.replace(scene, points=few), rasterizer_for("cpu"), 0)[1]
-    cameras = dataclasses.replace(scene, points=dataclasses.replace(scene.points, measured=False))
+    cameras = dataclasses.replace(scene, points=dataclasses.replace(scene.points, origin="random"))
     assert "the cameras" in TensorfRecipe().settled(cameras, rasterizer_for("cpu"), 0)[1]
 
 

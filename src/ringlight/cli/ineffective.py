@@ -3,6 +3,7 @@
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
+from ringlight.core.scene import Origin
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
@@ -12,24 +13,38 @@ from ringlight.methods.table import METHODS
 if TYPE_CHECKING:
     from ringlight.runs.session import Session
 
+HULLS: tuple[Origin, ...] = ("hull", "in hull")
+"""Where the first Gaussians lie of a run that has carved one."""
 
-def settings_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
-    """A sentence on each, of what a new run was asked for and how it begins."""
-    preset = METHODS[session.record.preset]
-    of_start = [*_of_random_points(asked, session), *_of_surface(recipe, preset, session)]
-    return [*of_start, *_of_other_settings(recipe, preset)]
+ROUNDING = 1e-6
+"""Of an opacity that was stored as a logit."""
+
+
+def idle_settings(recipe: Recipe, preset: Recipe) -> list[str]:
+    """A sentence on each setting that others, such as the kind of density control, make idle; what the ``preset`` has
+    too was not asked for. No scene has a say."""
+    return [
+        f"{_flag(setting, attrgetter(setting)(recipe))} has no effect: {reason}"
+        for setting, reason in recipe.without_effect().items()
+        if attrgetter(setting)(recipe) != attrgetter(setting)(preset)
+    ]
+
+
+def start_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
+    """A sentence on each, of where a new run was asked to start."""
+    return [*_of_random_points(asked, session), *_of_surface(recipe, METHODS[session.record.preset], session)]
 
 
 def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
-    if asked.initial_points is None and asked.points_seed == SceneOptions.points_seed:
-        return []
-    begins = session.training.model.counted()
+    origin = session.training.origin
     if session.record.start is not None:
         reason = f"the run starts from {session.record.start}"
     elif session.scene.points.measured:
         reason = f"the scene brings {counted(len(session.scene.points.positions), 'point')}"
-    elif begins.number != len(session.scene.points.positions):
-        reason = f"the run begins with {begins} on or in a hull carved from the photographs"
+    elif origin is None:
+        reason = f"{session.record.preset} starts from no points"
+    elif origin in HULLS:
+        reason = f"the run begins with {session.training.model.counted()} on or in a hull carved from the photographs"
     else:
         return []
     flags = {"--initial-points": asked.initial_points, "--points-seed": asked.points_seed or None}
@@ -42,28 +57,16 @@ def _of_surface(recipe: Recipe, preset: Recipe, session: "Session") -> list[str]
     start, usual = recipe.start, preset.start
     if start is None or usual is None:
         return []
-    points = None if start.points in (0, usual.points) else start.points
-    opacity = None if start.opacity == usual.opacity else start.opacity
-    form = None if start.form == usual.form else start.form
-    if _begins_elsewhere(session):
-        flags = {"--start.points": points, "--start.opacity": opacity, "--start.form": form}
-        reason = _why_not_carved(session, start)
-    else:
-        faint = start.for_photographs(len(session.scene.train)).form == "balls"
-        flags = {"--start.opacity": opacity if faint else None}
-        few = f"with fewer than {FEWEST_FOR_DISCS} photographs Gaussians start as faint balls"
-        reason = few if start.form is None else "--start.form is balls"
+    elsewhere = session.record.start is not None or session.training.origin not in HULLS
+    flags: dict[str, object] = {}
+    if elsewhere:
+        flags["--start.points"] = None if start.points in (0, usual.points) else start.points
+    if not _begins_with_opacity(session, start.opacity):
+        flags["--start.opacity"] = None if start.opacity == usual.opacity else start.opacity
+    if elsewhere:
+        flags["--start.form"] = None if start.form == usual.form else start.form
+    reason = _why_not_carved(session, start) if elsewhere else _why_balls(start)
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]
-
-
-def _of_other_settings(recipe: Recipe, preset: Recipe) -> list[str]:
-    """Of settings that others, such as the kind of density control, make idle; those that the ``preset`` has too were
-    not asked for."""
-    return [
-        f"{_flag(setting, attrgetter(setting)(recipe))} has no effect: {reason}"
-        for setting, reason in recipe.without_effect().items()
-        if attrgetter(setting)(recipe) != attrgetter(setting)(preset)
-    ]
 
 
 def _flag(setting: str, value: object) -> str:
@@ -74,13 +77,18 @@ def _flag(setting: str, value: object) -> str:
     return f"--{group}{dot}{name} {value:g}" if isinstance(value, float) else f"--{group}{dot}{name} {value}"
 
 
-def _begins_elsewhere(session: "Session") -> bool:
-    """Than on the hull."""
-    splats, points = session.training.model.splats(), session.scene.points.positions
+def _begins_with_opacity(session: "Session", opacity: float) -> bool:
+    """Of a new run: whether its first Gaussians have it. Balls have another, and so has what starts from a model."""
+    splats = session.training.model.splats()
     if session.record.start is not None or splats is None:
-        return True
-    means = splats.gaussians.means.detach().cpu()
-    return means.shape == points.shape and bool((means == points).all())
+        return False
+    first = splats.gaussians.opacity_logits.detach().sigmoid()
+    return bool(((first - opacity).abs() < ROUNDING).all())
+
+
+def _why_balls(start: SurfaceStart) -> str:
+    few = f"with fewer than {FEWEST_FOR_DISCS} photographs Gaussians start as faint balls"
+    return few if start.form is None else "--start.form is balls"
 
 
 def _why_not_carved(session: "Session", start: SurfaceStart) -> str:

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
 
 from ringlight.cli.console import Screen
+from ringlight.core.scene import Origin
 from ringlight.core.words import MEGABYTE, counted
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
@@ -44,7 +45,7 @@ def announce(session: Session, quiet: bool) -> None:
     from ringlight import _kernels
 
     training = session.training
-    place = "to start with" if training.step == 0 else f"going on after step {training.step}"
+    place = f"to start with{_where(session)}" if training.step == 0 else f"going on after step {training.step}"
     if training.step == training.steps:
         place = "and no step left to do"
     added = f", {sum(session.record.added)} of them added" if session.record.added else ""
@@ -57,6 +58,21 @@ def announce(session: Session, quiet: bool) -> None:
         f"writing to {session.folder.path}",
     ]
     sys.stderr.write("\n".join(lines) + "\n")
+
+
+PLACES: dict[Origin, str] = {
+    "scene": "on the scene's points",
+    "random": "on random points",
+    "hull": "on the visual hull",
+    "in hull": "anywhere in the visual hull",
+}
+"""Of a run's first Gaussians, by where their points come from."""
+
+
+def _where(session: Session) -> str:
+    """Where they lie, behind a comma; nothing for those of a model that the run starts from."""
+    origin = session.training.origin
+    return "" if origin is None or session.record.start is not None else f", {PLACES[origin]}"
 
 
 def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> None:

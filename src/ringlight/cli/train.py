@@ -11,7 +11,7 @@ import tyro
 from ringlight.cli.arguments import Device, MaybeFolder
 from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.gpu_build import tell_of_build
-from ringlight.cli.ineffective import settings_without_effect
+from ringlight.cli.ineffective import idle_settings, start_without_effect
 from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
@@ -113,6 +113,7 @@ def _start(arguments: list[str]) -> int:
     check_steps(asked.running, recipe.steps)
     check_threads(asked.running.threads)
     scene = scene_folder(asked.scene)
+    _warn_of(idle_settings(recipe, METHODS[preset]))
     with stages(asked.running.quiet) as line:
         line(f"reading {scene}")  # before torch is loaded, which takes seconds
         from ringlight.runs.folder import free_folder
@@ -131,9 +132,13 @@ def _start(arguments: list[str]) -> int:
         out = asked.out or free_folder(Path("runs") / f"{scene.resolve().name}-{preset}")
         loaded = telling_of_scenes(asked.running.quiet)
         session = start_run(out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded)
-    for sentence in settings_without_effect(asked.options, recipe, session):
-        sys.stderr.write(f"warning: {sentence}\n")
+    _warn_of(start_without_effect(asked.options, recipe, session))
     return _train(session, asked.running)
+
+
+def _warn_of(sentences: list[str]) -> None:
+    for sentence in sentences:
+        sys.stderr.write(f"warning: {sentence}\n")
 
 
 def _resume(arguments: list[str]) -> int:

@@ -26,10 +26,12 @@ def verify_run(
     from ringlight.cli.threads import use_threads
     from ringlight.data.load import load_scene
     from ringlight.measure.json_record import to_json
+    from ringlight.rasterize.choose import refuse_without_gpu
     from ringlight.runs.limits import prepare_run
     from ringlight.runs.starting_points import with_points_of
     from ringlight.runs.verify import verify
 
+    refuse_without_gpu(device)  # before photographs are read, which takes long
     scene = load_scene(scene_path, with_points_of(recipe, options))
     tell_warnings(scene)
     prepared = prepare_run(scene, recipe, seed, device)

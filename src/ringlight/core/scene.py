@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import torch
@@ -38,18 +39,27 @@ class View:
         return torch.lerp(background[:, None, None], color, alpha)
 
 
+Origin = Literal["scene", "random", "hull", "in hull"]
+"""Where points come from: the scene's files, a generator of random numbers, the surface of the visual hull, or all that
+this encloses."""
+
+
 @dataclass(frozen=True)
 class PointCloud:
     """Points to start from, world units; ``colors`` are display-referred sRGB in [0, 1].
 
-    ``normals``, where known, are unit and point out of the surface; ``measured`` is False for random points, which lie
-    on nothing that was photographed.
+    ``normals``, where known, are unit and point out of the surface.
     """
 
     positions: Float[Tensor, "P 3"]
     colors: Float[Tensor, "P 3"]
     normals: Float[Tensor, "P 3"] | None = None
-    measured: bool = True
+    origin: Origin = "scene"
+
+    @property
+    def measured(self) -> bool:
+        """Whether they lie on what was photographed, as random ones do not."""
+        return self.origin != "random"
 
 
 WARNING = "warning: "

@@ -113,7 +113,7 @@ def random_points(box: Float[Tensor, "2 3"], count: int, seed: int) -> PointClou
     """``count`` points uniform in ``box``, of a grey that is faintly random; the same for the same seed everywhere."""
     draws = torch.from_numpy(np.random.Generator(np.random.Philox(seed)).random((2, count, 3), dtype=np.float32))
     low, high = box
-    return PointCloud(low + (high - low) * draws[0], 0.5 + FAINT_COLOR * draws[1], measured=False)
+    return PointCloud(low + (high - low) * draws[0], 0.5 + FAINT_COLOR * draws[1], origin="random")
 
 
 def sfm_box(positions: Float[Tensor, "P 3"]) -> Float[Tensor, "2 3"]:

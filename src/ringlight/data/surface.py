@@ -61,7 +61,7 @@ def points_on_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -
     normals = hull.normals[rows]
     jitter = hull.pitch * (torch.rand(count, 3, generator=draw) - 0.5)
     within = jitter - (jitter * normals).sum(-1, keepdim=True) * normals  # moved within the voxel, not off the surface
-    return PointCloud(hull.positions[rows] + within, colors[rows], normals)
+    return PointCloud(hull.positions[rows] + within, colors[rows], normals, origin="hull")
 
 
 def points_in_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -> PointCloud | None:
@@ -69,7 +69,9 @@ def points_in_hull(masks: Sequence[Mask], scene: Scene, count: int, seed: int) -
     are hidden; None where they leave nothing."""
     drawn = generator(seed, 0, "points in the hull")
     positions = points_within(masks, scene.box, count, drawn)
-    return None if positions is None else PointCloud(positions, torch.rand(count, 3, generator=drawn))
+    if positions is None:
+        return None
+    return PointCloud(positions, torch.rand(count, 3, generator=drawn), origin="in hull")
 
 
 def plane_normals(positions: Float[Tensor, "P 3"], cameras: Sequence[Camera]) -> Float[Tensor, "P 3"]:

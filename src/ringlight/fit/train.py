@@ -10,6 +10,7 @@ from torch import Tensor
 from ringlight.core.batch import Batch
 from ringlight.core.gradients import Gradients
 from ringlight.core.rendering import Rendering, no_way_back
+from ringlight.core.scene import Origin
 from ringlight.core.want import Want
 from ringlight.data.contract import Batches
 from ringlight.fit.faults import FaultCounter, bad_loss, predicted
@@ -30,8 +31,9 @@ def alone(gradients: Gradients) -> Gradients:
 class Training:
     """What a recipe builds and :func:`train` consumes. ``step`` counts the steps already done.
 
-    ``reduce`` is where several processes make one of their gradients; ``guard`` watches a light. Raises RecipeError for
-    a regularizer of a buffer that the model does not blend.
+    ``reduce`` is where several processes make one of their gradients; ``guard`` watches a light; ``origin`` is that of
+    the points on which the first rows lie, if any. Raises RecipeError for a regularizer of a buffer that the model does
+    not blend.
     """
 
     model: Model
@@ -44,6 +46,7 @@ class Training:
     reduce: Callable[[Gradients], Gradients] = alone
     faults: FaultCounter = field(default_factory=FaultCounter)
     guard: Guard | None = None
+    origin: Origin | None = None
     step: int = 0
 
     def __post_init__(self) -> None:

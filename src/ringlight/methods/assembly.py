@@ -94,6 +94,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
         steps=steps,
         regularizers={**course.regularizers, **penalties(densify, scene, recipe.loss.scale)},
         guard=_guard(course, model, scene, disturbed_steps(course, growing, dropping, steps)) if course.light else None,
+        origin=points.origin,
     )
 
 

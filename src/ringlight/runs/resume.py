@@ -7,11 +7,11 @@ from ringlight.core.words import counted
 from ringlight.data.decode_check import DecodeCheck
 from ringlight.data.file_marks import change_since
 from ringlight.data.load import load_scene
-from ringlight.errors import RunError
+from ringlight.errors import BackendError, RunError
 from ringlight.files.tensor_file import TensorFile
 from ringlight.fit.train import Training
 from ringlight.measure.peak_memory import PeakMemory
-from ringlight.rasterize.choose import rasterizer_for
+from ringlight.rasterize.choose import has_gpu, rasterizer_for
 from ringlight.runs.checkpoints import read_checkpoint, refuse_misfits
 from ringlight.runs.clock import Clock
 from ringlight.runs.folder import RunFolder
@@ -29,10 +29,11 @@ def resume_run(path: Path, more: int = 0, loaded: Loaded = nobody) -> Session:
     With ``more`` the run has so many steps behind its last, and its record says so from now on.
     Where that one is damaged, ``warnings`` says so and the one before it is used; a run without any begins again.
     Raises RunError if the scene has other training views now, or another process trains this run; ModelFileError if
-    all checkpoints are damaged.
+    all checkpoints are damaged; BackendError where it needs a GPU that is not there.
     """
     folder = RunFolder.open(path)
     record = RunRecord.read(path)
+    _refuse_other_machine(path, record.device)
     lock = RunLock(path)
     folder.sweep()
     extended = record.extended(more) if more else record
@@ -65,6 +66,16 @@ def resume_run(path: Path, more: int = 0, loaded: Loaded = nobody) -> Session:
         )
     session.warnings += change_since(stored.metadata.get("photographs", ""), session.marks, scene.train)
     return _extended(session, extended)
+
+
+def _refuse_other_machine(path: Path, device: str) -> None:
+    """Raises BackendError, before photographs are read, for a run on a GPU where there is none."""
+    if device == "cuda" and not has_gpu():
+        raise BackendError(
+            f"{path}: was begun with --device cuda, which a resumed run keeps, and torch finds no NVIDIA GPU on this "
+            "machine; go on where there is one, or start from what it has learned: ringlight train SCENE METHOD "
+            f"--from {path}"
+        )
 
 
 def _reloaded(folder: RunFolder, record: RunRecord, loaded: Loaded) -> tuple[Scene, DecodeCheck]:
