@@ -154,6 +154,17 @@ RINGLIGHT_INLINE void transpose(Vec rows[16]) {
   }
 }
 
+// Sixteen rows of eight floats as eight columns, and back; `columns` has room for sixteen, and is lost.
+RINGLIGHT_INLINE void load_eights(const float* rows, Vec* columns) {
+  for (int i = 0; i < 16; i++) columns[i] = load_first(rows + 8 * i, 8);
+  transpose(columns);
+}
+RINGLIGHT_INLINE void store_eights(float* rows, Vec* columns) {
+  transpose(columns);
+  for (int i = 0; i < 15; i++) store(rows + 8 * i, columns[i]);  // what lies beyond a row is the next one's
+  store_first(rows + 8 * 15, columns[15], 8);
+}
+
 namespace detail {
 RINGLIGHT_INLINE __m512 add_neighbours(__m512 a, __m512 b) {
   return _mm512_add_ps(_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));

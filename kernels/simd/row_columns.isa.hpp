@@ -8,6 +8,7 @@ namespace ringlight::RINGLIGHT_ISA {
 RINGLIGHT_INLINE void take_columns(const float* rows, int width, int count, Vec* columns) {
   if (count == LANES && width == 3) return load_columns(rows, columns[0], columns[1], columns[2]);
   if (count == LANES && width == 4) return load_columns(rows, columns[0], columns[1], columns[2], columns[3]);
+  if (count == LANES && width == 8) return load_eights(rows, columns);
   for (int i = 0; i < LANES; i++) columns[i] = load_first(rows + (i < count ? i : count - 1) * width, width);
   transpose(columns);
 }
@@ -17,6 +18,7 @@ RINGLIGHT_INLINE void take_columns(const float* rows, int width, int count, Vec*
 RINGLIGHT_INLINE void put_columns(float* rows, int width, int count, Vec* columns) {
   if (count == LANES && width == 3) return store_columns(rows, columns[0], columns[1], columns[2]);
   if (count == LANES && width == 4) return store_columns(rows, columns[0], columns[1], columns[2], columns[3]);
+  if (count == LANES && width == 8) return store_eights(rows, columns);
   transpose(columns);
   int i = 0;
   for (; i * width + LANES <= count * width; i++) store(rows + i * width, columns[i]);

@@ -1,13 +1,12 @@
 // Opacities whose logits have harmonics that are a mix of shared ones, by the weights that mix the colours'. The way
 // back computes them again; the gradient of what is shared is summed in shards (step/sh_shards.isa.hpp).
-#include <cstring>
-
 #include "machine/parallel.hpp"
 #include "machine/scratch.isa.hpp"
 #include "step/opacity_rows.isa.hpp"
 #include "step/sh_mix.isa.hpp"
 #include "step/sh_opacity.hpp"
 #include "step/sh_shards.isa.hpp"
+#include "step/shared_gradient.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -24,39 +23,44 @@ struct Opacities {
   Lanes over;          // what the factor is divided by
 };
 
+struct Opacity {
+  Vec share, rest;  // rest is 1 - share, but with all digits
+};
+
+RINGLIGHT_INLINE Opacity opacity_of(Vec logit) {
+  const Vec odds = exp(-logit), share = Vec(1.f) / (Vec(1.f) + odds);
+  return {share, odds * share};
+}
+
 void open_opacities(const DirectionalOpacities& table, const SharedBasis& mixed, std::size_t first, std::size_t end,
                     Opacities& found) {
   Block& block = found.block;
   open_block(table.harmonics, first, end, block);
   load_weights(mixed, block, found.weights);
   const Vec logits = load_first(table.logits + first, block.rows);
+  mix<OPACITIES_TOGETHER>(mixed, found.weights, block.count, HARMONICS, found.coefficients);
   Vec moved = logits;
-  for (int k = 0; k < block.count; k++) {
-    Vec sum = load(found.weights[0]) * Vec(mixed.basis[k]);
-    for (int j = 1; j < mixed.count; j++) sum = fma(load(found.weights[j]), Vec(mixed.basis[HARMONICS * j + k]), sum);
-    store(found.coefficients[k], sum);
-    moved = fma(sum, load(block.basis[k]), moved);
-  }
-  store(found.shown, sigmoid(moved));
-  store(found.dark, sigmoid(-moved));
-  store(found.mean, sigmoid(logits));
-  store(found.light, sigmoid(-logits));
-  for (int i = 0; i < LANES; i++) found.over[i] = found.mean[i] > table.least ? found.mean[i] : table.least;
+  for (int k = 0; k < block.count; k++) moved = fma(load(found.coefficients[k]), load(block.basis[k]), moved);
+  const Opacity shown = opacity_of(moved), mean = opacity_of(logits);
+  store(found.shown, shown.share);
+  store(found.dark, shown.rest);
+  store(found.mean, mean.share);
+  store(found.light, mean.rest);
+  store(found.over, max(Vec(table.least), mean.share));
 }
 
 // d(factor) to dL/d(sum of harmonics), and dL/d(logit), which is added: the factor falls as what it is divided by
 // rises. A row that nobody saw, or whose opacity is no number, has zeros: it must not reach what all share.
 void by_sums(const DirectionalOpacities& table, const float* upstream, const Opacities& of, Lanes by_sum,
              float* logits) {
-  Lanes by_logit;
-  for (int i = 0; i < LANES; i++) {
-    const bool counts = upstream[i] != 0 && of.shown[i] >= 0;
-    const float factor = counts ? upstream[i] * of.shown[i] / of.over[i] : 0.0f;
-    by_sum[i] = counts ? factor * of.dark[i] : 0.0f;
-    by_logit[i] = by_sum[i] - (of.mean[i] > table.least ? factor * of.light[i] : 0.0f);
-  }
+  const Vec given = load(upstream), shown = load(of.shown), mean = load(of.mean), zero(0.f);
+  const Mask unseen = both(ge(given, zero), ge(zero, given)), number = ge(shown, zero);
+  const Vec factor = given * shown / load(of.over);
+  const Vec moved = select(unseen, zero, keep(number, factor * load(of.dark)));
+  const Vec fallen = select(unseen, zero, keep(both(number, gt(mean, Vec(table.least))), factor * load(of.light)));
+  store(by_sum, moved);
   float* const to = logits + of.block.first;
-  store_first(to, load_first(to, of.block.rows) + load(by_logit), of.block.rows);
+  store_first(to, load_first(to, of.block.rows) + (moved - fallen), of.block.rows);
 }
 
 // by_weights[j] += sum of basis[j][k] harmonics[k] by_sum.
@@ -64,47 +68,45 @@ void add_to_weights(const SharedBasis& mixed, const Block& block, const Lanes by
   float* const rows = by_weights + static_cast<std::size_t>(mixed.count) * block.first;
   Vec columns[LANES];
   take_columns(rows, mixed.count, block.rows, columns);
-  for (int j = 0; j < mixed.count; j++) {
-    Vec sum(0.f);
-    for (int k = 0; k < block.count; k++) sum = fma(load(block.basis[k]), Vec(mixed.basis[HARMONICS * j + k]), sum);
-    columns[j] = fma(sum, load(by_sum), columns[j]);
+  // Four at a time do not wait for each other; the last four repeat the last one.
+  for (int j = 0; j < mixed.count; j += 4) {
+    const float* basis[4];
+    for (int i = 0; i < 4; i++) basis[i] = mixed.basis + HARMONICS * (j + i < mixed.count ? j + i : mixed.count - 1);
+    Vec sums[4] = {Vec(0.f), Vec(0.f), Vec(0.f), Vec(0.f)};
+    for (int k = 0; k < block.count; k++) {
+      const Vec harmonic = load(block.basis[k]);
+      for (int i = 0; i < 4; i++) sums[i] = fma(harmonic, Vec(basis[i][k]), sums[i]);
+    }
+    for (int i = 0; i < 4 && j + i < mixed.count; i++) columns[j + i] = fma(sums[i], load(by_sum), columns[j + i]);
   }
   for (int j = mixed.count; j < LANES; j++) columns[j] = Vec(0.f);
   put_columns(rows, mixed.count, block.rows, columns);
 }
 
-// sums[j][k][lane] += weights[j] harmonics[k] by_sum. Rows of zero must not reach the sums, even if they are not
-// numbers.
-void add_to_shared(const SharedBasis& mixed, const Opacities& of, const Lanes by_sum, float* sums) {
-  const Vec upstream = load(by_sum);
-  unsigned rows = (1u << of.block.rows) - 1;  // surplus lanes repeat the last row
-  rows &= ~bits(both(ge(upstream, Vec(0.f)), ge(Vec(0.f), upstream)));
-  const Mask lit = mask_from_bits(rows);
-  Lanes seen[HARMONICS];
-  for (int k = 0; k < of.block.count; k++) store(seen[k], keep(lit, load(of.block.basis[k])) * keep(lit, upstream));
-  for (int j = 0; j < mixed.count; j++) {
-    const Vec weight = keep(lit, load(of.weights[j]));
-    float* const to = sums + HARMONICS * j * LANES;
-    for (int k = 0; k < of.block.count; k++) store(to + k * LANES, fma(weight, load(seen[k]), load(to + k * LANES)));
-  }
+// Rows whose gradient is not zero; what is not a number counts.
+Mask lit_rows(const Block& block, Vec by_sum) {
+  const unsigned rows = (1u << block.rows) - 1;  // surplus lanes repeat the last row
+  return mask_from_bits(rows & ~bits(both(ge(by_sum, Vec(0.f)), ge(Vec(0.f), by_sum))));
 }
 
-// Every `shards`-th block from `shard` on: blocks that nobody sees are neighbours, and cost nothing.
+// Blocks that nobody sees cost nothing.
 void run_shard(const DirectionalOpacities& table, const SharedBasis& mixed, const float* by_factors, std::size_t shard,
                std::size_t shards, const BasisOpacityGradients& to, float* sums) {
   const std::size_t count = table.harmonics.count;
-  std::memset(sums, 0, HARMONICS * LANES * sizeof(float) * mixed.count);
+  const int degree = table.harmonics.degree;
+  SharedGradient<1> shared(mixed.count, (degree + 1) * (degree + 1) - 1, sums);
   alignas(64) Opacities found;
-  for (std::size_t first = shard * LANES; first < count; first += shards * LANES) {
-    Lanes upstream, by_sum;
+  for_blocks_of(shard, shards, count, [&](std::size_t first) __attribute__((always_inline)) {
+    Lanes upstream, by_sum[1];
     store(upstream, load_first(by_factors + first, count - first < LANES ? static_cast<int>(count - first) : LANES));
-    if (is_zero(upstream)) continue;
+    if (is_zero(upstream)) return;
     open_opacities(table, mixed, first, count, found);
-    by_sums(table, upstream, found, by_sum, to.logits);
-    add_to_means(by_sum, table.harmonics.degree, found.block, found.coefficients, to.means);
-    add_to_weights(mixed, found.block, by_sum, to.weights);
-    add_to_shared(mixed, found, by_sum, sums);
-  }
+    by_sums(table, upstream, found, by_sum[0], to.logits);
+    add_to_means(by_sum[0], degree, found.block, found.coefficients, to.means);
+    add_to_weights(mixed, found.block, by_sum[0], to.weights);
+    shared.add(lit_rows(found.block, load(by_sum[0])), found.weights, found.block.basis, by_sum);
+  });
+  shared.flush();
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "machine/scratch.isa.hpp"
 #include "step/sh_mix.isa.hpp"
 #include "step/sh_shards.isa.hpp"
+#include "step/shared_gradient.isa.hpp"
 
 namespace ringlight::RINGLIGHT_ISA {
 namespace {
@@ -24,8 +25,8 @@ unsigned find_gradient(const float* by_constant, const Block& block, Lanes* by_s
   return lit;
 }
 
-// by_weights[j] = sum of basis[j][k][c] harmonics[k] by_sum[c].
-void weights_gradient(const SharedBasis& mixed, const Block& block, const Lanes* by_sum, float* by_weights) {
+// by_weights[j] = sum of basis[j][k][c] harmonics[k] by_sum[c] of the rows that are `lit`, and 0 of others.
+void weights_gradient(const SharedBasis& mixed, const Block& block, Mask lit, const Lanes* by_sum, float* by_weights) {
   Vec planar[LANES];
   for (int j = mixed.count; j < LANES; j++) planar[j] = Vec(0.f);
   // Two at a time: a sum waits for the one before it, six do not wait for each other.
@@ -44,48 +45,34 @@ void weights_gradient(const SharedBasis& mixed, const Block& block, const Lanes*
     for (int i = 0; i < 2; i++) {
       Vec sum = seen[i][0] * load(by_sum[0]);
       for (int c = 1; c < 3; c++) sum = fma(seen[i][c], load(by_sum[c]), sum);
-      planar[places[i]] = sum;
+      planar[places[i]] = keep(lit, sum);
     }
   }
   put_columns(by_weights + static_cast<std::size_t>(mixed.count) * block.first, mixed.count, block.rows, planar);
 }
 
-// sums[j][k][c][lane] += weights[j] harmonics[k] by_sum[c].
-void add_basis_gradient(const SharedBasis& mixed, const Block& block, Mask lit, const Lanes* by_sum, float* sums) {
-  alignas(64) Lanes weights[convention::SH_MAX_BASIS];
-  load_weights(mixed, block, weights);
-  for (int j = 0; j < mixed.count; j++)
-    for (int c = 0; c < 3; c++) {
-      const Vec factor = keep(lit, load(weights[j])) * load(by_sum[c]);
-      float* const to = sums + (SH_REST * j + c) * LANES;
-      for (int k = 0; k < block.count; k++) {
-        float* const sum = to + 3 * k * LANES;
-        store(sum, fma(load(block.basis[k]), factor, load(sum)));
-      }
-    }
-}
-
-// Every `shards`-th block from `shard` on: blocks that nobody sees are neighbours, and cost nothing.
+// Blocks that nobody sees cost nothing.
 void run_shard(const Harmonics& table, const SharedBasis& mixed, const float* by_constant, std::size_t shard,
                std::size_t shards, float* by_weights, float* sums) {
-  std::memset(sums, 0, SH_REST * LANES * sizeof(float) * mixed.count);
+  SharedGradient<3> shared(mixed.count, (table.degree + 1) * (table.degree + 1) - 1, sums);
   Block block;
-  for (std::size_t first = shard * LANES; first < table.count; first += shards * LANES) {
+  alignas(64) Lanes weights[SH_MAX_BASIS];
+  for_blocks_of(shard, shards, table.count, [&](std::size_t first) __attribute__((always_inline)) {
     Lanes by_sum[3];
     block.first = first;
     block.rows = table.count - first < LANES ? static_cast<int>(table.count - first) : LANES;
     const unsigned lit = find_gradient(by_constant, block, by_sum);
     if (!lit) {
       std::memset(by_weights + mixed.count * first, 0, sizeof(float) * mixed.count * block.rows);
-      continue;
+      return;
     }
     open_block(table, first, table.count, block);
-    // Rows that got no gradient must not reach the sums, which all share, even if they are not numbers.
+    load_weights(mixed, block, weights);
     const Mask lanes = mask_from_bits(lit);
-    for (int k = 0; k < block.count; k++) store(block.basis[k], keep(lanes, load(block.basis[k])));
-    weights_gradient(mixed, block, by_sum, by_weights);
-    add_basis_gradient(mixed, block, lanes, by_sum, sums);
-  }
+    weights_gradient(mixed, block, lanes, by_sum, by_weights);
+    shared.add(lanes, weights, block.basis, by_sum);
+  });
+  shared.flush();
 }
 
 }  // namespace

@@ -7,8 +7,11 @@ namespace ringlight::RINGLIGHT_ISA {
 namespace {
 
 static_assert(convention::SH_MAX_BASIS <= LANES, "a row of weights is one Vec");
-constexpr int TOGETHER = 9;
-static_assert(SH_REST % TOGETHER == 0);
+
+// Sums that are taken at once: one waits for the one before it, several do not wait for each other. As many as stay in
+// registers.
+constexpr int COLORS_TOGETHER = VEC_REGISTERS >= 32 ? 9 : 5, OPACITIES_TOGETHER = 5;
+static_assert(SH_REST % COLORS_TOGETHER == 0 && HARMONICS % OPACITIES_TOGETHER == 0);
 
 // [K][LANES], the block's rows of weights[N][K].
 inline void load_weights(const SharedBasis& mixed, const Block& block, Lanes* weights) {
@@ -18,22 +21,30 @@ inline void load_weights(const SharedBasis& mixed, const Block& block, Lanes* we
   for (int j = 0; j < count; j++) store(weights[j], columns[j]);
 }
 
-// For the harmonics that are in use.
+// coefficients[k] = sum of weights[j] basis[j][k] for k < used, of a basis with `stored` numbers a row. The last ones
+// together reach into the next degree, which is there in every basis, and is not used.
+template <int Together>
+inline void mix(const SharedBasis& mixed, const Lanes* weights, int used, int stored, Lanes* coefficients) {
+  for (int first = 0; first < used; first += Together) {
+    Vec sums[Together];
+#pragma GCC unroll 9
+    for (int k = 0; k < Together; k++) sums[k] = Vec(0.f);
+    for (int j = 0; j < mixed.count; j++) {
+      const Vec weight = load(weights[j]);
+      const float* const basis = mixed.basis + stored * j + first;
+#pragma GCC unroll 9
+      for (int k = 0; k < Together; k++) sums[k] = fma(weight, Vec(basis[k]), sums[k]);
+    }
+#pragma GCC unroll 9
+    for (int k = 0; k < Together; k++) store(coefficients[first + k], sums[k]);
+  }
+}
+
+// Of colours, for the harmonics that are in use.
 inline void mix_coefficients(const SharedBasis& mixed, const Block& block, Lanes* coefficients) {
   alignas(64) Lanes weights[convention::SH_MAX_BASIS];
   load_weights(mixed, block, weights);
-  const int count = mixed.count;
-  // A sum waits for the one before it, nine do not wait for each other. At degree 2 the last nine reach into the next
-  // degree, which is there in every basis, and is not used.
-  for (int first = 0; first < 3 * block.count; first += TOGETHER) {
-    Vec sums[TOGETHER];
-    for (int j = 0; j < count; j++) {
-      const Vec weight = load(weights[j]);
-      const float* const basis = mixed.basis + SH_REST * j + first;
-      for (int k = 0; k < TOGETHER; k++) sums[k] = j ? fma(weight, Vec(basis[k]), sums[k]) : weight * Vec(basis[k]);
-    }
-    for (int k = 0; k < TOGETHER; k++) store(coefficients[first + k], sums[k]);
-  }
+  mix<COLORS_TOGETHER>(mixed, weights, 3 * block.count, SH_REST, coefficients);
 }
 
 }  // namespace

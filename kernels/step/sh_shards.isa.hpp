@@ -16,13 +16,32 @@ inline std::size_t shards_of(std::size_t blocks) {
   return shards < 1 ? 1 : shards < MOST_SHARDS ? shards : MOST_SHARDS;
 }
 
+// Blocks in a row that one shard takes before it skips those of the others: enough that memory is read ahead, and few
+// enough that neighbours, which are seen together, are shared out.
+constexpr std::size_t BLOCKS_IN_A_ROW = 32;
+
+// Calls each(row) for the first row of every block of a shard, of a table of `count` rows.
+template <class Each>
+inline void for_blocks_of(std::size_t shard, std::size_t shards, std::size_t count, Each each) {
+  constexpr std::size_t ROWS = BLOCKS_IN_A_ROW * LANES;
+  for (std::size_t begin = shard * ROWS; begin < count; begin += shards * ROWS) {
+    const std::size_t end = begin + ROWS < count ? begin + ROWS : count;
+    for (std::size_t row = begin; row < end; row += LANES) each(row);
+  }
+}
+
 // `to` [width]: the sums [shards, width, LANES], in order.
 inline void add_shards(const float* sums, std::size_t shards, std::size_t width, float* to) {
-  for (std::size_t i = 0; i < width; i++) {
-    float sum = 0;
-    for (std::size_t shard = 0; shard < shards; shard++)
-      for (int lane = 0; lane < LANES; lane++) sum += sums[(shard * width + i) * LANES + lane];
-    to[i] = sum;
+  for (std::size_t first = 0; first < width; first += LANES) {
+    const int count = width - first < LANES ? static_cast<int>(width - first) : LANES;
+    Vec terms[LANES];
+    for (int i = 0; i < LANES; i++) {
+      terms[i] = Vec(0.f);
+      if (i >= count) continue;
+      const float* const from = sums + (first + static_cast<std::size_t>(i)) * LANES;
+      for (std::size_t shard = 0; shard < shards; shard++) terms[i] = terms[i] + load(from + shard * width * LANES);
+    }
+    store_first(to + first, lane_sums<LANES>(terms), count);
   }
 }
 
