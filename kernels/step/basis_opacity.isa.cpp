@@ -14,9 +14,9 @@ namespace {
 constexpr std::size_t GRAIN = 64 * LANES;  // rows a piece
 
 // One block's rows, seen from the camera.
-struct Opacities {
+struct OpacityBlock {
   Block block;
-  alignas(64) Lanes weights[convention::SH_MAX_BASIS];
+  alignas(64) Lanes weights[SH_MAX_BASIS];
   Coefficients coefficients;
   Lanes shown, dark;   // sigmoid(logit + harmonics), and what it leaves of one: the difference would lose digits
   Lanes mean, light;   // the same without harmonics
@@ -24,16 +24,16 @@ struct Opacities {
 };
 
 struct Opacity {
-  Vec share, rest;  // rest is 1 - share, but with all digits
+  Vec value, rest;  // rest is 1 - value, but with all digits
 };
 
 RINGLIGHT_INLINE Opacity opacity_of(Vec logit) {
-  const Vec odds = exp(-logit), share = Vec(1.f) / (Vec(1.f) + odds);
-  return {share, odds * share};
+  const Vec odds = exp(-logit), value = Vec(1.f) / (Vec(1.f) + odds);
+  return {value, odds * value};
 }
 
 void open_opacities(const DirectionalOpacities& table, const SharedBasis& mixed, std::size_t first, std::size_t end,
-                    Opacities& found) {
+                    OpacityBlock& found) {
   Block& block = found.block;
   open_block(table.harmonics, first, end, block);
   load_weights(mixed, block, found.weights);
@@ -42,25 +42,25 @@ void open_opacities(const DirectionalOpacities& table, const SharedBasis& mixed,
   Vec moved = logits;
   for (int k = 0; k < block.count; k++) moved = fma(load(found.coefficients[k]), load(block.basis[k]), moved);
   const Opacity shown = opacity_of(moved), mean = opacity_of(logits);
-  store(found.shown, shown.share);
+  store(found.shown, shown.value);
   store(found.dark, shown.rest);
-  store(found.mean, mean.share);
+  store(found.mean, mean.value);
   store(found.light, mean.rest);
-  store(found.over, max(Vec(table.least), mean.share));
+  store(found.over, max(Vec(table.least), mean.value));
 }
 
 // d(factor) to dL/d(sum of harmonics), and dL/d(logit), which is added: the factor falls as what it is divided by
 // rises. A row that nobody saw, or whose opacity is no number, has zeros: it must not reach what all share.
-void by_sums(const DirectionalOpacities& table, const float* upstream, const Opacities& of, Lanes by_sum,
+void by_sums(const DirectionalOpacities& table, const float* upstream, const OpacityBlock& of, Lanes by_sum,
              float* logits) {
   const Vec given = load(upstream), shown = load(of.shown), mean = load(of.mean), zero(0.f);
   const Mask unseen = both(ge(given, zero), ge(zero, given)), number = ge(shown, zero);
   const Vec factor = given * shown / load(of.over);
-  const Vec moved = select(unseen, zero, keep(number, factor * load(of.dark)));
-  const Vec fallen = select(unseen, zero, keep(both(number, gt(mean, Vec(table.least))), factor * load(of.light)));
-  store(by_sum, moved);
+  const Vec rises = select(unseen, zero, keep(number, factor * load(of.dark)));
+  const Vec falls = select(unseen, zero, keep(both(number, gt(mean, Vec(table.least))), factor * load(of.light)));
+  store(by_sum, rises);
   float* const to = logits + of.block.first;
-  store_first(to, load_first(to, of.block.rows) + (moved - fallen), of.block.rows);
+  store_first(to, load_first(to, of.block.rows) + (rises - falls), of.block.rows);
 }
 
 // by_weights[j] += sum of basis[j][k] harmonics[k] by_sum.
@@ -94,8 +94,8 @@ void run_shard(const DirectionalOpacities& table, const SharedBasis& mixed, cons
                std::size_t shards, const BasisOpacityGradients& to, float* sums) {
   const std::size_t count = table.harmonics.count;
   const int degree = table.harmonics.degree;
-  SharedGradient<1> shared(mixed.count, (degree + 1) * (degree + 1) - 1, sums);
-  alignas(64) Opacities found;
+  SharedGradient<1> shared(mixed.count, harmonics_of(degree), sums);
+  alignas(64) OpacityBlock found;
   for_blocks_of(shard, shards, count, [&](std::size_t first) __attribute__((always_inline)) {
     Lanes upstream, by_sum[1];
     store(upstream, load_first(by_factors + first, count - first < LANES ? static_cast<int>(count - first) : LANES));
@@ -113,7 +113,7 @@ void run_shard(const DirectionalOpacities& table, const SharedBasis& mixed, cons
 
 void sh_basis_opacity_factors(const DirectionalOpacities& table, const SharedBasis& mixed, float* factors) {
   parallel_ranges(table.harmonics.count, GRAIN, [&](std::size_t begin, std::size_t end) {
-    alignas(64) Opacities found;
+    alignas(64) OpacityBlock found;
     for (std::size_t first = begin; first < end; first += LANES) {
       open_opacities(table, mixed, first, end, found);
       store_first(factors + first, load(found.shown) / load(found.over), found.block.rows);

@@ -54,7 +54,7 @@ void weights_gradient(const SharedBasis& mixed, const Block& block, Mask lit, co
 // Blocks that nobody sees cost nothing.
 void run_shard(const Harmonics& table, const SharedBasis& mixed, const float* by_constant, std::size_t shard,
                std::size_t shards, float* by_weights, float* sums) {
-  SharedGradient<3> shared(mixed.count, (table.degree + 1) * (table.degree + 1) - 1, sums);
+  SharedGradient<3> shared(mixed.count, harmonics_of(table.degree), sums);
   Block block;
   alignas(64) Lanes weights[SH_MAX_BASIS];
   for_blocks_of(shard, shards, table.count, [&](std::size_t first) __attribute__((always_inline)) {

@@ -24,6 +24,9 @@ struct Block {
   Lanes basis[HARMONICS];
 };
 
+// Harmonics up to `degree`, without the constant one.
+constexpr int harmonics_of(int degree) { return (degree + 1) * (degree + 1) - 1; }
+
 // First of the sixteen coefficients of a row that are turned together: the last sixteen are pulled back, so that they
 // end with the row, and repeat some work instead of touching the next row.
 inline int piece_start(int coefficient, int stored) {
@@ -107,7 +110,7 @@ inline void find_basis(int degree, Block& block) {
 inline void open_block(const Harmonics& table, std::size_t first, std::size_t end, Block& block) {
   block.first = first;
   block.rows = end - first < LANES ? static_cast<int>(end - first) : LANES;
-  block.count = (table.degree + 1) * (table.degree + 1) - 1;
+  block.count = harmonics_of(table.degree);
   find_directions(table, block);
   find_basis(table.degree, block);
 }

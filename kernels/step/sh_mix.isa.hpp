@@ -9,7 +9,7 @@ namespace {
 static_assert(convention::SH_MAX_BASIS <= LANES, "a row of weights is one Vec");
 
 // Sums that are taken at once: one waits for the one before it, several do not wait for each other. As many as stay in
-// registers.
+// the registers of AVX2, and of AVX-512 where those are four times as many; more opacities were not tried there.
 constexpr int COLORS_TOGETHER = VEC_REGISTERS >= 32 ? 9 : 5, OPACITIES_TOGETHER = 5;
 static_assert(SH_REST % COLORS_TOGETHER == 0 && HARMONICS % OPACITIES_TOGETHER == 0);
 
@@ -42,7 +42,7 @@ inline void mix(const SharedBasis& mixed, const Lanes* weights, int used, int st
 
 // Of colours, for the harmonics that are in use.
 inline void mix_coefficients(const SharedBasis& mixed, const Block& block, Lanes* coefficients) {
-  alignas(64) Lanes weights[convention::SH_MAX_BASIS];
+  alignas(64) Lanes weights[SH_MAX_BASIS];
   load_weights(mixed, block, weights);
   mix<COLORS_TOGETHER>(mixed, weights, 3 * block.count, SH_REST, coefficients);
 }

@@ -32,13 +32,15 @@ class SharedGradient {
     count_ = 0;
     for (int j = 0; j < weights_; j++)
       for (int c = 0; c < Channels; c++) {
-        const Vec a = factor(0, j, c), b = factor(1, j, c), d = factor(2, j, c), e = factor(3, j, c);
+        Vec factors[TOGETHER];
+#pragma GCC unroll 4
+        for (int i = 0; i < TOGETHER; i++) factors[i] = load(held_[i].weights[j]) * load(held_[i].given[c]);
         float* to = sums_ + (HARMONICS * Channels * j + c) * LANES;
         for (int k = 0; k < harmonics_; k++, to += Channels * LANES) {
-          Vec sum = fma(load(held_[0].harmonics[k]), a, load(to));
-          sum = fma(load(held_[1].harmonics[k]), b, sum);
-          sum = fma(load(held_[2].harmonics[k]), d, sum);
-          store(to, fma(load(held_[3].harmonics[k]), e, sum));
+          Vec sum = load(to);
+#pragma GCC unroll 4
+          for (int i = 0; i < TOGETHER; i++) sum = fma(load(held_[i].harmonics[k]), factors[i], sum);
+          store(to, sum);
         }
       }
   }
@@ -48,8 +50,6 @@ class SharedGradient {
   struct Held {
     Lanes weights[SH_MAX_BASIS], harmonics[HARMONICS], given[Channels];
   };
-
-  Vec factor(int block, int j, int c) const { return load(held_[block].weights[j]) * load(held_[block].given[c]); }
 
   alignas(64) Held held_[TOGETHER];
   int count_ = 0, weights_, harmonics_;

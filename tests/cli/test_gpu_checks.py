@@ -183,7 +183,7 @@ def test_a_run_that_needs_a_gpu_is_not_resumed_without_one(
     written.write_text(json.dumps(record | {"device": "cuda"}))
     monkeypatch.setattr("ringlight.runs.resume.has_gpu", lambda: False)
     done = ringlight("train", "--resume", run)
-    refused(done, 1, "was begun with --device cuda", "no NVIDIA GPU", f"--from {run}")
+    refused(done, 1, "was begun with --device cuda", "no NVIDIA GPU", "3dgs --device cpu --out NEW")
     assert "photographs" not in done.err
 
 

@@ -69,7 +69,7 @@ def test_it_is_a_colour_model():
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
-@pytest.mark.parametrize("size", [1, 3, 8, SH_MAX_BASIS])
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 8, SH_MAX_BASIS])
 @pytest.mark.parametrize("count", COUNTS)
 def test_native_equals_the_reference_in_value_and_gradient(kernels, count: int, size: int, degree: int):
     upstream = upstream_of(count)
@@ -157,6 +157,28 @@ def test_an_unseen_row_that_is_not_a_number_does_not_reach_what_all_share(kernel
     found = found_by(model, table, by_colors, by_factors)
     assert found["color.basis"].isfinite().all()
     assert found["color.opacity_basis"].isfinite().all()
+
+
+@pytest.mark.parametrize("column", ["means", "opacity_logits", "basis_weights"])
+def test_a_seen_row_that_is_not_a_number_stays_in_its_row(kernels, column: str):
+    table, model = table_of(50, 8), model_of(8)
+    table.columns()[column][20] = float("nan")
+    by_colors = torch.ones(50, 3)
+    by_colors[20] = 0
+    found = found_by(model, table, by_colors, torch.ones(50))
+    assert found["color.opacity_basis"].isfinite().all()
+    others = torch.arange(50) != 20
+    for name in ("columns.means", "columns.opacity_logits", "columns.basis_weights"):
+        assert found[name][others].isfinite().all(), name
+
+
+def test_many_rows_are_summed_in_all_shards(kernels):
+    count, upstream = 70_000, upstream_of(70_000)
+    found = found_by(model_of(4), table_of(count, 4), *upstream)["color.opacity_basis"].double()
+    exact = found_by(model_of(4, dtype=torch.float64), table_of(count, 4, torch.float64), *upstream)
+    torch.testing.assert_close(
+        found, exact["color.opacity_basis"], rtol=0, atol=TOLERANCE * float(exact["color.opacity_basis"].abs().max())
+    )
 
 
 def test_both_bases_are_drawn_by_the_seed():

@@ -87,7 +87,7 @@ def test_many_rows_are_summed_in_all_shards(kernels):
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
-@pytest.mark.parametrize("size", [1, 2, 5, 8, SH_MAX_BASIS])
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 8, SH_MAX_BASIS])
 @pytest.mark.parametrize("count", COUNTS)
 def test_native_equals_the_reference_in_value_and_gradient(kernels, count: int, size: int, degree: int):
     table, upstream, model = table_of(count, size), upstream_of(count), model_of(size, degree)

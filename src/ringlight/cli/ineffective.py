@@ -3,7 +3,7 @@
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from ringlight.core.scene import Origin
+from ringlight.core.origin import Origin
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
@@ -22,7 +22,7 @@ ROUNDING = 1e-6
 
 def idle_settings(recipe: Recipe, preset: Recipe) -> list[str]:
     """A sentence on each setting that others, such as the kind of density control, make idle; what the ``preset`` has
-    too was not asked for. No scene has a say."""
+    too was not asked for. Needs no scene."""
     return [
         f"{_flag(setting, attrgetter(setting)(recipe))} has no effect: {reason}"
         for setting, reason in recipe.without_effect().items()
@@ -41,7 +41,7 @@ def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:
         reason = f"the run starts from {session.record.start}"
     elif session.scene.points.measured:
         reason = f"the scene brings {counted(len(session.scene.points.positions), 'point')}"
-    elif origin is None:
+    elif session.training.model.splats() is None:
         reason = f"{session.record.preset} starts from no points"
     elif origin in HULLS:
         reason = f"the run begins with {session.training.model.counted()} on or in a hull carved from the photographs"

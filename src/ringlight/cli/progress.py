@@ -11,7 +11,7 @@ from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
 
 from ringlight.cli.console import Screen
-from ringlight.core.scene import Origin
+from ringlight.core.origin import Origin
 from ringlight.core.words import MEGABYTE, counted
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
@@ -34,6 +34,15 @@ SMOOTHING = 0.8
 
 RATE_SECONDS = 3.0
 """The shown speed is that of the last few seconds: it changes as Gaussians are added and schedules move on."""
+
+
+PLACES: dict[Origin, str] = {
+    "scene": "on the scene's points",
+    "random": "on random points",
+    "hull": "on the visual hull",
+    "in hull": "anywhere in the visual hull",
+}
+"""Of a run's first Gaussians, by where their points come from."""
 
 
 def announce(session: Session, quiet: bool) -> None:
@@ -60,19 +69,10 @@ def announce(session: Session, quiet: bool) -> None:
     sys.stderr.write("\n".join(lines) + "\n")
 
 
-PLACES: dict[Origin, str] = {
-    "scene": "on the scene's points",
-    "random": "on random points",
-    "hull": "on the visual hull",
-    "in hull": "anywhere in the visual hull",
-}
-"""Of a run's first Gaussians, by where their points come from."""
-
-
 def _where(session: Session) -> str:
     """Where they lie, behind a comma; nothing for those of a model that the run starts from."""
     origin = session.training.origin
-    return "" if origin is None or session.record.start is not None else f", {PLACES[origin]}"
+    return "" if origin is None else f", {PLACES[origin]}"
 
 
 def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 import torch
@@ -11,6 +10,7 @@ from torch import Tensor
 
 from ringlight.core.camera import Camera
 from ringlight.core.computed_once import computed_once
+from ringlight.core.origin import Origin
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,6 @@ class View:
             return pixels.contiguous()
         color, alpha = pixels[:3], pixels[3:]
         return torch.lerp(background[:, None, None], color, alpha)
-
-
-Origin = Literal["scene", "random", "hull", "in hull"]
-"""Where points come from: the scene's files, a generator of random numbers, the surface of the visual hull, or all that
-this encloses."""
 
 
 @dataclass(frozen=True)

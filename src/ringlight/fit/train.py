@@ -9,8 +9,8 @@ from torch import Tensor
 
 from ringlight.core.batch import Batch
 from ringlight.core.gradients import Gradients
+from ringlight.core.origin import Origin
 from ringlight.core.rendering import Rendering, no_way_back
-from ringlight.core.scene import Origin
 from ringlight.core.want import Want
 from ringlight.data.contract import Batches
 from ringlight.fit.faults import FaultCounter, bad_loss, predicted
@@ -32,8 +32,8 @@ class Training:
     """What a recipe builds and :func:`train` consumes. ``step`` counts the steps already done.
 
     ``reduce`` is where several processes make one of their gradients; ``guard`` watches a light; ``origin`` is that of
-    the points on which the first rows lie, if any. Raises RecipeError for a regularizer of a buffer that the model does
-    not blend.
+    the points on which the first rows lie, None where they lie on none or on a model's own. Raises RecipeError for a
+    regularizer of a buffer that the model does not blend.
     """
 
     model: Model

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from ringlight.core.command_line import command
 from ringlight.core.scene import Scene
 from ringlight.core.words import counted
 from ringlight.data.decode_check import DecodeCheck
@@ -33,7 +34,7 @@ def resume_run(path: Path, more: int = 0, loaded: Loaded = nobody) -> Session:
     """
     folder = RunFolder.open(path)
     record = RunRecord.read(path)
-    _refuse_other_machine(path, record.device)
+    _refuse_without_gpu(path, record)
     lock = RunLock(path)
     folder.sweep()
     extended = record.extended(more) if more else record
@@ -68,13 +69,13 @@ def resume_run(path: Path, more: int = 0, loaded: Loaded = nobody) -> Session:
     return _extended(session, extended)
 
 
-def _refuse_other_machine(path: Path, device: str) -> None:
+def _refuse_without_gpu(path: Path, record: RunRecord) -> None:
     """Raises BackendError, before photographs are read, for a run on a GPU where there is none."""
-    if device == "cuda" and not has_gpu():
+    if record.device == "cuda" and not has_gpu():
+        again = command("train", record.scene, record.preset)
         raise BackendError(
             f"{path}: was begun with --device cuda, which a resumed run keeps, and torch finds no NVIDIA GPU on this "
-            "machine; go on where there is one, or start from what it has learned: ringlight train SCENE METHOD "
-            f"--from {path}"
+            f"machine; go on where there is one, or start again: {again} --device cpu --out NEW"
         )
 
 

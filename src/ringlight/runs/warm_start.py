@@ -106,6 +106,7 @@ def begin_with(training: Training, recipe: Recipe, scene: Scene, start: Start) -
         model.load_tensors(model.state_dict() | _table_of(start, training))
     _refuse_unseen(model.splats(), scene, start)
     training.optimizer.begin_anew()
+    training.origin = None
 
 
 def _all_of(start: Start, training: Training, recipe: Recipe) -> dict[str, Tensor]:
