@@ -9,6 +9,7 @@ import torch
 from ringlight.errors import RecipeError
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
+from ringlight.fit.strategies.drop_least import DropLeast
 from ringlight.methods.relight_recipe import relight_recipe
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.table import METHODS
@@ -68,9 +69,28 @@ def test_growth_in_between_lies_in_between_and_what_the_user_says_holds():
     decided = RingLightBasisRecipe(steps=15_000).at_length().densify
     assert 1e-4 < (decided.threshold or 0) < 2e-4
     assert 0.4 < (decided.drop_share or 0) < 0.7
+    assert 0.0 < (decided.drop_hidden or 0) < 0.01
     said = DensifySettings(threshold=3e-5, drop_share=0.25)
-    assert said.growth(15_000) == (3e-5, 0.25)
-    assert RingLightBasisRecipe(steps=15_000, densify=said).at_length().densify.growth(300) == (3e-5, 0.25)
+    assert said.growth(15_000) == (3e-5, 0.25, 0.0)
+    assert RingLightBasisRecipe(steps=15_000, densify=said).at_length().densify.growth(300) == (3e-5, 0.25, 0.0)
+
+
+@pytest.mark.parametrize(("steps", "share"), [(300, 0.0), (7_000, 0.0), (30_000, 0.01), (90_000, 0.01)])
+def test_long_runs_drop_what_lies_hidden(steps: int, share: float):
+    assert RingLightBasisRecipe(steps=steps).at_length().densify.drop_hidden == share
+    assert dropping_of(RingLightBasisRecipe(steps=steps)).hidden == share
+
+
+def test_a_long_run_that_is_to_keep_what_lies_hidden_keeps_it():
+    recipe = RingLightBasisRecipe(steps=30_000)
+    kept = dataclasses.replace(recipe, densify=dataclasses.replace(recipe.densify, drop_hidden=0.0))
+    assert dropping_of(kept).hidden == 0.0
+
+
+def dropping_of(recipe: RingLightBasisRecipe) -> DropLeast:
+    strategies = recipe.build(tiny_scene(), rasterizer_for("auto"), 0).strategies
+    (dropping,) = [strategy for strategy in strategies if isinstance(strategy, DropLeast)]
+    return dropping
 
 
 def test_without_a_bound_a_photograph_has_seventeen_gaussians_for_twenty_pixels():

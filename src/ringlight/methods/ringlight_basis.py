@@ -79,7 +79,9 @@ class RingLightBasisRecipe(SplatRecipe):
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(hold=HOLD))
     """Learning rates of the geometry, and when rates fall."""
     densify: DensifySettings = field(
-        default_factory=lambda: DensifySettings(threshold=None, drop_share=None, drop_by="effects", reset_every=0)
+        default_factory=lambda: DensifySettings(
+            threshold=None, drop_share=None, drop_by="effects", drop_hidden=None, reset_every=0
+        )
     )
     """Adaptive density control. Without opacity resets: 0.2 dB more on chair_400 after 3,000 steps."""
     loss: PhotometricLoss = field(default_factory=PhotometricLoss)

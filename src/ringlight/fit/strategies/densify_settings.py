@@ -45,27 +45,37 @@ FEWEST_GROWTHS = 5
 
 
 class Growth(NamedTuple):
-    """How readily Gaussians are added, and which share of them is dropped again."""
+    """How readily Gaussians are added, and which shares of them are dropped again: those that add least, and then
+    those that lie hidden."""
 
     threshold: float
     drop_share: float
+    drop_hidden: float
 
 
-SHORT_GROWTH = Growth(threshold=1e-4, drop_share=0.7)
+SHORT_GROWTH = Growth(threshold=1e-4, drop_share=0.7, drop_hidden=0.0)
 """In runs of SHORT_STEPS, and in shorter ones, most Gaussians are dropped again. Models take about a third of the
 bytes of 3dgs; a larger share would gain as much again in bytes, at a tenth more time
-(docs/experiments/growing-and-dropping.md)."""
+(docs/experiments/growing-and-dropping.md). Those that lie hidden are few: to drop them too gained nothing."""
 
-LONG_GROWTH = Growth(threshold=2e-4, drop_share=0.4)
+LONG_GROWTH = Growth(threshold=2e-4, drop_share=0.4, drop_hidden=0.01)
 """In runs as long as 3DGS's. There are five times as many rounds of growing: what suits short runs grows three
-Gaussians a pixel before the first is dropped, for a step four times as long (docs/experiments/results.md)."""
+Gaussians a pixel before the first is dropped, for a step four times as long (docs/experiments/results.md). Long
+runs let large Gaussians grow where no photograph sees them, too (docs/experiments/hidden.md)."""
 
 
 def growth_at(steps: int) -> Growth:
     """What suits a run of so many ``steps``: from short to long ones, even in their logarithm."""
     share = how_long(steps)
-    threshold = between(SHORT_GROWTH.threshold, LONG_GROWTH.threshold, share)
-    return Growth(threshold, (1 - share) * SHORT_GROWTH.drop_share + share * LONG_GROWTH.drop_share)
+
+    def mean(short: float, long: float) -> float:
+        return (1 - share) * short + share * long
+
+    return Growth(
+        threshold=between(SHORT_GROWTH.threshold, LONG_GROWTH.threshold, share),
+        drop_share=mean(SHORT_GROWTH.drop_share, LONG_GROWTH.drop_share),
+        drop_hidden=mean(SHORT_GROWTH.drop_hidden, LONG_GROWTH.drop_hidden),
+    )
 
 
 @dataclass(frozen=True)
@@ -119,11 +129,11 @@ class DensifySettings:
     drop_by: Literal["weights", "effects"] = later("weights")
     """What a Gaussian adds. weights: its blending weights, added up. effects: the squared change of the pictures if it
     were gone; where its neighbours have its colour that is little."""
-    drop_hidden: float = later(0.0)
+    drop_hidden: float | None = later(0.0)
     """Share of the Gaussians that goes too, right after the last round: those of which the photographs see least, such
-    as what hangs under a surface. 0.01 is worth a try in long runs, for views from where nobody photographed; it may
-    cost a tenth of a decibel elsewhere (docs/experiments/hidden.md). Without effect with mcmc, which ends with an exact
-    number."""
+    as what hangs under a surface, for views from where nobody photographed (docs/experiments/hidden.md). That of
+    ringlight-basis goes by the run's length: 0 in runs of up to 7,000 steps, 0.01 from 30,000 steps on. Without effect
+    with mcmc, which ends with an exact number."""
     mcmc: MCMCSettings = later(USUAL_MCMC)
     """What only mcmc has."""
 
@@ -182,6 +192,7 @@ class DensifySettings:
         return Growth(
             threshold=suits.threshold if self.threshold is None else self.threshold,
             drop_share=suits.drop_share if self.drop_share is None else self.drop_share,
+            drop_hidden=suits.drop_hidden if self.drop_hidden is None else self.drop_hidden,
         )
 
     def first_step(self, steps: int) -> int:

@@ -35,7 +35,7 @@ class DropLeast(Stateless):
         self.rounds, self.cameras, self.bound = settings.drop_rounds(steps), cameras, settings.max_gaussians
         self.by, self.background, self.seed = settings.drop_by, background, seed
         self.exact = settings.kind == "mcmc"
-        self.hidden = 0.0 if self.exact else settings.drop_hidden
+        self.hidden = 0.0 if self.exact else settings.growth(steps).drop_hidden
         self.kept = (1 - settings.growth(steps).drop_share) ** (1 / max(len(self.rounds), 1))
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
