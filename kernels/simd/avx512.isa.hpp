@@ -154,16 +154,9 @@ RINGLIGHT_INLINE void transpose(Vec rows[16]) {
   }
 }
 
-// Sixteen rows of eight floats as eight columns, and back; `columns` has room for sixteen, and is lost.
-RINGLIGHT_INLINE void load_eights(const float* rows, Vec* columns) {
-  for (int i = 0; i < 16; i++) columns[i] = load_first(rows + 8 * i, 8);
-  transpose(columns);
-}
-RINGLIGHT_INLINE void store_eights(float* rows, Vec* columns) {
-  transpose(columns);
-  for (int i = 0; i < 15; i++) store(rows + 8 * i, columns[i]);  // what lies beyond a row is the next one's
-  store_first(rows + 8 * 15, columns[15], 8);
-}
+// No way of its own with sixteen rows of eight floats.
+RINGLIGHT_INLINE bool load_eights(const float*, Vec*) { return false; }
+RINGLIGHT_INLINE bool store_eights(float*, const Vec*) { return false; }
 
 namespace detail {
 RINGLIGHT_INLINE __m512 add_neighbours(__m512 a, __m512 b) {

@@ -4,11 +4,12 @@
 
 namespace ringlight::RINGLIGHT_ISA {
 
-// Sixteen rows of `width` floats as columns; rows from `count` on are those of the last one.
+// Sixteen rows of `width` floats as columns; rows from `count` on are those of the last one, and columns from
+// `width` on are anything.
 RINGLIGHT_INLINE void take_columns(const float* rows, int width, int count, Vec* columns) {
   if (count == LANES && width == 3) return load_columns(rows, columns[0], columns[1], columns[2]);
   if (count == LANES && width == 4) return load_columns(rows, columns[0], columns[1], columns[2], columns[3]);
-  if (count == LANES && width == 8) return load_eights(rows, columns);
+  if (count == LANES && width == 8 && load_eights(rows, columns)) return;
   for (int i = 0; i < LANES; i++) columns[i] = load_first(rows + (i < count ? i : count - 1) * width, width);
   transpose(columns);
 }
@@ -18,7 +19,7 @@ RINGLIGHT_INLINE void take_columns(const float* rows, int width, int count, Vec*
 RINGLIGHT_INLINE void put_columns(float* rows, int width, int count, Vec* columns) {
   if (count == LANES && width == 3) return store_columns(rows, columns[0], columns[1], columns[2]);
   if (count == LANES && width == 4) return store_columns(rows, columns[0], columns[1], columns[2], columns[3]);
-  if (count == LANES && width == 8) return store_eights(rows, columns);
+  if (count == LANES && width == 8 && store_eights(rows, columns)) return;
   transpose(columns);
   int i = 0;
   for (; i * width + LANES <= count * width; i++) store(rows + i * width, columns[i]);
