@@ -59,11 +59,10 @@ def _of_surface(recipe: Recipe, preset: Recipe, session: "Session") -> list[str]
         return []
     elsewhere = session.record.start is not None or session.training.origin not in HULLS
     flags: dict[str, object] = {}
-    if elsewhere:
-        flags["--start.points"] = None if start.points in (0, usual.points) else start.points
     if not _begins_with_opacity(session, start.opacity):
         flags["--start.opacity"] = None if start.opacity == usual.opacity else start.opacity
     if elsewhere:
+        flags["--start.points"] = None if start.points in (0, usual.points) else start.points
         flags["--start.form"] = None if start.form == usual.form else start.form
     reason = _why_not_carved(session, start) if elsewhere else _why_balls(start)
     return [f"{flag} {value} has no effect: {reason}" for flag, value in flags.items() if value is not None]

@@ -56,7 +56,7 @@ class Growth(NamedTuple):
 SHORT_GROWTH = Growth(threshold=1e-4, drop_share=0.7, drop_hidden=0.0)
 """In runs of SHORT_STEPS, and in shorter ones, most Gaussians are dropped again. Models take about a third of the
 bytes of 3dgs; a larger share would gain as much again in bytes, at a tenth more time
-(docs/experiments/growing-and-dropping.md). Those that lie hidden are few: to drop them too gained nothing."""
+(docs/experiments/growing-and-dropping.md). To drop what lies hidden too gains nothing (docs/experiments/hidden.md)."""
 
 LONG_GROWTH = Growth(threshold=2e-4, drop_share=0.4, drop_hidden=0.01)
 """In runs as long as 3DGS's. There are five times as many rounds of growing: what suits short runs grows three
