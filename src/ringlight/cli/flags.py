@@ -1,5 +1,6 @@
 """The flags that a record becomes on the command line, to tell a person what a word should have been."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
@@ -32,6 +33,24 @@ def flags_in(arguments: list[str]) -> list[str]:
     return [word.split("=")[0].replace("_", "-") for word in arguments if word.startswith("--") and len(word) > 2]
 
 
+SETTING = r"(?<![-.\w])[a-z][a-z0-9]*(?:[._][a-z0-9]+)*(?![-.]?\w)"
+"""A word that may name a setting in a record: ``steps``, ``densify.reset_opacity``; no part of a flag or a path."""
+
+
+def by_flag(sentence: str, arguments: list[str]) -> str:
+    """The sentence with settings named as the command line gave them: ``--densify.reset-opacity`` for
+    ``densify.reset_opacity``. A plain word is one only at the beginning; what was not given keeps its name."""
+    given = set(flags_in(arguments))
+
+    def flag(found: re.Match[str]) -> str:
+        word = found[0]
+        of_word = f"--{word.replace('_', '-')}"
+        is_setting = found.start() == 0 or "_" in word or "." in word
+        return of_word if is_setting and of_word in given else word
+
+    return re.sub(SETTING, flag, sentence)
+
+
 def behind_values(arguments: list[str], flag: str, values: Sequence[str]) -> list[str]:
     """The same line with words that follow the ``values`` of ``flag``, and are none, put before all flags.
 
@@ -55,8 +74,16 @@ def _is_misspelt(word: str, values: Sequence[str]) -> bool:
     )
 
 
-def near(flag: str, flags: set[str]) -> str | None:
-    """The flag that was probably meant: one that goes on like it, one whose last part it is, or one spelt alike."""
+def near(flag: str, flags: set[str], others: set[str] | None = None) -> str | None:
+    """The flag that was probably meant: one that goes on like it, one whose last part or words it is, or one spelt
+    alike; rather one of ``flags`` than of the ``others``."""
+    pools = [sorted(flags), sorted(others or ())]
+    by_name = [known for pool in pools for known in _continued(flag, pool)]
+    alike = [known for pool in pools for known in get_close_matches(flag, pool, n=1)]
+    return next(iter(by_name or alike), None)
+
+
+def _continued(flag: str, flags: list[str]) -> list[str]:
     tail = flag.removeprefix("--")
-    longer = [known for known in sorted(flags) if known.startswith(flag) or known.split(".")[-1] == tail]
-    return next(iter(longer or get_close_matches(flag, sorted(flags), n=1)), None)
+    longer = [known for known in flags if known.startswith(flag) or known.split(".")[-1] == tail]
+    return longer + [known for known in flags if known.endswith(f"-{tail}")]

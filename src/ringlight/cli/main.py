@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ringlight import __version__
+from ringlight.cli.flags import by_flag
 from ringlight.cli.streams import Lasting, lasting_streams, what_flushing_met
 from ringlight.cli.system_refusals import met_in_links, sentence_on
 from ringlight.errors import FallbackWarning, RinglightError, RunError
@@ -135,7 +136,7 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
         # The parser of the command line ends so: 0 after --help, 2 after its own sentence.
         return int(stop.code or 0)
     except RinglightError as error:
-        return _complain(str(error), WRONG_INPUT)
+        return _complain(by_flag(str(error), arguments), WRONG_INPUT)
     except Stopped as stopped:
         return stopped.code
     except KeyboardInterrupt:

@@ -16,13 +16,13 @@ Arguments = TypeVar("Arguments")
 
 
 def parse(
-    kind: "type[Arguments]", verb: str, arguments: list[str], in_pairs: bool = False, before: str = ""
+    kind: "type[Arguments]", verb: str, arguments: list[str], in_pairs: bool = False, before: str = "", of: str = ""
 ) -> Arguments:
     """The record ``kind`` filled from the command line. Exits 0 after ``--help``, 2 after one sentence.
 
     With ``in_pairs`` what is on or off gets two flags, ``--x`` and ``--no-x``, unless marked otherwise: settings whose
     default is not the same in all methods, or left to the scene. ``before`` is what the help of a subcommand shows
-    before its name.
+    before its name, which is ``of``.
     """
     markers = (tyro.conf.CascadeSubcommandArgs, tyro.conf.DisallowNone)
     complaint = io.StringIO()
@@ -39,7 +39,7 @@ def parse(
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
-        refuse(verb, one_sentence(complaint.getvalue()))
+        refuse(verb, one_sentence(complaint.getvalue()), f"{before} {of}" if of else "")
 
 
 def _drawn_help() -> Any:
@@ -47,9 +47,10 @@ def _drawn_help() -> Any:
     return sys.stdout.drawing() if isinstance(sys.stdout, Lasting) else sys.stdout
 
 
-def refuse(verb: str, sentence: str) -> NoReturn:
-    """Wrong usage: one sentence on standard error, exit code 2."""
-    sys.stderr.write(f"ringlight {verb}: {sentence}; see 'ringlight {verb} --help'\n")
+def refuse(verb: str, sentence: str, of: str = "") -> NoReturn:
+    """Wrong usage: one sentence on standard error, exit code 2. Words ``of`` a subcommand go before ``--help``."""
+    explained = f"{verb} {of}".rstrip()
+    sys.stderr.write(f"ringlight {verb}: {sentence}; see 'ringlight {explained} --help'\n")
     raise SystemExit(WRONG_USAGE) from None
 
 

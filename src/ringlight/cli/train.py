@@ -104,8 +104,8 @@ def _start(arguments: list[str]) -> int:
             method_named(arguments[1])
         except RecipeError as error:
             refuse("train", str(error))
-    of_method = METHODS.keys() & set(arguments[: arguments.index("--help")] if "--help" in arguments else [])
-    asked = parse(TrainArguments, "train", arguments, in_pairs=True, before="SCENE" if of_method else "")
+    method = _method_among(arguments[: arguments.index("--help")] if "--help" in arguments else arguments)
+    asked = parse(TrainArguments, "train", arguments, in_pairs=True, before="SCENE" if method else "", of=method or "")
     preset = preset_of(arguments, asked.method)
     recipe: Recipe = asked.method
     if recipe.steps < 1:
@@ -183,8 +183,11 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
     before its method it would say that it does not know it."""
     for flag in flags_in(arguments):
         if flag not in KNOWN:
-            meant = near(flag, KNOWN)
-            refuse("train", f"not understood: {flag}" + (f"; perhaps you meant {meant}" if meant else ""))
+            method = _method_among(arguments)
+            own = OF_ANY_METHOD | flags_of(type(METHODS[method]), in_pairs=True) if method else KNOWN
+            meant = near(flag, own, KNOWN)
+            perhaps = f"; perhaps you meant {meant}" if meant else ""
+            refuse("train", f"not understood: {flag}{perhaps}", f"SCENE {method}" if method else "")
     if "--resume" in flags_in(arguments):
         return
     _refuse_unknown_method(arguments)
@@ -192,6 +195,11 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
     for flag in flags_in(arguments[:at]):
         if flag not in OF_ANY_METHOD:
             refuse("train", f"{flag} is a method's and goes behind its name: ringlight train SCENE METHOD {flag} …")
+
+
+def _method_among(arguments: list[str]) -> str | None:
+    """The method that is named last, for a folder may be called like one; None where none is."""
+    return next((word for word in reversed(arguments) if word in METHODS), None)
 
 
 def _refuse_unknown_method(arguments: list[str]) -> None:

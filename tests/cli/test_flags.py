@@ -1,0 +1,30 @@
+"""What a person is told is named as that person named it."""
+
+from ringlight.cli.flags import by_flag, near
+
+
+def test_a_setting_is_named_by_the_flag_that_was_given():
+    given = ["photos", "3dgs", "--densify.reset-opacity", "3", "--steps=0"]
+    assert by_flag("densify.reset_opacity is 3.0; give less", given) == "--densify.reset-opacity is 3.0; give less"
+    assert by_flag("steps is 0; give at least 1", given) == "--steps is 0; give at least 1"
+    assert by_flag("drop by densify.reset_opacity.", given) == "drop by --densify.reset-opacity."
+
+
+def test_a_flag_that_is_spelt_with_underscores_is_the_same():
+    assert by_flag("sh_rate is -1", ["photos", "3dgs", "--sh_rate", "-1"]) == "--sh-rate is -1"
+
+
+def test_what_was_not_given_keeps_its_name():
+    given = ["photos", "3dgs", "--steps", "7"]
+    for sentence in ("sh_rate is -1", "the run has 7 steps", "--steps is 7", "a/steps.txt: no such file", "two-steps"):
+        assert by_flag(sentence, given) == sentence
+
+
+def test_the_flag_that_was_meant():
+    flags = {"--steps", "--stop", "--light.ring.rank", "--density-rank"}
+    assert near("--step", flags) == "--steps"
+    assert near("--rank", flags) == "--light.ring.rank"
+    assert near("--rank", flags - {"--light.ring.rank"}) == "--density-rank"
+    assert near("--stesp", flags) == "--steps"
+    assert near("--rank", {"--masks"}, flags) == "--light.ring.rank", "a name before a likeness"
+    assert near("--colour", flags) is None
