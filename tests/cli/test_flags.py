@@ -20,6 +20,18 @@ def test_what_was_not_given_keeps_its_name():
         assert by_flag(sentence, given) == sentence
 
 
+def test_a_path_is_no_setting():
+    given = ["steps", "3dgs", "--steps", "7", "--sh-rate=-1", "--out", "out"]
+    for sentence in (
+        "steps: no cameras",
+        "out: holds no model",
+        "a/sh_rate: no cameras",
+        "sh_rate/x: no",
+        "/x/sh_rate/y",
+    ):
+        assert by_flag(sentence, given) == sentence
+
+
 def test_the_flag_that_was_meant():
     flags = {"--steps", "--stop", "--light.ring.rank", "--density-rank"}
     assert near("--step", flags) == "--steps"

@@ -33,7 +33,7 @@ def flags_in(arguments: list[str]) -> list[str]:
     return [word.split("=")[0].replace("_", "-") for word in arguments if word.startswith("--") and len(word) > 2]
 
 
-SETTING = r"(?<![-.\w])[a-z][a-z0-9]*(?:[._][a-z0-9]+)*(?![-.]?\w)"
+SETTING = r"(?<![-./\\\w])[a-z][a-z0-9]*(?:[._][a-z0-9]+)*(?![-./\\]?\w|:)"
 """A word that may name a setting in a record: ``steps``, ``densify.reset_opacity``; no part of a flag or a path."""
 
 
