@@ -25,6 +25,7 @@ def test_a_path_is_no_setting():
     for sentence in (
         "steps: no cameras",
         "out: holds no model",
+        "out is no run folder",
         "a/sh_rate: no cameras",
         "sh_rate/x: no",
         "/x/sh_rate/y",
@@ -39,4 +40,5 @@ def test_the_flag_that_was_meant():
     assert near("--rank", flags - {"--light.ring.rank"}) == "--density-rank"
     assert near("--stesp", flags) == "--steps"
     assert near("--rank", {"--masks"}, flags) == "--light.ring.rank", "a name before a likeness"
+    assert near("--opacty", {"--format"}, {"--opacity"}) == "--opacity", "the more alike"
     assert near("--colour", flags) is None

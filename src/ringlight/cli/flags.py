@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -39,14 +39,15 @@ SETTING = r"(?<![-./\\\w])[a-z][a-z0-9]*(?:[._][a-z0-9]+)*(?![-./\\]?\w|:)"
 
 def by_flag(sentence: str, arguments: list[str]) -> str:
     """The sentence with settings named as the command line gave them: ``--densify.reset-opacity`` for
-    ``densify.reset_opacity``. A plain word is one only at the beginning; what was not given keeps its name."""
+    ``densify.reset_opacity``. A plain word is one only at the beginning. What was not given keeps its name, and so does
+    a word that was given itself: a folder may be called like a setting."""
     given = set(flags_in(arguments))
 
     def flag(found: re.Match[str]) -> str:
         word = found[0]
         of_word = f"--{word.replace('_', '-')}"
         is_setting = found.start() == 0 or "_" in word or "." in word
-        return of_word if is_setting and of_word in given else word
+        return of_word if is_setting and of_word in given and word not in arguments else word
 
     return re.sub(SETTING, flag, sentence)
 
@@ -76,10 +77,11 @@ def _is_misspelt(word: str, values: Sequence[str]) -> bool:
 
 def near(flag: str, flags: set[str], others: set[str] | None = None) -> str | None:
     """The flag that was probably meant: one that goes on like it, one whose last part or words it is, or one spelt
-    alike; rather one of ``flags`` than of the ``others``."""
+    alike; of equals rather one of ``flags`` than of the ``others``."""
     pools = [sorted(flags), sorted(others or ())]
     by_name = [known for pool in pools for known in _continued(flag, pool)]
     alike = [known for pool in pools for known in get_close_matches(flag, pool, n=1)]
+    alike.sort(key=lambda known: -SequenceMatcher(None, flag, known).ratio())
     return next(iter(by_name or alike), None)
 
 

@@ -183,7 +183,7 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
     before its method it would say that it does not know it."""
     for flag in flags_in(arguments):
         if flag not in KNOWN:
-            method = _method_among(arguments)
+            method = None if "--resume" in flags_in(arguments) else _method_among(arguments)
             own = OF_ANY_METHOD | flags_of(type(METHODS[method]), in_pairs=True) if method else KNOWN
             meant = near(flag, own, KNOWN)
             perhaps = f"; perhaps you meant {meant}" if meant else ""
@@ -198,8 +198,12 @@ def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
 
 
 def _method_among(arguments: list[str]) -> str | None:
-    """The method that is named last, for a folder may be called like one; None where none is."""
-    return next((word for word in reversed(arguments) if word in METHODS), None)
+    """The method that is named last, for a folder may be called like one; rather none that may be a flag's value, such
+    as ``--out 3dgs``. None where none is named."""
+    values = {at + 1 for at, word in enumerate(arguments) if word.startswith("--") and "=" not in word}
+    named = [at for at, word in enumerate(arguments) if word in METHODS]
+    sure = [at for at in named if at not in values]
+    return arguments[(sure or named)[-1]] if named else None
 
 
 def _refuse_unknown_method(arguments: list[str]) -> None:
