@@ -1,7 +1,6 @@
-"""Shapes are checked during tests only; one thread for torch, so that the suite can run in parallel.
+"""Shapes are checked during tests only.
 
-``RINGLIGHT_TESTS=unchecked`` leaves the checks out, for tests that run once more with another instruction set: there
-they take three fifths of the time.
+``RINGLIGHT_TESTS=unchecked`` leaves the checks out, for tests that run once more with another instruction set.
 """
 
 import importlib
@@ -16,10 +15,10 @@ from hypothesis import settings
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-from jaxtyping import install_import_hook
+from checked_shapes import check_shapes_of
 
 if os.environ.get("RINGLIGHT_TESTS") != "unchecked":
-    install_import_hook("ringlight", "beartype.beartype")
+    check_shapes_of("ringlight")
 
 # A shell's job in the background, or one under nohup: commands would ignore these signals too.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
