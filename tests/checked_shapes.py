@@ -1,4 +1,4 @@
-"""Arrays are held against the shapes in signatures; all else in a signature is mypy's to check.
+"""Arrays are held against the shapes in signatures; all else in a signature is left to mypy.
 
 jaxtyping's own decorator binds each call's arguments by name, holds all of them against their types, and does so once
 more when the result is there: half of the suite's time. Here functions without arrays are left as they are, and those
@@ -6,7 +6,6 @@ with arrays have only these checked, once.
 """
 
 import functools
-import inspect
 import io
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -18,8 +17,8 @@ from beartype.roar import BeartypeCallHintViolation
 
 Defined = TypeVar("Defined", bound=Callable[..., Any])
 
-ONE_SCOPE = jaxtyping.jaxtyped
-"""As a context, ``ONE_SCOPE("context")``: within it, a letter of a shape is one number."""
+ONE_SCOPE = jaxtyping.jaxtyped("context")
+"""Within it a letter of a shape is one number."""
 
 
 def has_array(hint: object) -> bool:
@@ -36,21 +35,23 @@ def checked(defined: Defined) -> Defined:
     """
     if isinstance(defined, type):
         if "__init__" in vars(defined) and not hasattr(defined.__init__, "__wrapped__"):
-            defined.__init__ = checked(defined.__init__)  # type: ignore[misc]
+            defined.__init__ = checked(defined.__init__)
         return defined
-    hints = defined.__annotations__
-    # What a generator hands out is no result of the call.
-    without = {"return"} if inspect.isgeneratorfunction(defined) else set()
-    arrays = {name: hint for name, hint in hints.items() if name not in without and has_array(hint)}
-    if not arrays:
+    hints = {name: hint for name, hint in defined.__annotations__.items() if has_array(hint)}
+    if not hints:
         return defined
-    defined.__annotations__ = arrays
-    strict = beartype(defined)
-    defined.__annotations__ = hints
+
+    # beartype would check a generator's arguments where it is first asked for something, in whose scope that is.
+    @functools.wraps(defined)
+    def called(*args: Any, **named: Any) -> Any:
+        return defined(*args, **named)
+
+    called.__annotations__ = hints
+    strict = beartype(called)
 
     @functools.wraps(defined)
     def in_one_scope(*args: Any, **named: Any) -> Any:
-        with ONE_SCOPE("context"):
+        with ONE_SCOPE:
             try:
                 return strict(*args, **named)
             except BeartypeCallHintViolation as error:
@@ -58,11 +59,11 @@ def checked(defined: Defined) -> Defined:
                     jaxtyping.print_bindings()
                 raise TypeError(f"{error}\n{numbers.getvalue()}") from None
 
-    return in_one_scope  # type: ignore[return-value]
+    return in_one_scope
 
 
 def check_shapes_of(package: str) -> None:
     """Every function and dataclass of the package that is imported from now on is checked."""
     # The hook looks the decorator up by this name where each function is defined.
-    jaxtyping.jaxtyped = lambda *, typechecker: checked  # type: ignore[assignment]
-    jaxtyping.install_import_hook(package, "beartype.beartype")
+    jaxtyping.jaxtyped = lambda *, typechecker: checked
+    jaxtyping.install_import_hook(package, None)

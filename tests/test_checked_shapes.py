@@ -18,7 +18,7 @@ def total(a: Float[np.ndarray, "N 3"], b: Float[np.ndarray, "N"] | None = None) 
     return a.sum(0) if b is None else b @ a
 
 
-def halves(a: Float[np.ndarray, "N"]) -> Iterator[Float[np.ndarray, "M"]]:
+def halves(a: Float[np.ndarray, "N"], b: Float[np.ndarray, "N"] | None = None) -> Iterator[Float[np.ndarray, "M"]]:
     yield from np.split(a, 2)
 
 
@@ -65,6 +65,30 @@ def test_a_letter_is_another_number_in_the_next_call_and_within_a_call():
 
     assert checked(outer)(np.ones((4, 3)), np.ones(4)).tolist() == [10.0] * 3
     assert checked(outer)(np.ones((5, 3)), np.ones(5)).tolist() == [11.0] * 3
+
+
+def test_a_generator_is_held_against_its_shapes_when_it_is_called():
+    with pytest.raises(TypeError, match="N=4"):
+        checked(halves)(np.ones(4), np.ones(6))
+
+
+def test_a_letter_of_a_generator_is_not_that_of_who_asks_it():
+    parts = checked(halves)
+
+    def lengths(a: Float[np.ndarray, "N"]) -> list[int]:
+        return [half.size for half in parts(np.ones(6))]
+
+    assert checked(lengths)(np.ones(5)) == [3, 3]
+
+
+def test_arrays_within_tuples_and_dicts_are_checked():
+    def pairs(a: tuple[Float[np.ndarray, "N"], Float[np.ndarray, "N"]], b: dict[str, Float[np.ndarray, "3"]]) -> None:
+        pass
+
+    checked(pairs)((np.ones(2), np.ones(2)), {"b": np.ones(3)})
+    for a, b in (((np.ones(2), np.ones(3)), {}), ((np.ones(2), np.ones(2)), {"b": np.ones(4)})):
+        with pytest.raises(TypeError):
+            checked(pairs)(a, b)
 
 
 def test_errors_of_the_function_itself_are_its_own():
