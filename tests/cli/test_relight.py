@@ -50,12 +50,12 @@ def pressed(session: Session) -> None:
 @pytest.mark.parametrize(
     ("method", "on_seen", "on_held_out"),
     # A mirror learns most, and of photographs as few and small as these by heart: held-out views may lose by it, where
-    # opacities were learned in another light (0.2 to 0.7 dB over three seeds). Of 45 photographs they gain 8 dB
-    # (docs/edit.md).
+    # opacities were learned in another light (0.2 to 0.7 dB over three seeds), with constant ones 0.2 dB on a processor
+    # with AVX-512. Of 45 photographs they gain 8 dB (docs/edit.md).
     [
         ("ringlight-basis", 0.1, 0.1),
         ("ringlight-ring", 0.1, 0.1),
-        ("mirror of constant opacities", 1.0, 0.0),
+        ("mirror of constant opacities", 1.0, -0.5),
         ("ringlight-mirror", 1.0, -1.5),
     ],
 )
