@@ -9,6 +9,7 @@ from torch import Tensor
 from ringlight.core.camera import Camera
 from ringlight.core.randomness import generator
 from ringlight.core.scene import Scene, View
+from ringlight.data.dropout import Dropout, LeftOut
 from ringlight.data.shrunk import shrunk
 
 
@@ -21,6 +22,8 @@ class ImageBatch:
     background: Float[Tensor, "3"]
     has_fixed_background: bool = True
     """Whether every step lays this photograph over the same one."""
+    left_out: LeftOut | None = None
+    """Which Gaussians its prediction goes without."""
 
     @property
     def label(self) -> str:
@@ -46,8 +49,8 @@ class ImageBatches:
     The first ``coarse_steps`` steps see photographs at a quarter of their size, as many again at half.
     """
 
-    def __init__(self, scene: Scene, seed: int, coarse_steps: int = 0):
-        self.scene, self.seed, self.coarse_steps = scene, seed, coarse_steps
+    def __init__(self, scene: Scene, seed: int, coarse_steps: int = 0, dropout: Dropout | None = None):
+        self.scene, self.seed, self.coarse_steps, self.dropout = scene, seed, coarse_steps, dropout
         self._shrunk: dict[tuple[int, int], View] = {}
         self._epoch, self._order = -1, list[int]()
 
@@ -58,7 +61,9 @@ class ImageBatches:
             draw = generator(self.seed, epoch, "order of views")
             self._epoch, self._order = epoch, torch.randperm(len(self.scene.train), generator=draw).tolist()
         index = self._order[position]
-        return ImageBatch(index, self._view(index, step), self._background(step), self.scene.background != "random")
+        left_out = self.dropout.at(self.seed, step) if self.dropout else None
+        fixed = self.scene.background != "random"
+        return ImageBatch(index, self._view(index, step), self._background(step), fixed, left_out)
 
     def _view(self, index: int, step: int) -> View:
         stage, view = (step - 1) // self.coarse_steps if self.coarse_steps else len(COARSE), self.scene.train[index]

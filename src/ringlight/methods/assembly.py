@@ -11,6 +11,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.light_features import FeatureShares
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.data.batches import COARSE, ImageBatches
+from ringlight.data.dropout import BEGINS, Dropout
 from ringlight.fit.guard import Guard
 from ringlight.fit.losses.photographs import PhotographLoss
 from ringlight.fit.optimizer import Optimizer
@@ -82,7 +83,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)
     return Training(
         model=model,
-        batches=ImageBatches(scene, seed, course.coarse_steps),
+        batches=ImageBatches(scene, seed, course.coarse_steps, Dropout(recipe.dropout, int(BEGINS * steps))),
         loss=PhotographLoss(recipe.loss, rasterize.device),
         optimizer=Optimizer(model, groups, steps, recipe.visible_only),
         strategies=(

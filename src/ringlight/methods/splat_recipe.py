@@ -6,6 +6,7 @@ from dataclasses import Field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from ringlight.core.words import counted
+from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import GaussianRates
 from ringlight.fit.strategies.densify_settings import OF_DROPPING, DensifySettings
@@ -35,11 +36,17 @@ class SplatRecipe(ABC):
     steps: int
     antialiased: bool = False
     visible_only: bool = False
+    dropout: float = 0.0
     random_points: int = 0
     start: SurfaceStart | None = None
     rates: GaussianRates
     densify: DensifySettings
     loss: PhotometricLoss
+
+    def check_dropout(self) -> None:
+        """Raise RecipeError unless something is left of every picture."""
+        if not 0 <= self.dropout < 1:
+            raise RecipeError(f"dropout is {self.dropout:g}; give a share from 0 (none) to less than 1")
 
     @abstractmethod
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":

@@ -9,6 +9,7 @@ paper's rates in a run of its 30,000 steps, and in shorter ones rates that suit 
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import (
@@ -92,6 +93,9 @@ class ThreeDGSRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
+    dropout: float = later(0.0)
+    """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run;
+    0 for none."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=DensifySettings)
@@ -102,6 +106,7 @@ class ThreeDGSRecipe(SplatRecipe):
     def __post_init__(self) -> None:
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
+        self.check_dropout()
         check_rates(sh_rate=self.sh_rate or 0.0, sh_rest_rate=self.sh_rest_rate or 0.0)
 
     def at_length(self) -> "ThreeDGSRecipe":

@@ -21,7 +21,7 @@ from ringlight.data.batches import ImageBatch
 from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
 from ringlight.models.outline import is_outline
-from ringlight.models.way_back import ALPHA, WayBack, named_parts, ordered, shaded_in_tiles
+from ringlight.models.way_back import ALPHA, WayBack, named_parts, ordered, shaded_in_tiles, with_factors
 from ringlight.rasterize.contract import Rasterizer, RasterOptions
 from ringlight.shade.contract import Shader
 
@@ -89,8 +89,10 @@ class SplatModel(nn.Module):
             self.columns[name] = nn.Parameter(tensor.detach().to(self.device, copy=True))
 
     def predict(self, batch: ImageBatch, want: Want, buffers: Sequence[str] = ()) -> Rendering:
-        """What a training step asks: the batch's photograph, or crop, over its background."""
-        return self._rendered(batch.camera, batch.background, want, buffers, keeps_tiles=not buffers)[0]
+        """What a training step asks: the batch's photograph, or crop, over its background, without the Gaussians that
+        the step leaves out."""
+        factors = None if batch.left_out is None else batch.left_out.factors(len(self), self.device)
+        return self._rendered(batch.camera, batch.background, want, buffers, not buffers, factors)[0]
 
     def render(
         self, camera: Camera, background: Float[Tensor, "3"], want: Want = Want.EXACT, buffers: Sequence[str] = ()
@@ -116,13 +118,16 @@ class SplatModel(nn.Module):
         want: Want,
         buffers: Sequence[str],
         keeps_tiles: bool = False,
+        factors: Float[Tensor, "N"] | None = None,
     ) -> tuple[Rendering, WayBack | None]:
         """And its way back, if wanted. With ``keeps_tiles`` what was blended may stay as it lay in the cache: the
-        rendering has no buffers then."""
+        rendering has no buffers then. ``factors`` are constants by which opacities are multiplied."""
         needs = self.shader.needs
         names = (*needs, *(name for name in buffers if name not in needs and name != ALPHA))
         gaussians, widths = self.gaussians, [self.color.emits[name] for name in names]
         emission = ordered(self.color.emit(gaussians, camera, names, want), names)
+        if factors is not None:
+            emission = with_factors(emission, factors)
         behind = torch.cat(
             [background if name == "rgb" else background.new_zeros(self.color.emits[name]) for name in names]
         )

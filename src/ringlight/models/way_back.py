@@ -39,6 +39,18 @@ def ordered(emission: Emission, names: Sequence[str]) -> Emission:
     return Emission(widths, emission.channels[:, index], emission.opacity_factor, backward)
 
 
+def with_factors(emission: Emission, factors: Float[Tensor, "N"]) -> Emission:
+    """The same with opacities multiplied by these constants too."""
+    own = emission.opacity_factor
+
+    def backward(grad_channels: Tensor, grad_opacity_factor: Tensor | None, into: Gradients) -> None:
+        by_own = None if own is None or grad_opacity_factor is None else grad_opacity_factor * factors
+        emission.backward(grad_channels, by_own, into)
+
+    channels = emission.lazy or emission.channels
+    return Emission(emission.widths, channels, factors if own is None else own * factors, backward)
+
+
 def shaded_in_tiles(raster: Raster, tiles: TileShading | None) -> Shaded:
     """What ``tiles`` made of the raster while it was blended; the way back is that of the kept tiles."""
     assert raster.shaded is not None

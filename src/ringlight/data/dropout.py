@@ -1,0 +1,44 @@
+"""Gaussians that a training picture leaves out, so that none is relied on from one direction alone.
+
+Dropout for splats (Park et al. 2025, "DropGaussian", sections 3.2 and 3.3, there for few photographs): those left out
+have no opacity, the others more, so that a pixel's expected density is kept. Ours draws them with one probability in
+the second half of a run, once density control adds none.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ringlight.core.randomness import generator
+
+BEGINS = 0.5
+"""Of the run. Until then Gaussians are added where pictures are wrong, and a picture with holes is wrong everywhere."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Of one step: each row with probability ``share``."""
+
+    share: float
+    seed: int
+    step: int
+
+    def factors(self, rows: int, device: torch.device) -> Float[Tensor, "N"]:
+        """Of the opacities: 0, or 1 / (1 - share). A pure function of seed, step and number of rows."""
+        draw = generator(self.seed, self.step, "dropout")
+        kept = torch.empty(rows).bernoulli_(1 - self.share, generator=draw)
+        return kept.div_(1 - self.share).to(device)
+
+
+@dataclass(frozen=True)
+class Dropout:
+    """Of a run: ``share`` of the Gaussians, in [0, 1), at each step after ``after``."""
+
+    share: float
+    after: int
+
+    def at(self, seed: int, step: int) -> LeftOut | None:
+        """What this step leaves out; None for nothing."""
+        return LeftOut(self.share, seed, step) if self.share and step > self.after else None
