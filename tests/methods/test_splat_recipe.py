@@ -1,10 +1,15 @@
-"""The bounds that memory, studies and benchmarks ask of a recipe, without knowing what it is."""
+"""What memory, studies and benchmarks ask of a recipe without knowing what it is, and what photographs decide."""
 
 import dataclasses
 
 import pytest
 
+from ringlight.data.dropout import Dropout
+from ringlight.methods.ringlight_basis import RingLightBasisRecipe
+from ringlight.methods.splat_recipe import FEW_PHOTOGRAPHS_DROPOUT, FEWEST_WITHOUT_DROPOUT
 from ringlight.methods.three_dgs import ThreeDGSRecipe
+from ringlight.rasterize.choose import rasterizer_for
+from tiny_scene import tiny_scene
 
 RECIPE = ThreeDGSRecipe(steps=4000)
 
@@ -52,3 +57,20 @@ def test_no_more_than_that_at_any_step(most: int, share: float):
     growing = dropping.never_above(most).densify.most_growing(4000)
     assert growing <= max(most, int(1 / (1 - share)))
     assert growing > most - 1 / (1 - share) - 1, "and not much less"
+
+
+def test_few_photographs_are_trained_with_dropout():
+    """And a run that left it to the photographs knows either as its own."""
+    scene, rasterize = tiny_scene(views=12, size=16), rasterizer_for("auto")
+    many = dataclasses.replace(scene, train=(scene.train * FEWEST_WITHOUT_DROPOUT)[:FEWEST_WITHOUT_DROPOUT])
+    free, plain = RingLightBasisRecipe(steps=20), ThreeDGSRecipe(steps=20)
+    fewer = dataclasses.replace(many, train=many.train[1:])
+    for of, expected in ((scene, FEW_PHOTOGRAPHS_DROPOUT), (fewer, FEW_PHOTOGRAPHS_DROPOUT), (many, 0.0)):
+        settled, _ = free.settled(of, rasterize, 0)
+        assert settled.dropout == expected
+        assert free.may_settle_on(settled)
+        assert not dataclasses.replace(free, dropout=0.3).may_settle_on(settled)
+        assert free.build(of, rasterize, 0).batches.dropout == Dropout(expected, after=10)
+        assert plain.settled(of, rasterize, 0)[0].dropout == 0, "the paper's"
+    assert dataclasses.replace(free, dropout=0.3).settled(scene, rasterize, 0)[0].dropout == 0.3
+    assert not free.may_settle_on(plain)

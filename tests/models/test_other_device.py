@@ -78,14 +78,15 @@ KEPT, KEEPING = DensifySettings(begin=0, stop=0.0, latest=0, reset_every=0), {"g
 
 
 def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
-    """Twelve steps with everything in them: density control, the light field switched on. Whole gradients: which rows
-    are importance-sampled depends on a sum's last bit."""
+    """Twelve steps with everything in them: density control, the light field switched on. Whole gradients, and no
+    dropout: which rows are importance-sampled, and which place a grown row takes, depends on a sum's last bit."""
     whole = {"gradient_share": 1.0}
     settings = COARSE | {
         "steps": STEPS,
         "densify": KEPT if method in KEEPING else CHANGED,
         "light": {"ring": {"position_nodes": 32, "view_nodes": 8}} | whole,
         "shader": whole,
+        "dropout": 0.0,
         **whole,
     }
     return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)

@@ -81,9 +81,10 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     groups = recipe.rates.groups(scene.extent) | course.groups
     growing = density_control(densify, scene, steps, seed)
     dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)
+    dropout = Dropout(recipe.dropout_of(len(scene.train)), int(BEGINS * steps))
     return Training(
         model=model,
-        batches=ImageBatches(scene, seed, course.coarse_steps, Dropout(recipe.dropout, int(BEGINS * steps))),
+        batches=ImageBatches(scene, seed, course.coarse_steps, dropout),
         loss=PhotographLoss(recipe.loss, rasterize.device),
         optimizer=Optimizer(model, groups, steps, recipe.visible_only),
         strategies=(

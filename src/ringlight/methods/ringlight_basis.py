@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ringlight.core.kernel_limits import SH_MAX_BASIS
-from ringlight.core.later import later
+from ringlight.core.later import LATER, later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, check_rates
@@ -76,9 +76,9 @@ class RingLightBasisRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
-    dropout: float = later(0.0)
-    """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run;
-    0 for none."""
+    dropout: float | None = field(default=None, metadata={LATER: 0.0})
+    """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run.
+    By default a tenth with fewer than 20 photographs, else 0, none (docs/experiments/few-photographs.md)."""
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(hold=HOLD))
     """Learning rates of the geometry, and when rates fall."""
     densify: DensifySettings = field(

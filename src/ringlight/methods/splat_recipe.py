@@ -25,6 +25,13 @@ if TYPE_CHECKING:
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
 
+FEW_PHOTOGRAPHS_DROPOUT = 0.1
+"""A share of the Gaussians; 0.2 is better on chair_400 and worse on lego_400 (docs/experiments/few-photographs.md)."""
+
+FEWEST_WITHOUT_DROPOUT = 20
+"""Photographs. With 12 and 16 dropout gains 0.1 to 0.8 dB on held-out views; with 24 it gains 0.1 on the mean and
+loses by LPIPS, with 40 it loses 0.3 (docs/experiments/few-photographs.md); in between nothing was measured."""
+
 Splats = TypeVar("Splats", bound="SplatRecipe")
 
 
@@ -36,7 +43,7 @@ class SplatRecipe(ABC):
     steps: int
     antialiased: bool = False
     visible_only: bool = False
-    dropout: float = 0.0
+    dropout: float | None = 0.0
     random_points: int = 0
     start: SurfaceStart | None = None
     rates: GaussianRates
@@ -45,8 +52,14 @@ class SplatRecipe(ABC):
 
     def check_dropout(self) -> None:
         """Raise RecipeError unless something is left of every picture."""
-        if not 0 <= self.dropout < 1:
+        if self.dropout is not None and not 0 <= self.dropout < 1:
             raise RecipeError(f"dropout is {self.dropout:g}; give a share from 0 (none) to less than 1")
+
+    def dropout_of(self, photographs: int) -> float:
+        """The share of Gaussians that a picture of so many goes without."""
+        if self.dropout is not None:
+            return self.dropout
+        return FEW_PHOTOGRAPHS_DROPOUT if photographs < FEWEST_WITHOUT_DROPOUT else 0.0
 
     @abstractmethod
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
@@ -58,10 +71,12 @@ class SplatRecipe(ABC):
 
     def settled(self: Splats, scene: "Scene", rasterize: "Rasterizer", seed: int) -> tuple[Splats, None]:
         """With everything decided that depends on the run's length, and on how many photographs there are."""
-        settled = self.at_length()
+        settled, photographs = self.at_length(), len(scene.train)
+        if settled.dropout is None:
+            settled = replace(settled, dropout=settled.dropout_of(photographs))
         if settled.start is None:
             return settled, None
-        return replace(settled, start=settled.start.for_photographs(len(scene.train))), None
+        return replace(settled, start=settled.start.for_photographs(photographs)), None
 
     def may_settle_on(self, other: "Recipe") -> bool:
         """Whether it is this one at its length, their bounds, what decides nothing and what is left to photographs
@@ -70,6 +85,8 @@ class SplatRecipe(ABC):
             return False
         if self.start is not None and self.start.form is None and other.start is not None:
             other = replace(other, start=other.start.left_to_photographs().at_length())
+        if self.dropout is None and isinstance(other, type(self)):
+            other = replace(other, dropout=None)
         return _deciding(other) == _deciding(self.at_length())
 
     def at_length(self: Splats) -> Splats:

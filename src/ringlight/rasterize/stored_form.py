@@ -25,7 +25,7 @@ SHORTEST_QUAT_SQUARED = 1e-24
 
 
 ActiveForm = tuple[Float[Tensor, "N 4"], Float[Tensor, "N 3"], Float[Tensor, "N"]]
-"""Quaternions, wxyz, of any length but zero; scales, world units; opacities in [0, 1], factor included."""
+"""Quaternions, wxyz, of any length but zero; scales, world units; opacities, factor included."""
 
 
 def active_form(
