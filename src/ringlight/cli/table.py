@@ -167,17 +167,21 @@ def _show(
     asked: TableArguments, out: Path, runs: "dict[Key, Surveyed]", seeds: tuple[int, ...], failed: "dict[Key, str]"
 ) -> int:
     from ringlight.cli.console import Screen
-    from ringlight.runs.method_results import method_table, write_table
+    from ringlight.measure.json_record import to_json
+    from ringlight.runs.method_results import method_table, record_of, write_table
 
     table = method_table(runs, seeds, failed)
     steps = sorted({surveyed.run.recipe.steps for surveyed in runs.values()})
     title = counted(steps[0], "step") if len(steps) == 1 else f"{steps[0]:,} to {steps[-1]:,} steps"
-    written = write_table(out, table, runs, title)
+    there = sum(len(by_seed) for by_seed in table.cells.reports.values())
+    keeps = not there and (out / "table.json").exists()
+    written = () if keeps else write_table(out, table, runs, title)
     if asked.json:
-        sys.stdout.write((out / "table.json").read_text(encoding="utf-8"))
+        sys.stdout.write(to_json(record_of(table, runs)))
     else:
         Screen().print(table)
-    if not asked.quiet:
+    if keeps:
+        sys.stderr.write(f"the earlier table in {out} is kept, for none of these runs is there\n")
+    elif not asked.quiet:
         sys.stderr.write(f"written to {', '.join(map(str, written))}\n")
-    there = sum(len(by_seed) for by_seed in table.cells.reports.values())
     return 0 if there == len(runs) else WRONG_INPUT

@@ -33,10 +33,9 @@ def method_table(runs: Mapping[Key, Surveyed], seeds: Sequence[int], failed: Map
     return MethodTable(cells_of(scenes, methods, seeds, measured, reasons))
 
 
-def write_table(out: Path, table: MethodTable, runs: Mapping[Key, Surveyed], title: str) -> tuple[Path, ...]:
-    """table.md, .tex, .csv, .json and .png in ``out``, in place of earlier ones. Raises OutputError."""
-    make_folder(out)
-    record = {
+def record_of(table: MethodTable, runs: Mapping[Key, Surveyed]) -> dict[str, object]:
+    """What table.json holds."""
+    return {
         "measures": table.plain(),
         "notes": table.notes(),
         "runs": [
@@ -45,7 +44,13 @@ def write_table(out: Path, table: MethodTable, runs: Mapping[Key, Surveyed], tit
             for key, surveyed in runs.items()
         ],
     }  # fmt: skip
-    texts = {"md": table.markdown(), "tex": table.latex(), "csv": table.csv(), "json": to_json(record)}
+
+
+def write_table(out: Path, table: MethodTable, runs: Mapping[Key, Surveyed], title: str) -> tuple[Path, ...]:
+    """table.md, .tex, .csv, .json and .png in ``out``, in place of earlier ones. Raises OutputError."""
+    make_folder(out)
+    record = to_json(record_of(table, runs))
+    texts = {"md": table.markdown(), "tex": table.latex(), "csv": table.csv(), "json": record}
     for suffix, text in texts.items():
         write_text(out / f"{NAME}.{suffix}", text)
     written = [out / f"{NAME}.{suffix}" for suffix in texts]
