@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ringlight.core.command_line import command
 from ringlight.core.scene import Scene
+from ringlight.data.bundled import scene_folder
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
@@ -53,7 +54,8 @@ def open_model(path: Path, device: str | None = None) -> Opened:
 
 
 def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, again: str = "") -> Scene:
-    """The scene at ``asked``, or without it the one that the model was trained on, read as it was read then.
+    """The scene at ``asked``, a folder or a bundled one's name, or without it the one that the model was trained on,
+    read as it was read then.
 
     ``again`` is the command that names the folder, for a refusal where none is ``asked``. A model knows its background:
     black stays black unless ``options`` say otherwise. Raises RecipeError for ``options`` without ``asked``, RunError
@@ -62,7 +64,7 @@ def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, again: s
     if asked is not None:
         if options.background == "auto" and opened.stored.header.scene.background == "black":
             options = replace(options, background="black")
-        return load_scene(asked, options)
+        return load_scene(scene_folder(asked), options)
     named = opened.file if opened.run is None else opened.run.path
     if options != SceneOptions():
         raise RecipeError(f"{named}: its scene is read as in training; to read it otherwise name its folder: {again}")
