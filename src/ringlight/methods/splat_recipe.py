@@ -85,7 +85,7 @@ class SplatRecipe(ABC):
             return False
         if self.start is not None and self.start.form is None and other.start is not None:
             other = replace(other, start=other.start.left_to_photographs().at_length())
-        if self.dropout is None and isinstance(other, type(self)):
+        if self.dropout is None and isinstance(other, type(self)) and other.dropout in (0.0, FEW_PHOTOGRAPHS_DROPOUT):
             other = replace(other, dropout=None)
         return _deciding(other) == _deciding(self.at_length())
 
