@@ -1,4 +1,4 @@
-"""What a step leaves out is a pure function of seed, step and number of rows; a pixel's expected density is kept."""
+"""What a step leaves out is a pure function of seed, step and number of rows; the mean of each opacity is kept."""
 
 import pytest
 import torch

@@ -80,9 +80,9 @@ class Emission:
     """What every Gaussian emits towards one camera: C channels side by side, ``widths`` by name, in order.
 
     ``opacity_factor`` [N] multiplies the opacity, to more than 1 too where a step leaves Gaussians out (alpha at a
-    pixel is bounded all the same), and is not blended. ``lazy`` is a hint that a
-    rasterizer may ignore: then it takes ``channels``. ``backward(grad_channels, grad_opacity_factor, into)``:
-    positions may get a gradient, which is added to that of the geometry.
+    pixel is bounded all the same), and is not blended. ``lazy`` is a hint that a rasterizer may ignore: then it takes
+    ``channels``. ``backward(grad_channels, grad_opacity_factor, into)``: positions may get a gradient, which is added
+    to that of the geometry.
     """
 
     def __init__(

@@ -1,8 +1,7 @@
 """Gaussians that a training picture leaves out, so that none is relied on from one direction alone.
 
-Dropout for splats (Park et al. 2025, "DropGaussian", sections 3.2 and 3.3, there for few photographs): those left out
-have no opacity, the others more, so that a pixel's expected density is kept. Ours draws them with one probability in
-the second half of a run, once density control adds none.
+Dropout for splats (Park et al. 2025, "DropGaussian", there for few photographs): those left out have no opacity, the
+others more, so that the mean of each opacity is kept. Ours draws them with one probability in the second half of a run.
 """
 
 from dataclasses import dataclass
@@ -14,7 +13,8 @@ from torch import Tensor
 from ringlight.core.randomness import generator
 
 BEGINS = 0.5
-"""Of the run. Until then Gaussians are added where pictures are wrong, and a picture with holes is wrong everywhere."""
+"""Of the run; then default density control adds no more, whose statistics of pictures with holes would mislead it. An
+earlier beginning was not measured."""
 
 
 @dataclass(frozen=True)
