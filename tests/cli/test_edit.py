@@ -29,7 +29,9 @@ def test_an_edited_run_is_a_model_like_any_other(
     frames = tmp_path / "frames"
     assert ringlight("render", small, "--frames", "1", "--out", frames, "--quiet").code == 0
     again = tmp_path / "again.safetensors"
-    assert ringlight("edit", small, again, "--base-only", "--quiet").code == 0
+    twice = ringlight("edit", small, again, "--base-only", "--quiet")
+    assert f"on top of 1 edit that the model had; ringlight info {again} lists all" in twice.out
+    assert "on top" not in done.out
     assert ringlight("info", again).out.count("base 1") == 2
 
 

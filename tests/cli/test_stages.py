@@ -100,7 +100,16 @@ def test_a_complaint_on_a_terminal_is_a_plain_sentence(tmp_path: Path) -> None:
     code, shown = on_a_terminal("info", tmp_path, "extra")
     assert code == 2
     said = shown.rsplit("\x1b[2K", 1)[-1].strip()
-    assert said == "ringlight info: not understood: extra; a name with blanks needs quotes; see 'ringlight info --help'"
+    assert said == "ringlight info: not understood: extra; see 'ringlight info --help'"
+
+
+def test_a_folder_with_a_blank_in_its_name_needs_quotes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my run").mkdir()
+    assert run_command(["info", "my", "run"]) == 2
+    assert "not understood: run; a name with blanks needs quotes: 'my run'; see" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verb", ["export", "compress", "eval"])

@@ -72,7 +72,7 @@ def test_a_name_may_lack_its_folder_if_it_is_the_only_one(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("holdout", "reason"),
-    [("absent.png", "'absent.png', which is none of its images"), (" , ", "names no image"), ("no.txt", "no.txt")],
+    [("absent.png", "'absent.png', which is none of the images of "), (" , ", "names no image"), ("no.txt", "no.txt")],
 )
 def test_a_list_that_names_nothing_is_refused(tmp_path: Path, holdout: str, reason: str):
     with pytest.raises(SceneError, match=reason):

@@ -5,6 +5,7 @@ import os
 import resource
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -107,6 +108,19 @@ def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_may_not_be_written_is_refused_before_long_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(os, "access", lambda path, mode: (path, mode) != (tmp_path, os.W_OK))
+    refuse_existing(tmp_path / "x.ply", overwrite=False)
+    assert not list(tmp_path.iterdir())
+
+    def refused(path: Path, **_: object) -> None:
+        raise OSError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "touch", refused)
     with pytest.raises(OutputError, match="permission is denied; choose a folder you may write to"):
         refuse_existing(tmp_path / "x.ply", overwrite=False)
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="a folder that takes no files, whoever asks, is Linux's")
+def test_a_folder_that_takes_no_files_is_not_called_missing() -> None:
+    for write in (partial(refuse_existing, overwrite=False), partial(write_text, text="")):
+        with pytest.raises(OutputError, match="its folder takes no new files; choose another folder"):
+            write(Path("/proc/x.ply"))

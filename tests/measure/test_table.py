@@ -54,6 +54,10 @@ def test_eighty_columns_keep_what_matters_and_a_wide_terminal_shows_all():
     for title in ("PSNR", "dPSNR", "SSIM", "LPIPS", "raw MB", "x raw", "file MB"):
         assert title in narrow
     assert "x raw" in printed(ResultsTable(RUNS, "3dgs"), 80), "beside the names of scenes too"
+    left_out = " ".join(narrow.split()).partition("Too narrow here for ")[2]
+    assert "dSSIM" in left_out
+    assert "a wider terminal shows more" in left_out
+    assert "Too narrow" not in printed(ResultsTable(RUNS[:2], "3dgs"), 400)
     wide = printed(ResultsTable(RUNS[:2], "3dgs"), 160)
     for title in ("dSSIM", "Gaussians", "train", "it/s", "FPS"):
         assert title in wide

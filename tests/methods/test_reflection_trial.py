@@ -129,9 +129,12 @@ def test_a_gain_of_a_decibel_decides():
 
 
 def test_a_gain_that_is_too_small_says_what_it_must_be():
-    close, clear, behind = (ReflectionTrial(1, 20.0, reflections) for reflections in (20.5, 22.0, 19.0))
+    close, clear, behind = (ReflectionTrial(STEPS, 20.0, reflections) for reflections in (20.5, 22.0, 19.0))
     assert str(close).endswith("; reflections must gain 1 dB and gained 0.50")
-    assert str(ReflectionTrial(1, 20.0, 20.996)).endswith("and gained 0.99")
+    assert str(ReflectionTrial(STEPS, 20.0, 20.996)).endswith("and gained 0.99")
+    assert str(ReflectionTrial(20, 20.0, 20.5)).endswith(
+        "gained 0.50; from --steps 1000 on it is sure, and ringlight-mirror takes no trial"
+    )
     assert [", too few to be sure," in str(ReflectionTrial(steps, 20.0, 22.0)) for steps in (20, STEPS)] == [
         True,
         False,

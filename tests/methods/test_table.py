@@ -10,7 +10,7 @@ import torch
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe, recipe_to_dict
 from ringlight.methods.store import model_header, scene_facts
-from ringlight.methods.table import METHODS, method_named, method_of, recipe_of_method
+from ringlight.methods.table import ABOUT, METHODS, method_named, method_of, recipe_of_method
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import SPLATS, TRAINED, small
 from tiny_scene import tiny_scene
@@ -37,6 +37,11 @@ def test_presets_of_one_paper_share_their_method():
     }
     assert method_of(dataclasses.replace(METHODS["ringlight-paper"], steps=5)) == "ringlight-ring"
     assert model_header("ringlight-paper", METHODS["ringlight-paper"], 0, facts).method == "ringlight-ring"
+
+
+def test_each_is_explained_in_a_line_of_the_help():
+    assert ABOUT.keys() == METHODS.keys()
+    assert all(about and len(about) <= 100 for about in ABOUT.values())
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():

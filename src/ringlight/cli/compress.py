@@ -14,6 +14,7 @@ from ringlight.cli.outdated_report import tell_outdated
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.cli.unfinished import tell_unfinished
 from ringlight.core.command_line import command
 from ringlight.core.words import MEGABYTE, counted, numbered
 from ringlight.data.options import ReadingOptions, SceneOptions
@@ -64,6 +65,7 @@ def main(arguments: list[str]) -> int:
         check_target(asked.out, asked.overwrite)
         use_threads(asked.threads)
         opened = open_model(asked.model)
+        tell_unfinished(opened, asked.quiet)
         scene = _scene(asked, opened)
         compressed = compress(opened, asked.out, scene, partial(line, "measuring views"))
     tell_outdated(asked.out)
@@ -103,10 +105,8 @@ def _sentences(compressed: "Compressed") -> str:
             f"{losses.picture_psnr:.1f} dB PSNR"
         )
     if losses.psnr_before is not None and losses.psnr_after is not None:
-        lines.append(
-            f"  on {counted(losses.views or 0, 'test view')}: {losses.psnr_after:.3f} dB instead of "
-            f"{losses.psnr_before:.3f}, {losses.psnr_after - losses.psnr_before:+.3f} dB"
-        )
+        change = losses.psnr_after - losses.psnr_before
+        lines.append(f"  on {counted(losses.views or 0, 'test view')}: {change:+.3f} dB, from {losses.psnr_before:.2f}")
     else:
         lines.append("  not measured on photographs: name a scene's folder that has test views for that")
     return "\n".join(lines) + "\n"

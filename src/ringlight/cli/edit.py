@@ -12,7 +12,9 @@ from ringlight.cli.arguments import ModelPath
 from ringlight.cli.outdated_report import tell_outdated
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
-from ringlight.core.words import numbered
+from ringlight.cli.unfinished import tell_unfinished
+from ringlight.core.command_line import command
+from ringlight.core.words import counted, numbered
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
@@ -69,7 +71,9 @@ def main(arguments: list[str]) -> int:
         edit = _edit(asked)
         check_target(asked.out, asked.overwrite)
         pack = None if asked.light is None else read_pack(asked.light)
-        done = edit_light(open_model(asked.model), asked.out, edit, pack)
+        opened = open_model(asked.model)
+        tell_unfinished(opened, asked.quiet)
+        done = edit_light(opened, asked.out, edit, pack)
     tell_outdated(asked.out)
     sys.stdout.write(to_json(done) if asked.json else _sentences(done))
     return 0
@@ -135,6 +139,11 @@ def _sentences(done: "EditedModel") -> str:
     if done.light is not None:
         lines.append(f"  in the light of {done.light}")
     lines.append(f"  base colours times {words(done.base)}; what depends on the direction times {words(done.residual)}")
+    before = done.edits - 1 - (done.light is not None)
+    if before:
+        lines.append(
+            f"  on top of {counted(before, 'edit')} that the model had; {command('info', done.file)} lists all"
+        )
     if done.clipped:
         lines.append(f"  {done.clipped:.1%} of the base colours' values would be brighter than white, and are white")
     return "\n".join(lines) + "\n"

@@ -11,6 +11,7 @@ from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.cli.unfinished import tell_unfinished
 from ringlight.core.words import MEGABYTE, counted, numbered
 from ringlight.errors import RecipeError
 from ringlight.files.formats.table import WRITERS
@@ -68,7 +69,9 @@ def main(arguments: list[str]) -> int:
         of_surface = asked.mesh or asked.points
         (check_surface_target if of_surface else check_target)(asked.out, asked.overwrite)
         use_threads(asked.threads)
-        stored = open_model(asked.model).stored
+        opened = open_model(asked.model)
+        tell_unfinished(opened, asked.quiet)
+        stored = opened.stored
         if of_surface:
             line("looking for the surface")
             exported = export_surface(stored, asked.out, with_triangles=asked.mesh)

@@ -6,9 +6,11 @@ from typing import Annotated, Any
 import tyro
 
 from ringlight.methods.recipe import Recipe
-from ringlight.methods.table import METHODS, method_of
+from ringlight.methods.table import ABOUT, METHODS, method_of
 
-Method = Annotated[tyro.extras.subcommand_type_from_defaults(METHODS, prefix_names=False), tyro.conf.arg(name="")]
+Method = Annotated[
+    tyro.extras.subcommand_type_from_defaults(METHODS, ABOUT, prefix_names=False), tyro.conf.arg(name="")
+]
 
 
 def preset_of(arguments: list[str], recipe: Recipe) -> str:

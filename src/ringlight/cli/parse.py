@@ -4,6 +4,8 @@ import contextlib
 import io
 import re
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import tyro
@@ -39,7 +41,7 @@ def parse(
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
-        refuse(verb, one_sentence(complaint.getvalue()), f"{before} {of}" if of else "")
+        refuse(verb, one_sentence(complaint.getvalue(), arguments), f"{before} {of}" if of else "")
 
 
 def _drawn_help() -> Any:
@@ -54,14 +56,15 @@ def refuse(verb: str, sentence: str, of: str = "") -> NoReturn:
     raise SystemExit(WRONG_USAGE) from None
 
 
-def one_sentence(box: str) -> str:
-    """What tyro's framed complaint says, on one line, without its frame and its pointer to the help."""
+def one_sentence(box: str, arguments: Sequence[str]) -> str:
+    """What tyro's framed complaint of these ``arguments`` says, on one line, without its frame and its pointer to the
+    help."""
     box = re.sub(COLOR, "", box)
     # The frame is drawn with lines or, where the terminal knows no such characters, with blanks and hyphens.
     inside = [line[2:].rstrip(" │") for line in box.splitlines()[1:] if not line.startswith("╰")]
     sections = [section for section in re.split(RULE, "\n".join(inside)) if section.strip()]
     hints = [hint for section in sections[1:] for hint in _hints(section.strip("\n"))]
-    return "; ".join([_complaint(sections[0].strip("\n")), *hints])
+    return "; ".join([_complaint(sections[0].strip("\n")), *hints, *_unquoted(arguments)])
 
 
 COLOR = r"\x1b\[[0-9;]*m"
@@ -69,8 +72,6 @@ COLOR = r"\x1b\[[0-9;]*m"
 
 RULE = r"(?m)^[-─]{10,}$"
 """Between the sections of a complaint, and under its title."""
-
-NOT_UNDERSTOOD = "not understood: "
 
 PLAIN_WORDS = (
     (r"invalid literal for int\(\) with base 10: (.*)", r"\1 is not a whole number"),
@@ -81,7 +82,7 @@ PLAIN_WORDS = (
     (r" Arguments are applied to the directly preceding.*", ""),
     (r"^Expected one of \{(.*)\}\.?$", r"a word is missing: expected one of \1"),
     (r" for argument 'what'", " for STUDY"),
-    (r"^Unrecognized(?: or misplaced)? options:", NOT_UNDERSTOOD.rstrip()),
+    (r"^Unrecognized(?: or misplaced)? options:", "not understood:"),
 )
 """Python's and tyro's words, and those for a person."""
 
@@ -92,10 +93,13 @@ def _complaint(section: str) -> str:
     text = " ".join(section.split())
     for pattern, words in PLAIN_WORDS:
         text = re.sub(pattern, words, text)
-    text = text.rstrip(". ")
-    extra = text.removeprefix(NOT_UNDERSTOOD)
-    is_word = extra != text and not any(word.startswith("-") for word in extra.split())
-    return f"{text}; a name with blanks needs quotes" if is_word else text
+    return text.rstrip(". ")
+
+
+def _unquoted(arguments: Sequence[str]) -> list[str]:
+    """What to do where words beside each other are the name of a file or folder."""
+    words = [" ".join(arguments[at : end + 1]) for at in range(len(arguments)) for end in range(at + 1, len(arguments))]
+    return [f"a name with blanks needs quotes: '{name}'" for name in words if Path(name).exists()][:1]
 
 
 def _hints(section: str) -> list[str]:

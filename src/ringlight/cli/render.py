@@ -23,6 +23,7 @@ from ringlight.cli.render_arguments import (
 )
 from ringlight.cli.stages import StageLine, stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.cli.unfinished import tell_unfinished
 from ringlight.core.command_line import command
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
@@ -60,6 +61,7 @@ def _render(asked: RenderArguments, line: StageLine) -> int:
     use_threads(asked.threads)
     tell_of_build(asked.device)
     opened = open_model(asked.model, asked.device)
+    tell_unfinished(opened, asked.quiet)
     film, taken, fps = _film(asked, opened)
     layers, lacking = known_layers(opened.stored.model, film.cameras[0], tuple(dict.fromkeys(asked.layers)))
     if lacking:

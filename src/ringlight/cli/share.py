@@ -12,6 +12,7 @@ from ringlight.cli.arguments import ModelPath
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.cli.unfinished import tell_unfinished
 from ringlight.core.words import MEGABYTE, counted, numbered
 
 if TYPE_CHECKING:
@@ -62,12 +63,14 @@ def main(arguments: list[str]) -> int:
         use_threads(asked.threads)
         packs = [read_pack(path) for path in asked.light]
         budget = None if asked.budget is None else asked.budget * MEGABYTE
-        shared = share(open_model(asked.model), asked.out, budget, packs)
-    sys.stdout.write(to_json(shared) if asked.json else _sentences(shared))
+        opened = open_model(asked.model)
+        tell_unfinished(opened, asked.quiet)
+        shared = share(opened, asked.out, budget, packs)
+    sys.stdout.write(to_json(shared) if asked.json else _sentences(shared, [pack.scene for pack in packs]))
     return 0
 
 
-def _sentences(shared: "Shared") -> str:
+def _sentences(shared: "Shared", lights: list[str]) -> str:
     left_out = shared.counted_before - shared.counted
     lines = [
         f"{shared.file}: {numbered(shared.counted, shared.noun)}, {shared.bytes_file / MEGABYTE:.3f} MB; "
@@ -77,6 +80,8 @@ def _sentences(shared: "Shared") -> str:
     ]
     if left_out:
         lines.insert(1, f"  {numbered(left_out, shared.noun)} that show least were left out")
+    if lights:
+        lines.append(f"  its slider blends to the light of {', '.join(lights)}")
     return "\n".join(lines) + "\n"
 
 

@@ -113,7 +113,7 @@ def _named(frames: Sequence[Frame], name: str, source: Path) -> Frame:
     found = [frame for frame in frames if frame.name == wanted]
     found = found or [frame for frame in frames if frame.name.endswith(f"/{wanted}")]
     if not found:
-        raise SceneError(f"{source}: --holdout names {shown(name)}, which is none of its images; correct the name")
+        raise SceneError(f"--holdout names {shown(name)}, which is none of the images of {source}; correct the name")
     if len(found) > 1:
         both = " and ".join(frame.name for frame in found[:2])
         raise SceneError(f"{source}: --holdout names {shown(name)}, which may be {both}; give the folder too")

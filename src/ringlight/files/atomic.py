@@ -38,7 +38,7 @@ def written_atomically(path: Path, flushed: bool = True) -> Iterator[BinaryIO]:
     """
     target = Path(os.path.realpath(path))
     _refuse_what_is_no_file(path, target)
-    temporary = target.with_name(f"{BEGUN}{secrets.token_hex(6)}{HALF_DONE}")
+    temporary = _temporary(target)
     try:
         try:
             with temporary.open("xb") as file:
@@ -52,9 +52,15 @@ def written_atomically(path: Path, flushed: bool = True) -> Iterator[BinaryIO]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        choose = what_helps(error, "choose another path")
-        reason = REMEDIES.get(error.errno or 0, f"{error.strerror or error}; {choose}")
-        raise OutputError(f"{path}: cannot be written: {reason}") from error
+        raise OutputError(f"{path}: cannot be written: {_reason(error, target.parent)}") from error
+
+
+def _reason(error: OSError, folder: Path) -> str:
+    """Why no file was written in the folder, and what the user can do."""
+    if error.errno == errno.ENOENT and folder.is_dir():  # as /proc refuses
+        return "its folder takes no new files; choose another folder"
+    choose = what_helps(error, "choose another path")
+    return REMEDIES.get(error.errno or 0, f"{error.strerror or error}; {choose}")
 
 
 def write_text(path: Path, text: str) -> None:
@@ -64,14 +70,22 @@ def write_text(path: Path, text: str) -> None:
 
 
 def refuse_existing(path: Path, overwrite: bool) -> None:
-    """Raises OutputError for a file that exists and may not be replaced, or whose folder does not exist or may not be
-    written; for those who work long before they write."""
+    """Raises OutputError for a file that exists and may not be replaced, or whose folder does not exist or takes no
+    files, which is tried; for those who work long before they write."""
     if path.exists() and not overwrite:
         raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path}: cannot be written: {REMEDIES[errno.ENOENT]}")
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"{path}: cannot be written: {REMEDIES[errno.EACCES]}")
+    target = Path(os.path.realpath(path))
+    _refuse_what_is_no_file(path, target)
+    trial = _temporary(target)
+    try:
+        trial.touch(exist_ok=False)
+        trial.unlink()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {_reason(error, target.parent)}") from error
+
+
+def _temporary(target: Path) -> Path:
+    return target.with_name(f"{BEGUN}{secrets.token_hex(6)}{HALF_DONE}")
 
 
 def _refuse_what_is_no_file(path: Path, target: Path) -> None:

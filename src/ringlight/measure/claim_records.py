@@ -48,7 +48,9 @@ def records_in(folder: Path) -> tuple[Record, ...]:
     Raises RunError for a folder that is not there, and for a file that is no JSON.
     """
     if not folder.is_dir():
-        raise RunError(f"{folder}: there is no such folder of records; name one with --results")
+        raise RunError(
+            f"{folder}: there is no such folder of records, which lie in the source tree; name it with --results"
+        )
     found: list[Record] = []
     for kind in KINDS:
         for path in sorted(folder.glob(f"{kind}-*.json")):

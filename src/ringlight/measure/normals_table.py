@@ -24,7 +24,7 @@ class NormalsTable:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
         """Rich's protocol: leaves out the least important columns that do not fit."""
-        yield self.grid().fitted(options.max_width)
+        yield self.grid().fitting(options.max_width).table(options.max_width)
         for note in self.notes():
             yield Text(note, style="dim")
 

@@ -44,9 +44,12 @@ class ResultsTable:
         if len(scenes) == 1:
             grid = grid.without("scene")
             yield Text(f"scene {scenes.pop()}", style="bold")
-        yield grid.fitted(options.max_width)
+        fitting = grid.fitting(options.max_width)
+        yield fitting.table(options.max_width)
         for note in self.notes():
             yield Text(note, style="dim")
+        if left_out := [c.title for c in grid.columns if c.title not in {kept.title for kept in fitting.columns}]:
+            yield Text(f"Too narrow here for {', '.join(left_out)}; a wider terminal shows more.", style="dim")
 
     def markdown(self) -> str:
         """All columns as a GitHub table, the best values of each scene in bold; ends with the notes."""
@@ -118,8 +121,16 @@ class Grid:
         scenes = [[[row[index] for index in kept] for row in rows] for rows in self.scenes]
         return Grid([self.columns[index] for index in kept], scenes)
 
-    def fitted(self, width: int) -> Table:
-        """The table in ``width`` characters: names are cut first, then the least important columns go."""
+    def fitting(self, width: int) -> "Grid":
+        """The same without the least important columns that do not fit into ``width`` characters, once names are
+        cut."""
+        _, excess = self._widths(width)
+        last = max(self.columns, key=lambda column: column.rank)
+        return self.without(last.title).fitting(width) if excess > 0 and last.rank > 0 else self
+
+    def _widths(self, width: int) -> tuple[list[int], int]:
+        """Of the columns, names cut as far as ``width`` asks and they may be, and by how much that is still too
+        wide."""
         texts = [[column.title, *(row[i].text for row in self.rows())] for i, column in enumerate(self.columns)]
         widths = [max(map(len, column)) for column in texts]
         excess = sum(widths) + GAP * (len(widths) - 1) - width
@@ -127,12 +138,11 @@ class Grid:
             if self.columns[index].is_name:
                 spared = max(0, min(excess, widths[index] - MIN_NAME_WIDTH))
                 widths[index], excess = widths[index] - spared, excess - spared
-        last = max(self.columns, key=lambda column: column.rank)
-        if excess > 0 and last.rank > 0:
-            return self.without(last.title).fitted(width)
-        return self._table(widths)
+        return widths, excess
 
-    def _table(self, widths: list[int]) -> Table:
+    def table(self, width: int) -> Table:
+        """For a terminal of ``width`` characters, into which its columns fit."""
+        widths, _ = self._widths(width)
         # The box puts one blank between columns; the padding makes up the rest.
         table = Table(box=SIMPLE_HEAD, padding=(0, GAP - 1, 0, 0), pad_edge=False, show_edge=False)
         for column, width in zip(self.columns, widths, strict=True):

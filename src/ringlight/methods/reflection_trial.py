@@ -69,9 +69,12 @@ class ReflectionTrial:
             else ""
         )
         unsure = ", too few to be sure," if self.steps < STEPS else ""
+        remedy = (
+            f"; from --steps {STEPS} on it is sure, and ringlight-mirror takes no trial" if short and unsure else ""
+        )
         return (
             f"in a trial of {counted(self.steps, 'step')}{unsure} likeness to photographs kept apart was "
-            f"{self.reflections:.1f} dB with reflections and {self.harmonics:.1f} dB without{short}"
+            f"{self.reflections:.1f} dB with reflections and {self.harmonics:.1f} dB without{short}{remedy}"
         )
 
 

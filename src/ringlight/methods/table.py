@@ -37,6 +37,24 @@ METHODS: dict[str, Recipe] = {
     "3igs": ThreeIGSRecipe(),
 }
 
+ABOUT: dict[str, str] = {
+    "ringlight": "chooses ringlight-basis or ringlight-mirror for the scene, or 3dgs for few photographs; start here",
+    "ringlight-basis": "Gaussians, colour and opacity by a few weights of harmonics that all share: matte scenes",
+    "ringlight-ring": "Gaussians lit by one shared neural tensor ring, with settings of ours",
+    "ringlight-mirror": "pixels that reflect a learned light: mirrors, clear coats, photographs without masks",
+    "ringlight-paper": "ringlight-ring with the settings of the RingLight-GS paper",
+    "3dgs": "3D Gaussian Splatting (Kerbl et al. 2023), with rates that suit the length of the run",
+    "3dgs-paper": "3dgs with its paper's rates at any length",
+    "light-gaussian": "LightGaussian (Fan et al. 2024): 3dgs, then fewer Gaussians, fewer harmonics, a codebook",
+    "3dgs-dr": "3DGS-DR (Ye et al. 2024): 3dgs with a cubemap that each pixel reflects",
+    "gaussian-shader": "GaussianShader (Jiang et al. 2024): Gaussians that each reflect a learned environment",
+    "glossy-gaussian": "Glossy-Gaussian (Zhang et al. 2025): 3dgs with opacities that depend on the direction",
+    "tensorf": "TensoRF (Chen et al. 2022): a volume as planes times lines, no Gaussians",
+    "putt": "PuTT (Loeschcke et al. 2024): a volume as two tensor trains, no Gaussians",
+    "3igs": "3iGS (Tang and Cham 2024): 3dgs with one factorised field of light for all Gaussians",
+}
+"""What each is, for who chooses one by the help."""
+
 CHOOSERS = ("ringlight",)
 """Those that settle on another method by the scene: no run and no file is of theirs."""
 

@@ -25,6 +25,8 @@ class EditedModel:
     light: str | None
     """Name of the scene whose light a pack brought."""
     clipped: float
+    edits: int
+    """In the file, with those that the model had before."""
 
 
 def edit_light(opened: Opened, path: Path, edit: LightEdit, pack: LightPack | None = None) -> EditedModel:
@@ -56,4 +58,5 @@ def edit_light(opened: Opened, path: Path, edit: LightEdit, pack: LightPack | No
         **asdict(edit),
         light=None if pack is None else pack.scene,
         clipped=found.clipped,
+        edits=len(header.edits),
     )

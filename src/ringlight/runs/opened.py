@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ringlight.core.command_line import command
 from ringlight.core.scene import Scene
-from ringlight.data.bundled import scene_folder
+from ringlight.data.bundled import BUNDLED, scene_folder
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError, RunError
@@ -31,7 +31,13 @@ class Opened:
 
 
 def find_model(path: Path) -> tuple[Path, RunFolder | None]:
-    """The model file that ``path`` names, and the run folder if it is one. Raises RunError for another folder."""
+    """The model file that ``path`` names, and the run folder if it is one. Raises RunError for another folder, or where
+    nothing is."""
+    if not path.exists():
+        train = f"{path} is a bundled scene, train it first: {command('train', path, 'ringlight')}"
+        raise RunError(
+            f"{path}: no run and no model file is there; {train if str(path) in BUNDLED else 'check the path'}"
+        )
     if not path.is_dir():
         return path, None
     folder = RunFolder(path)
@@ -51,6 +57,24 @@ def open_model(path: Path, device: str | None = None) -> Opened:
     """
     file, run = find_model(path)
     return Opened(file, run, load_model(file, rasterizer_for(device) if device else host_rasterizer()))
+
+
+@dataclass(frozen=True)
+class StepsToGo:
+    """Of a run that has not ended: the step that its model file is of, and its length."""
+
+    step: int
+    planned: int
+
+
+def steps_to_go(opened: Opened) -> StepsToGo | None:
+    """None for a run that has ended, whose record is gone, or a model file on its own."""
+    if opened.run is None:
+        return None
+    with suppress(RunError):
+        step, planned = opened.stored.header.step, RunRecord.read(opened.run.path).steps
+        return StepsToGo(step, planned) if step < planned else None
+    return None
 
 
 def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, again: str = "") -> Scene:

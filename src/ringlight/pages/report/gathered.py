@@ -13,8 +13,8 @@ from ringlight.runs.record import RECORD_NAME, RunRecord
 
 @dataclass(frozen=True)
 class GatheredRun:
-    """None: missing or damaged, which ``troubles`` say, a sentence each. Without a report the ``curve`` is that of the
-    newest checkpoint."""
+    """None: missing or damaged. ``troubles`` say this, and that a run has steps to go, a sentence each. Without a
+    report the ``curve`` is that of the newest checkpoint."""
 
     folder: Path
     report: Report | None
@@ -58,6 +58,11 @@ def gathered(folder: Path) -> GatheredRun:
     curve = report.curve if report else tuple(curve_so_far(run))
     if report is None and not run.report.is_file():
         troubles.append(_unfinished(folder, record, curve))
+    elif report and record and report.iterations is not None and report.iterations < record.steps:
+        go_on = command("train", "--resume", folder)
+        troubles.append(
+            f"{folder}: was measured at step {report.iterations:,} of {record.steps:,}; go on with: {go_on}"
+        )
     return GatheredRun(folder, report, record, curve, tuple(troubles))
 
 
