@@ -55,7 +55,7 @@ def pressed(session: Session) -> None:
     [
         ("ringlight-basis", 0.1, 0.1),
         ("ringlight-ring", 0.1, 0.1),
-        ("mirror of constant opacities", 1.0, -0.5),
+        ("mirror of constant opacities", 1.0, -0.3),
         ("ringlight-mirror", 1.0, -1.5),
     ],
 )

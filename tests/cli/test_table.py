@@ -197,6 +197,27 @@ def test_an_interrupt_loses_nothing(number: signal.Signals, tmp_path: Path, ring
     assert [found["state"] for found in listed["runs"]] == ["started"]
 
 
+def test_a_table_is_not_replaced_by_one_without_runs(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    """As with other steps, which the folders of the finished runs cannot take."""
+    out = tmp_path / "out"
+    words = ("table", tiny, "--methods", "3dgs", "--out", out, *SETTINGS)
+    assert ringlight(*words).code == 0
+    tables = {path: path.read_bytes() for path in out.glob("table.*")}
+    assert len(tables) == 5
+    other = ringlight(*words, "--steps", "6", "--json")
+    assert other.code == 1
+    assert json.loads(other.out)["notes"]
+    assert f"the earlier table in {out} is kept, for none of these runs is there" in other.err
+    assert {path: path.read_bytes() for path in out.glob("table.*")} == tables
+    for path in tables:
+        path.unlink()
+    assert ringlight(*words, "--steps", "6").code == 1
+    empty = (out / "table.csv").read_text()
+    assert ringlight(*words, "--steps", "7").code == 1, "a table without runs is replaced"
+    assert (out / "table.csv").read_text() == empty
+    assert "steps 7" not in (out / "table.md").read_text()
+
+
 def _is_locked(run: Path) -> bool:
     import fcntl
 
@@ -215,17 +236,3 @@ def _wait_for(condition, seconds: float = 120) -> None:  # type: ignore[no-untyp
     while not condition():
         assert time.monotonic() < last, "it never came"
         time.sleep(0.1)
-
-
-def test_a_table_is_not_replaced_by_one_without_runs(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
-    """As with other steps, which the folders of the finished runs cannot take."""
-    out = tmp_path / "out"
-    words = ("table", tiny, "--methods", "3dgs", "--out", out, *SETTINGS)
-    assert ringlight(*words).code == 0
-    tables = {path: path.read_bytes() for path in out.glob("table.*")}
-    assert len(tables) == 5
-    other = ringlight(*words, "--steps", "6", "--json")
-    assert other.code == 1
-    assert json.loads(other.out)["notes"]
-    assert f"the earlier table in {out} is kept, for none of these runs is there" in other.err
-    assert {path: path.read_bytes() for path in out.glob("table.*")} == tables

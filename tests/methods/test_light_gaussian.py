@@ -176,3 +176,8 @@ def test_a_bound_is_on_the_gaussians_at_the_end():
 def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]):
     with pytest.raises(RecipeError, match=r"; give "):
         LightGaussianRecipe(**wrong)  # type: ignore[arg-type]
+
+
+def test_pictures_with_holes_are_not_distilled():
+    with pytest.raises(RecipeError, match=r"dropout is 0\.1, and light-gaussian distils whole pictures"):
+        LightGaussianRecipe(dropout=0.1)

@@ -138,3 +138,8 @@ def test_a_run_without_room_to_drop_says_so(steps: int, stop: float, last: int):
         assert f"adds Gaussians until step {last} has no room" in idle[f"densify.{name}"]
     drops = RingLightBasisRecipe(steps=3000).without_effect()
     assert not drops.keys() & {f"densify.{name}" for name in settings}
+
+
+def test_light_is_learned_from_whole_pictures():
+    """Opacities are frozen then, and nobody measured it."""
+    assert relight_recipe(dataclasses.replace(RingLightBasisRecipe(), dropout=0.1), 10).dropout == 0

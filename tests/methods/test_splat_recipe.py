@@ -1,10 +1,12 @@
 """What memory, studies and benchmarks ask of a recipe without knowing what it is, and what photographs decide."""
 
 import dataclasses
+from typing import Any
 
 import pytest
 
 from ringlight.data.dropout import Dropout
+from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.splat_recipe import FEW_PHOTOGRAPHS_DROPOUT, FEWEST_WITHOUT_DROPOUT
 from ringlight.methods.three_dgs import ThreeDGSRecipe
@@ -70,9 +72,17 @@ def test_few_photographs_are_trained_with_dropout():
         assert settled.dropout == expected
         assert free.may_settle_on(settled)
         assert not dataclasses.replace(free, dropout=0.3).may_settle_on(settled)
-        assert free.build(of, rasterize, 0).batches.dropout == Dropout(expected, after=10)
+        dropout = free.build(of, rasterize, 0).batches.dropout
+        assert dropout == (Dropout(expected, after=10) if expected else None)
         assert plain.settled(of, rasterize, 0)[0].dropout == 0, "the paper's"
     asked = dataclasses.replace(free, dropout=0.3).settled(scene, rasterize, 0)[0]
     assert asked.dropout == 0.3
     assert not free.may_settle_on(asked), "no number of photographs decides on that"
     assert not free.may_settle_on(plain)
+
+
+@pytest.mark.parametrize(("settings", "last"), [({}, 1500), ({"stop": 0.8}, 2400), ({"kind": "mcmc"}, 2500)])
+def test_no_picture_has_holes_while_density_control_looks_at_it(settings: dict[str, Any], last: int):
+    recipe = ThreeDGSRecipe(steps=3000, dropout=0.1, densify=DensifySettings(**settings))
+    assert recipe.last_whole_step == last
+    assert recipe.build(tiny_scene(views=2, size=8), rasterizer_for("auto"), 0).batches.dropout == Dropout(0.1, last)

@@ -15,6 +15,7 @@ from gsplat_torch import TorchGsplat
 from other_device import ELSEWHERE, other_device
 from ringlight.core.scene import Scene
 from ringlight.data import hull
+from ringlight.data.batches import ImageBatch
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.train import Training, train
 from ringlight.measure.metrics import psnr
@@ -77,16 +78,17 @@ KEPT, KEEPING = DensifySettings(begin=0, stop=0.0, latest=0, reset_every=0), {"g
 """No density control: a Gaussian a pixel, the bound, is reached at once, and the last bit says which are copied."""
 
 
-def short_run(method: str, scene: Scene, rasterize: Rasterizer) -> Training:
+def short_run(method: str, scene: Scene, rasterize: Rasterizer, dropout: float = 0.0) -> Training:
     """Twelve steps with everything in them: density control, the light field switched on. Whole gradients, and no
-    dropout: which rows are importance-sampled, and which place a grown row takes, depends on a sum's last bit."""
+    dropout but where nothing grows: which rows are importance-sampled, and which place a grown row takes, depends on a
+    sum's last bit."""
     whole = {"gradient_share": 1.0}
     settings = COARSE | {
         "steps": STEPS,
-        "densify": KEPT if method in KEEPING else CHANGED,
+        "densify": KEPT if dropout or method in KEEPING else CHANGED,
         "light": {"ring": {"position_nodes": 32, "view_nodes": 8}} | whole,
         "shader": whole,
-        "dropout": 0.0,
+        "dropout": dropout,
         **whole,
     }
     return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)
@@ -149,3 +151,17 @@ def test_training_elsewhere_is_training_here(method: str, monkeypatch: pytest.Mo
     for ours, native, again in zip(shown, pictures(here.model, scene), pictures(moved.model, scene), strict=True):
         assert psnr(ours, native) > PICTURES_ALIKE.get(method, ALIKE)
         assert psnr(ours, again) > ALIKE, "the same model on the other device"
+
+
+@pytest.mark.parametrize("method", ["3dgs", "glossy-gaussian", "ringlight-basis"])
+def test_the_same_gaussians_are_left_out_elsewhere(method: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(hull, "FINE_CELLS", 24)
+    scene = tiny_scene(views=6, size=24)
+    here = short_run(method, scene, rasterizer_for("cpu"), 0.2)
+    last = here.batches.at(STEPS)
+    assert isinstance(last, ImageBatch)
+    assert last.left_out is not None
+    losses = [progress.loss for progress in train(here)]
+    with other_device():
+        there = short_run(method, scene, rasterizer_elsewhere(), 0.2)
+        assert [progress.loss for progress in train(there)] == pytest.approx(losses, rel=1e-3)

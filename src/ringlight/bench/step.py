@@ -13,6 +13,7 @@ from ringlight.bench.workload import Size, workload, workload_scene
 from ringlight.core.gaussians import GEOMETRY
 from ringlight.core.words import counted
 from ringlight.data.batches import ImageBatch
+from ringlight.data.bundled import scene_folder
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
@@ -118,7 +119,7 @@ def subject_of_scene(
         recipe = dataclasses.replace(recipe, steps=steps)
     if after >= recipe.steps:
         raise RecipeError(f"--after is {after}; the run has {counted(recipe.steps, 'step')}: give less")
-    scene = load_scene(photographs, SceneOptions())
+    scene = load_scene(scene_folder(photographs), SceneOptions())
     settled, _ = recipe.settled(scene, rasterize, seed)
     if gaussians:
         settled = settled.ending_with(gaussians, dropping=False)

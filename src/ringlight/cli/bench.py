@@ -109,7 +109,7 @@ class StepArguments:
     size: str = "100k@400"
     """Gaussians@pixels of the workload."""
     scene: Path | None = None
-    """Folder of photographs, in place of the workload."""
+    """Folder of photographs, or toaster or carpaint, which are bundled, in place of the workload."""
     after: int = 0
     """Training steps on the photographs before the one that is timed."""
     steps: int = 0

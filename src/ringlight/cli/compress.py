@@ -40,7 +40,7 @@ class CompressArguments:
     out: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT.safetensors")]
     """Model file to write."""
     scene: SceneFolder = None
-    """Folder of photographs; by default the model's own."""
+    """Folder of photographs, or toaster or carpaint, which are bundled; by default the model's own."""
     options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
     overwrite: bool = False
     """Replace the file if it exists."""

@@ -37,7 +37,7 @@ class EvalArguments:
     model: ModelPath
     """Run folder or model file."""
     scene: SceneFolder = None
-    """Folder of photographs; by default the model's own."""
+    """Folder of photographs, or toaster or carpaint, which are bundled; by default the model's own."""
     options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
     out: MaybeFolder = None
     """New folder for report.json and images/. 'ringlight compare' reads it like a run."""

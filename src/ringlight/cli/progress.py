@@ -62,11 +62,25 @@ def announce(session: Session, quiet: bool) -> None:
     lines = [
         *([session.decided] if session.decided else []),
         *begun,
+        *_dropout(session),
         f"{counted(training.steps, 'step')}{added}, seed {session.record.seed}, {training.model.counted()} {place}; "
         f"{training.model.renderer}, {_kernels.isa()}, {counted(_kernels.threads(), 'thread')}",
         f"writing to {session.folder.path}",
     ]
     sys.stderr.write("\n".join(lines) + "\n")
+
+
+def _dropout(session: Session) -> list[str]:
+    """What pictures lack from some step on, and with them the PSNR that is shown while the run trains."""
+    from ringlight.methods.splat_recipe import SplatRecipe
+
+    recipe = session.record.recipe
+    if not isinstance(recipe, SplatRecipe) or not recipe.dropout:
+        return []
+    return [
+        f"after step {recipe.last_whole_step} each training picture lacks {recipe.dropout:.0%} of the Gaussians "
+        "(dropout), which lowers the training PSNR shown"
+    ]
 
 
 def _where(session: Session) -> str:

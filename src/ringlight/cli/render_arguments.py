@@ -27,8 +27,8 @@ class RenderArguments:
     the scene's own world, or beside nerfstudio's dataparser_transforms.json in the one that it trained in. Only test
     needs photographs besides the model file."""
     scene: MaybeFolder = None
-    """Folder of photographs with the test views, and with the training cameras that a path goes by; by default the
-    model's own."""
+    """Folder of photographs with the test views, and with the training cameras that a path goes by, or toaster or
+    carpaint, which are bundled; by default the model's own."""
     frames: int | None = None
     """Number of pictures. By default 120 for orbit and interpolated, all test or training views, and of key frames as
     many as their seconds take."""

@@ -168,13 +168,13 @@ def _show(
 ) -> int:
     from ringlight.cli.console import Screen
     from ringlight.measure.json_record import to_json
-    from ringlight.runs.method_results import method_table, record_of, write_table
+    from ringlight.runs.method_results import holds_runs, method_table, record_of, write_table
 
     table = method_table(runs, seeds, failed)
     steps = sorted({surveyed.run.recipe.steps for surveyed in runs.values()})
     title = counted(steps[0], "step") if len(steps) == 1 else f"{steps[0]:,} to {steps[-1]:,} steps"
     there = sum(len(by_seed) for by_seed in table.cells.reports.values())
-    keeps = not there and (out / "table.json").exists()
+    keeps = not there and holds_runs(out)
     written = () if keeps else write_table(out, table, runs, title)
     if asked.json:
         sys.stdout.write(to_json(record_of(table, runs)))

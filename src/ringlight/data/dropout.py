@@ -1,7 +1,7 @@
 """Gaussians that a training picture leaves out, so that none is relied on from one direction alone.
 
 Dropout for splats (Park et al. 2025, "DropGaussian", there for few photographs): those left out have no opacity, the
-others more, so that the mean of each opacity is kept. Ours draws them with one probability in the second half of a run.
+others more, so that the mean of each opacity is kept. Ours draws them with one probability, late in a run.
 """
 
 from dataclasses import dataclass
@@ -11,10 +11,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.randomness import generator
-
-BEGINS = 0.5
-"""Of the run; then default density control adds no more, whose statistics of pictures with holes would mislead it. An
-earlier beginning was not measured."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +30,11 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Dropout:
-    """Of a run: ``share`` of the Gaussians, in [0, 1), at each step after ``after``."""
+    """Of a run: ``share`` of the Gaussians, in (0, 1), at each step after ``after``."""
 
     share: float
     after: int
 
     def at(self, seed: int, step: int) -> LeftOut | None:
         """What this step leaves out; None for nothing."""
-        return LeftOut(self.share, seed, step) if self.share and step > self.after else None
+        return LeftOut(self.share, seed, step) if step > self.after else None

@@ -11,7 +11,7 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.core.light_features import FeatureShares
 from ringlight.core.scene import PointCloud, Scene
 from ringlight.data.batches import COARSE, ImageBatches
-from ringlight.data.dropout import BEGINS, Dropout
+from ringlight.data.dropout import Dropout
 from ringlight.fit.guard import Guard
 from ringlight.fit.losses.photographs import PhotographLoss
 from ringlight.fit.optimizer import Optimizer
@@ -81,7 +81,8 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     groups = recipe.rates.groups(scene.extent) | course.groups
     growing = density_control(densify, scene, steps, seed)
     dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)
-    dropout = Dropout(recipe.dropout_of(len(scene.train)), int(BEGINS * steps))
+    share = recipe.dropout_of(len(scene.train))
+    dropout = Dropout(share, recipe.last_whole_step) if share else None
     return Training(
         model=model,
         batches=ImageBatches(scene, seed, course.coarse_steps, dropout),

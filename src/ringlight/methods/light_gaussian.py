@@ -84,6 +84,11 @@ class LightGaussianRecipe(ThreeDGSRecipe):
             raise RecipeError(
                 "densify.kind is mcmc, and light-gaussian drops Gaussians by itself; use adaptive, or 3dgs"
             )
+        if self.dropout:
+            raise RecipeError(
+                f"dropout is {self.dropout:g}, and light-gaussian distils whole pictures; train 3dgs with it, then "
+                "light-gaussian --from that run"
+            )
         for name in ("grow_share", "distill_share", "prune_share", "codebook_share"):
             if not 0 <= (getattr(self, name) or 0) <= 1:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give a share, from 0 to 1")

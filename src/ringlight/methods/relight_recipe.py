@@ -64,7 +64,7 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
     if isinstance(recipe, RingLightBasisRecipe):
         start = replace(recipe.start, points=0)
         kept = _kept(recipe, steps)
-        frozen = replace(recipe, **kept, coarse_steps=0, sh_rate=0.0, weights_rate=0.0, start=start)
+        frozen = replace(recipe, **kept, coarse_steps=0, sh_rate=0.0, weights_rate=0.0, dropout=0.0, start=start)
         return replace(frozen, opacity_basis_rate=0.0) if recipe.varying_opacity else frozen
     method = method_of(recipe)
     raise RecipeError(

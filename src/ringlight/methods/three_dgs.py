@@ -94,8 +94,8 @@ class ThreeDGSRecipe(SplatRecipe):
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     dropout: float = later(0.0)
-    """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run;
-    0 for none."""
+    """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run,
+    once density control adds none; 0 for none."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=DensifySettings)

@@ -46,6 +46,15 @@ def record_of(table: MethodTable, runs: Mapping[Key, Surveyed]) -> dict[str, obj
     }  # fmt: skip
 
 
+def holds_runs(out: Path) -> bool:
+    """Whether earlier tables in ``out`` have a run; of those whose CSV, which has a line for each, cannot be read, this
+    is taken for granted."""
+    try:
+        return len((out / f"{NAME}.csv").read_text(encoding="utf-8").splitlines()) > 1
+    except (OSError, ValueError):
+        return any(out.glob(f"{NAME}.*"))
+
+
 def write_table(out: Path, table: MethodTable, runs: Mapping[Key, Surveyed], title: str) -> tuple[Path, ...]:
     """table.md, .tex, .csv, .json and .png in ``out``, in place of earlier ones. Raises OutputError."""
     make_folder(out)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ringlight.data import nerfstudio
+from ringlight.data.bundled import scene_folder
 from ringlight.data.load import format_of
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RunError
@@ -21,7 +22,7 @@ def scene_was_moved(path: Path, opened: Opened, asked: Path | None, again: str) 
     moved = frame_beside(path)
     if moved is None:
         return UNMOVED
-    folder, options = (asked, SceneOptions()) if asked is not None else recorded_scene(opened)
+    folder, options = (scene_folder(asked), SceneOptions()) if asked is not None else recorded_scene(opened)
     if not folder.is_dir():
         raise RunError(
             f"{path.with_name(FRAME_NAME)}: brings cameras back into the world of a scene, and {folder} is none; name "
