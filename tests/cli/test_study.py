@@ -73,7 +73,8 @@ def test_studies_in_one_folder_share_the_full_method(study: Path, tiny: Path, ri
     assert states.pop(str(study / "balls" / "full" / "seed-0"))
     assert states.pop(str(study / "balls" / "full" / "seed-1"))
     assert not any(states.values())
-    assert listed[-1] == "8 runs of 3 steps, 6 to do"
+    assert listed[-1].startswith("8 runs of 3 steps, 6 to do: about ")
+    assert listed[-1].endswith(" s of one core (by the finished runs)")
 
 
 def test_an_interrupted_study_goes_on_to_the_same_numbers(
@@ -119,7 +120,7 @@ def test_a_dry_run_makes_nothing(tiny: Path, tmp_path: Path, ringlight: Command)
     listed = ringlight("study", "field", tiny, "carpaint", "--out", tmp_path / "out", "--dry-run")
     assert listed.code == 0
     assert "carpaint/cp/seed-1" in listed.out
-    assert "24 runs of 30,000 steps, 24 to do" in listed.out
+    assert "24 runs of 30,000 steps, 24 to do: about 6.0 h of one core (by the README's runs; " in listed.out
     assert not any(tmp_path.iterdir())
 
 

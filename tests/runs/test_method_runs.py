@@ -8,7 +8,8 @@ import pytest
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.methods.table import METHODS
-from ringlight.runs.method_runs import core_seconds, methods_named, order_of, plan
+from ringlight.runs.expected_time import core_seconds
+from ringlight.runs.method_runs import expected, methods_named, order_of, plan
 from ringlight.runs.planned import PlannedRun
 
 
@@ -63,6 +64,6 @@ def test_each_pair_and_seed_has_its_folder_and_an_estimate(tmp_path: Path) -> No
     assert len(runs) == 8
     assert runs["carpaint", "3dgs", 5].run.folder == tmp_path / "carpaint" / "3dgs" / "seed-5"
     assert {surveyed.state for surveyed in runs.values()} == {"to do"}
-    seconds, told = core_seconds(runs)
+    seconds, told = core_seconds(expected(runs))
     assert seconds == pytest.approx(8 * 100 * 0.03)
     assert not told

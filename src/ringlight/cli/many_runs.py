@@ -1,7 +1,7 @@
 """What commands of many runs have in common: where these are done, how they are watched, what a signal does."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ from ringlight.cli.threads import MOST_THREADS
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
+    from ringlight.runs.expected_time import Expected
     from ringlight.runs.many import Order, Place
 
 
@@ -40,6 +41,16 @@ class Doing:
         from ringlight.runs.cluster import Cluster
 
         return Cluster(self.scheduler)
+
+
+def expected_time(runs: "Sequence[Expected]") -> str:
+    """ "about 12 min of one core", and what tells; empty where nothing is missing."""
+    from ringlight.cli.progress import spoken
+    from ringlight.runs.expected_time import core_seconds
+
+    seconds, told = core_seconds(runs)
+    source = "by the finished runs" if told else "by the README's runs; finished ones tell better"
+    return f"about {spoken(seconds)} of one core ({source})" if seconds else ""
 
 
 def check_jobs(jobs: int) -> None:

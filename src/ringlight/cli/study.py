@@ -10,7 +10,7 @@ import tyro
 from ringlight.cli.arguments import MaybeFolder, Net
 from ringlight.cli.flags import flags_in
 from ringlight.cli.main import WRONG_INPUT
-from ringlight.cli.many_runs import check_jobs
+from ringlight.cli.many_runs import check_jobs, expected_time
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.threads import check_threads
 from ringlight.core.words import counted
@@ -65,7 +65,7 @@ class StudyArguments:
     """Do the runs on the workers of this Dask scheduler (extra [cluster]); OUT and scenes are on a disk that all
     share."""
     dry_run: bool = False
-    """List the runs and which of them are finished. Nothing is run."""
+    """List the runs, which of them are finished, and about how long the others take. Nothing is run."""
     json: bool = False
     """Print the result as JSON instead of the table."""
     quiet: bool = False
@@ -90,6 +90,7 @@ def main(arguments: list[str]) -> int:
 
     variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))
     from ringlight.measure.json_record import to_json
+    from ringlight.runs.expected_time import core_seconds
     from ringlight.runs.folder import make_folder, refuse_file_in_the_way
     from ringlight.runs.study import runs_of_study
 
@@ -97,7 +98,13 @@ def main(arguments: list[str]) -> int:
     refuse_file_in_the_way(out)
     runs = runs_of_study(variants, asked.scenes, asked.seeds, out, asked.options)
     if asked.dry_run:
-        sys.stdout.write(to_json({"runs": _listed(runs)}) if asked.json else _listing(runs))
+        expected = [run.expected for run in runs]
+        if asked.json:
+            seconds, told = core_seconds(expected)
+            record = {"runs": _listed(runs), "core_seconds": seconds, "estimated_by_own_runs": told}
+            sys.stdout.write(to_json(record))
+        else:
+            sys.stdout.write(_listing(runs, expected_time(expected)))
         return 0
     make_folder(out)
     failed = _run_all(asked, runs)
@@ -131,13 +138,15 @@ def _listed(runs: "tuple[StudyRun, ...]") -> list[dict[str, object]]:
     ]
 
 
-def _listing(runs: "tuple[StudyRun, ...]") -> str:
+def _listing(runs: "tuple[StudyRun, ...]", about: str) -> str:
     width = max(len(str(run.folder)) for run in runs)
     lines = [f"{run.folder!s:{width}}  {run.state:8}  {run.variant.about}" for run in runs]
     missing = sum(run.state != "finished" for run in runs)
     steps = sorted({run.variant.recipe.steps for run in runs})
     spoken = counted(steps[0], "step") if len(steps) == 1 else f"{steps[0]:,} to {steps[-1]:,} steps"
-    return "\n".join([*lines, f"{counted(len(runs), 'run')} of {spoken}, {missing} to do"]) + "\n"
+    return (
+        "\n".join([*lines, f"{counted(len(runs), 'run')} of {spoken}, {missing} to do{about and ': ' + about}"]) + "\n"
+    )
 
 
 def _run_all(asked: StudyArguments, runs: "tuple[StudyRun, ...]") -> dict[str, str]:

@@ -9,7 +9,7 @@ import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, Net
 from ringlight.cli.main import WRONG_INPUT
-from ringlight.cli.many_runs import check_jobs
+from ringlight.cli.many_runs import check_jobs, expected_time
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.threads import check_threads
 from ringlight.core.words import counted
@@ -112,12 +112,12 @@ def _name(key: "Key") -> str:
 
 
 def _list(asked: TableArguments, runs: "dict[Key, Surveyed]") -> None:
-    from ringlight.cli.progress import spoken
     from ringlight.measure.json_record import to_json
-    from ringlight.runs.method_runs import core_seconds
+    from ringlight.runs.expected_time import core_seconds
+    from ringlight.runs.method_runs import expected
 
-    seconds, told = core_seconds(runs)
     if asked.json:
+        seconds, told = core_seconds(expected(runs))
         listed = [
             {
                 "scene": key[0],
@@ -137,9 +137,8 @@ def _list(asked: TableArguments, runs: "dict[Key, Surveyed]") -> None:
         state = surveyed.state or f"refused: {surveyed.reason}"
         sys.stdout.write(f"{surveyed.run.folder!s:{width}}  {surveyed.run.recipe.steps:>6} steps  {state}\n")
     missing = sum(surveyed.state in ("to do", "started") for surveyed in runs.values())
-    source = "by the finished runs" if told else "by the README's runs; finished ones tell better"
-    lines = f"{counted(len(runs), 'run')}, {missing} to do"
-    sys.stdout.write(lines + (f": about {spoken(seconds)} of one core ({source})\n" if missing else "\n"))
+    about = expected_time(expected(runs))
+    sys.stdout.write(f"{counted(len(runs), 'run')}, {missing} to do{about and ': ' + about}\n")
 
 
 def _run(asked: TableArguments, runs: "dict[Key, Surveyed]") -> "dict[Key, str]":

@@ -152,7 +152,7 @@ def _resume(arguments: list[str]) -> int:
     check_threads(wish.running.threads)
     with stages(wish.running.quiet) as line:
         line(f"reading {wish.resume}")
-        from ringlight.runs.finish import complete_report
+        from ringlight.runs.finish import report_after
         from ringlight.runs.folder import RunFolder
         from ringlight.runs.record import RunRecord
         from ringlight.runs.resume import resume_run
@@ -160,17 +160,19 @@ def _resume(arguments: list[str]) -> int:
         use_threads(wish.running.threads)
         if "--steps" in flags_in(arguments) and wish.steps < 1:
             raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
-        record = RunRecord.read(RunFolder.open(wish.resume).path)
+        folder = RunFolder.open(wish.resume)
+        record = RunRecord.read(folder.path)
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
         check_steps(wish.running, record.steps + wish.steps)
         check_watching(wish.running)
-        session = resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
-        report = complete_report(session)
-    if report is None:
+        report = report_after(folder, record.steps) if folder.model.is_file() and not wish.steps else None
+        session = None if report else resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
+    if session is not None:
         return _train(session, wish.running)
+    assert report is not None
     if not wish.running.quiet:
         sys.stderr.write(
-            f"{wish.resume}: is complete after step {session.training.step} and was measured; add steps by: "
+            f"{wish.resume}: is complete after step {record.steps} and was measured; add steps by: "
             f"{command('train', '--resume', wish.resume)} --steps MORE, or measure it again with: "
             f"{command('eval', wish.resume)}\n"
         )

@@ -48,7 +48,8 @@ class ResultsTable:
         yield fitting.table(options.max_width)
         for note in self.notes():
             yield Text(note, style="dim")
-        if left_out := [c.title for c in grid.columns if c.title not in {kept.title for kept in fitting.columns}]:
+        left_out = [c.title for c in grid.columns if c.title not in {kept.title for kept in fitting.columns}]
+        if left_out and len(self.runs) > 1:  # who compares misses them
             yield Text(f"Too narrow here for {', '.join(left_out)}; a wider terminal shows more.", style="dim")
 
     def markdown(self) -> str:

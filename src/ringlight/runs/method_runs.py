@@ -12,13 +12,11 @@ from ringlight.errors import RecipeError, RinglightError
 from ringlight.measure.report import Report
 from ringlight.methods.recipe import Recipe, recipe_from_dict
 from ringlight.methods.table import method_named
+from ringlight.runs.expected_time import Expected
 from ringlight.runs.planned import PlannedRun, State, scenes_named, with_steps
 
 Key = tuple[str, str, int]
 """Scene, method as the table calls it, seed."""
-
-CORE_SECONDS_A_STEP = 0.03
-"""Where no run tells: 3,000 steps of README's table took 31 to 118 core seconds."""
 
 MOST_QUOTED = 40
 """Characters of a value that a sentence repeats: enough to find it again, and still one line."""
@@ -141,18 +139,9 @@ def order_of(run: PlannedRun, threads: int, device: str, lpips: Sequence[str]) -
     return {"run": run.to_plain(), "threads": threads, "device": device, "lpips": list(lpips)}
 
 
-def core_seconds(runs: Mapping[Key, Surveyed]) -> tuple[float, bool]:
-    """About what the missing runs will take, and whether runs of the table told; all cores together.
-
-    A run's rate is that of a finished one of its method and scene, else of its method, else of any.
-    """
-    told = {key: s.report.core_seconds / s.run.recipe.steps for key, s in runs.items() if s.report is not None
-            and s.report.core_seconds}  # fmt: skip
-    total = 0.0
-    for (scene, method, _), surveyed in runs.items():
-        if surveyed.state in ("to do", "started"):
-            same = [rate for key, rate in told.items() if key[:2] == (scene, method)]
-            kin = [rate for key, rate in told.items() if key[1] == method]
-            rates = same or kin or list(told.values()) or [CORE_SECONDS_A_STEP]
-            total += surveyed.run.recipe.steps * sum(rates) / len(rates)
-    return total, bool(told)
+def expected(runs: Mapping[Key, Surveyed]) -> tuple[Expected, ...]:
+    """What their time is told by; a run that cannot go into its folder takes none."""
+    return tuple(
+        Expected(scene, method, s.run.recipe.steps, s.report, s.state in ("to do", "started"))
+        for (scene, method, _), s in runs.items()
+    )

@@ -18,6 +18,7 @@ from ringlight.methods.recipe import Recipe
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.variant import Variant
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.expected_time import Expected
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.many import Order, Waiting
 from ringlight.runs.method_runs import order_of
@@ -54,6 +55,12 @@ class StudyRun:
         SceneError where only the scene could tell and cannot be read."""
         self.planned.refuse_other()
         return self
+
+    @property
+    def expected(self) -> Expected:
+        """What the time of missing runs is told by."""
+        steps = self.variant.recipe.steps
+        return Expected(str(self.scene), self.variant.name, steps, self.report, self.state != "finished")
 
     @property
     def name(self) -> str:
