@@ -208,7 +208,11 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
     refused(ringlight("train", tiny, "3dgs", "--stesp", "3", *out), 2, "--stesp", "perhaps you meant --steps")
     refused(ringlight("train", "--step", "3", tiny, "3dgs", *out), 2, "--step;", "perhaps you meant --steps")
     refused(ringlight("train", tiny, "--steps", "3", "3dgs", *out), 2, "--steps is a method's and goes behind its name")
-    refused(ringlight("train", tiny, "--steps", "3", *out), 2, "--steps is a method's and goes behind its name")
+    remedy = (
+        f"a method is missing behind {tiny}; 'ringlight' chooses one for the scene: ringlight train {tiny} ringlight"
+    )
+    refused(ringlight("train", tiny, "--steps", "3", *out), 2, f"{remedy} --steps 3 --out")
+    refused(ringlight("train", tiny, "--steps", "3", "3dgs"), 2, "--steps is a method's and goes behind its name")
     refused(ringlight("train", tiny, "ringlight", "--rank", "3", *out), 2, "perhaps you meant --light.ring.rank")
     refused(ringlight("train", tiny, "putt", "--rank", "3", *out), 2, "meant --appearance-rank", "SCENE putt --help")
     refused(ringlight("train", tiny, "3dgs", "--steps", "many", *out), 2, "--steps", "is not a whole number")

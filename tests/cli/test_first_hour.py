@@ -103,7 +103,6 @@ def test_a_checkpoint_of_another_run_is_called_so(
     trained: dict[str, Path], run_folder: Path, ringlight: Command
 ) -> None:
     shutil.copy(trained["3dgs"] / "checkpoint.safetensors", run_folder / "checkpoint.safetensors")
-    (run_folder / "report.json").unlink()  # of a run that is complete nothing else is read
     refused(ringlight("train", "--resume", run_folder, "--quiet"), 1, "is of 3dgs with seed 0")
 
 

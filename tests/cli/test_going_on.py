@@ -62,15 +62,6 @@ def test_a_finished_run_is_extended(finished: Path, ringlight: Command) -> None:
     assert "step 60, 20 of them added" in ringlight("info", alone).out
 
 
-def test_of_a_run_that_is_complete_the_scene_is_not_read(finished: Path, tmp_path: Path, ringlight: Command) -> None:
-    report = json.loads(ringlight("train", "--resume", finished, "--quiet", "--json").out)
-    record = json.loads((finished / "recipe.json").read_text())
-    (finished / "recipe.json").write_text(json.dumps(record | {"scene": str(tmp_path / "gone")}))
-    again = ringlight("train", "--resume", finished, "--json")
-    assert json.loads(again.out) == report
-    assert "is complete after step" in again.err
-
-
 def test_a_run_is_extended_twice_and_stopped_in_between_with_the_same_bits(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
 ) -> None:

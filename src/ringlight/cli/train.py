@@ -1,6 +1,5 @@
 """``ringlight train SCENE METHOD``: learn a scene from a folder of posed photographs."""
 
-import itertools
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder
-from ringlight.cli.flags import flags_in, flags_of, near
+from ringlight.cli.flags import flags_in, flags_of
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.ineffective import idle_settings, start_without_effect
 from ringlight.cli.loading import telling_of_scenes
@@ -19,13 +18,14 @@ from ringlight.cli.poses import scene_with_cameras
 from ringlight.cli.run_training import RunOptions, check_steps, check_watching, train_and_measure
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.cli.train_flags import method_among, refuse_flags_of_other_methods, refuse_unknown_and_misplaced_flags
 from ringlight.cli.verifying import verify_run
 from ringlight.core.command_line import command
 from ringlight.data.bundled import scene_folder
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe
-from ringlight.methods.table import METHODS, method_named
+from ringlight.methods.table import METHODS
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
@@ -86,25 +86,17 @@ GLOSSARY = (
 
 RESUMED = {"--resume", "--steps"} | flags_of(RunOptions)
 OF_ANY_METHOD = flags_of(TrainArguments) | flags_of(RunOptions) | flags_of(SceneOptions) | {"--help"}
-KNOWN = OF_ANY_METHOD.union(*(flags_of(type(recipe), in_pairs=True) for recipe in METHODS.values()))
-"""Flags of all methods."""
 
 
 def main(arguments: list[str]) -> int:
     """Train, then measure; returns the exit code."""
-    _refuse_unknown_and_misplaced_flags(arguments)
-    _refuse_flags_of_other_methods(arguments)
+    refuse_unknown_and_misplaced_flags(arguments, OF_ANY_METHOD)
+    refuse_flags_of_other_methods(arguments, OF_ANY_METHOD)
     return _resume(arguments) if "--resume" in flags_in(arguments) else _start(arguments)
 
 
 def _start(arguments: list[str]) -> int:
-    # The parser would tell which words it knows, but not which of them is near.
-    if len(arguments) > 1 and not any(w.startswith("-") for w in arguments[:2]) and not METHODS.keys() & set(arguments):
-        try:
-            method_named(arguments[1])
-        except RecipeError as error:
-            refuse("train", str(error))
-    method = _method_among(arguments[: arguments.index("--help")] if "--help" in arguments else arguments)
+    method = method_among(arguments[: arguments.index("--help")] if "--help" in arguments else arguments)
     asked = parse(TrainArguments, "train", arguments, in_pairs=True, before="SCENE" if method else "", of=method or "")
     preset = preset_of(arguments, asked.method)
     recipe: Recipe = asked.method
@@ -152,7 +144,7 @@ def _resume(arguments: list[str]) -> int:
     check_threads(wish.running.threads)
     with stages(wish.running.quiet) as line:
         line(f"reading {wish.resume}")
-        from ringlight.runs.finish import report_after
+        from ringlight.runs.finish import complete_report
         from ringlight.runs.folder import RunFolder
         from ringlight.runs.record import RunRecord
         from ringlight.runs.resume import resume_run
@@ -160,16 +152,14 @@ def _resume(arguments: list[str]) -> int:
         use_threads(wish.running.threads)
         if "--steps" in flags_in(arguments) and wish.steps < 1:
             raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
-        folder = RunFolder.open(wish.resume)
-        record = RunRecord.read(folder.path)
+        record = RunRecord.read(RunFolder.open(wish.resume).path)
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
         check_steps(wish.running, record.steps + wish.steps)
         check_watching(wish.running)
-        report = report_after(folder, record.steps) if folder.model.is_file() and not wish.steps else None
-        session = None if report else resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
-    if session is not None:
+        session = resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
+        report = complete_report(session)
+    if report is None:
         return _train(session, wish.running)
-    assert report is not None
     if not wish.running.quiet:
         sys.stderr.write(
             f"{wish.resume}: is complete after step {record.steps} and was measured; add steps by: "
@@ -178,54 +168,6 @@ def _resume(arguments: list[str]) -> int:
         )
     _print(report, wish.running)
     return 0
-
-
-def _refuse_unknown_and_misplaced_flags(arguments: list[str]) -> None:
-    """The parser would take the value of an unknown flag for the scene, and complain of that; of one that stands
-    before its method it would say that it does not know it."""
-    for flag in flags_in(arguments):
-        if flag not in KNOWN:
-            method = None if "--resume" in flags_in(arguments) else _method_among(arguments)
-            own = OF_ANY_METHOD | flags_of(type(METHODS[method]), in_pairs=True) if method else KNOWN
-            meant = near(flag, own, KNOWN)
-            perhaps = f"; perhaps you meant {meant}" if meant else ""
-            refuse("train", f"not understood: {flag}{perhaps}", f"SCENE {method}" if method else "")
-    if "--resume" in flags_in(arguments):
-        return
-    _refuse_unknown_method(arguments)
-    at = next((place for place, word in enumerate(arguments) if word in METHODS), len(arguments))
-    for flag in flags_in(arguments[:at]):
-        if flag not in OF_ANY_METHOD:
-            refuse("train", f"{flag} is a method's and goes behind its name: ringlight train SCENE METHOD {flag} …")
-
-
-def _method_among(arguments: list[str]) -> str | None:
-    """The method that is named last, for a folder may be called like one; rather none that may be a flag's value, such
-    as ``--out 3dgs``. None where none is named."""
-    values = {at + 1 for at, word in enumerate(arguments) if word.startswith("--") and "=" not in word}
-    named = [at for at, word in enumerate(arguments) if word in METHODS]
-    sure = [at for at in named if at not in values]
-    return arguments[(sure or named)[-1]] if named else None
-
-
-def _refuse_unknown_method(arguments: list[str]) -> None:
-    """A method's flag would be refused before the name in front of it, which is the mistake."""
-    named = list(itertools.takewhile(lambda word: not word.startswith("-"), arguments))[1:2]
-    if named and not METHODS.keys() & set(arguments):
-        try:
-            method_named(named[0])
-        except RecipeError as error:
-            refuse("train", str(error))
-
-
-def _refuse_flags_of_other_methods(arguments: list[str]) -> None:
-    """The parser would not say all methods that a flag belongs to."""
-    named = [word for word in arguments if word in METHODS]  # a folder may be called like a method
-    own = OF_ANY_METHOD.union(*(flags_of(type(METHODS[name]), in_pairs=True) for name in named))
-    for flag in flags_in(arguments):
-        if named and flag not in own:
-            owners = [name for name, recipe in METHODS.items() if flag in flags_of(type(recipe), in_pairs=True)]
-            refuse("train", f"{flag} is no setting of {named[-1]}; give it to {' or '.join(owners)}")
 
 
 def _train(session: "Session", options: RunOptions) -> int:

@@ -148,16 +148,11 @@ def complete_report(session: Session) -> Report | None:
     """The report of a run that has done all its steps and was measured after the last; None for any other run."""
     if session.training.step < session.training.steps:
         return None
-    return report_after(session.folder, session.training.step)
-
-
-def report_after(run: RunFolder, step: int) -> Report | None:
-    """The run's report where it was measured after this step; nothing else of the run is read."""
     try:
-        report = read_report(run.path)
+        report = read_report(session.folder.path)
     except RunError:
         return None
-    return report if report.iterations == step else None
+    return report if report.iterations == session.training.step else None
 
 
 def refuse_older(run: RunFolder, step: int | None) -> None:
