@@ -222,7 +222,7 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
     refused(ringlight("train", tiny, "ringlight", "--light.mask", *out), 2, "--light.mask", "give it to ringlight-ring")
     refused(ringlight("train", tiny, "ringlight", "--base-rate=1", *out), 2, "--base-rate", "ringlight-mirror")
     refused(ringlight("train", tiny, "--seed", "3", "nonsense", *out), 2, "nonsense", "3dgs")
-    refused(ringlight("train", tiny, *out), 2, "3dgs")
+    refused(ringlight("train", tiny, *out), 2, f"{remedy} --out")
     refused(ringlight("train", tiny, "--steps", "10"), 2)
     refused(ringlight("train"), 2, "SCENE")
     refused(ringlight("export"), 2, "MODEL, OUT.ply")

@@ -1,7 +1,5 @@
 """Flags of ``ringlight train`` in a wrong place or with a wrong method: told before the parser sees them."""
 
-import itertools
-
 from ringlight.cli.flags import flags_in, flags_of, near
 from ringlight.cli.parse import refuse
 from ringlight.core.command_line import command
@@ -32,22 +30,28 @@ def refuse_unknown_and_misplaced_flags(arguments: list[str], of_any_method: set[
 def method_among(arguments: list[str]) -> str | None:
     """The method that is named last, for a folder may be called like one; rather none that may be a flag's value, such
     as ``--out 3dgs``. None where none is named."""
-    values = {at + 1 for at, word in enumerate(arguments) if word.startswith("--") and "=" not in word}
+    values = _values(arguments)
     named = [at for at, word in enumerate(arguments) if word in METHODS]
     sure = [at for at in named if at not in values]
     return arguments[(sure or named)[-1]] if named else None
 
 
+def _values(arguments: list[str]) -> set[int]:
+    """Places of words that may be a flag's value."""
+    return {at + 1 for at, word in enumerate(arguments) if word.startswith("--") and "=" not in word}
+
+
 def _refuse_unknown_method(arguments: list[str]) -> None:
     """Or one that is missing: a method's flag would be refused before, and the parser lists all words that it knows."""
-    words = list(itertools.takewhile(lambda word: not word.startswith("-"), arguments))
-    if not words or METHODS.keys() & set(arguments) or {"-h", "--help"} & set(arguments):
+    is_named = METHODS.keys() & set(arguments)  # also behind a flag without a value: --quiet 3dgs
+    if is_named or not arguments or arguments[0].startswith("-") or {"-h", "--help"} & set(arguments):
         return
-    if len(words) == 1:
-        chosen = command("train", words[0], "ringlight", *arguments[1:])
-        refuse("train", f"a method is missing behind {words[0]}; 'ringlight' chooses one for the scene: {chosen}")
+    scene, *others = (word for at, word in enumerate(arguments) if at not in _values(arguments) and word[:1] != "-")
+    if not others:
+        chosen = command("train", scene, "ringlight", *arguments[1:])
+        refuse("train", f"a method is missing behind {scene}; 'ringlight' chooses one for the scene: {chosen}")
     try:
-        method_named(words[1])
+        method_named(others[0])
     except RecipeError as error:
         refuse("train", str(error))
 
