@@ -98,3 +98,13 @@ def test_it_begins_in_the_second_half_of_a_run(method: str):
 def test_nothing_that_leaves_no_picture_is_taken(method: str, share: float):
     with pytest.raises(RecipeError, match=r"^dropout is .*; give a share from 0 \(none\) to less than 1$"):
         dataclasses.replace(METHODS[method], dropout=share)
+
+
+@pytest.mark.parametrize("method", METHODS_WITH_IT)
+def test_a_run_that_stops_among_such_pictures_goes_on_with_the_same_bits(method: str):
+    whole, resumed = (trained(method, steps, dropout=0.3) for steps in (STEPS, STEPS // 2 + 3))
+    again = trained(method, 1, dropout=0.3)
+    again.restore(resumed.state())
+    for _ in train(again):
+        pass
+    assert all(torch.equal(again.state()[name], tensor) for name, tensor in whole.state().items())
