@@ -10,6 +10,7 @@ from ringlight.methods.recipe import Recipe
 from ringlight.methods.ringlight import SUITS, GrowthBound, RingLightRecipe
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
+from ringlight.methods.splat_recipe import FEW_PHOTOGRAPHS_DROPOUT
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.shade.reflection_settings import FINE_LEVELS, USUAL_LEVELS
@@ -19,19 +20,16 @@ RINGLIGHT = RingLightRecipe()
 METHOD_OF_SHADING = {"basis": "ringlight-basis", "mirror": "ringlight-mirror", "harmonics": "3dgs"}
 
 
-VIEWS = len(tiny_scene(size=8).train)
-
-
 def settled(recipe: Recipe, size: int = 24):
     return recipe.settled(tiny_scene(size=size), rasterizer_for("auto"), 0)
 
 
 def with_maps(recipe: Recipe, levels: tuple[int, ...] = USUAL_LEVELS) -> Recipe:
-    """At its length; a mirror with these maps, a basis from balls, since photographs are few, and seen often."""
+    """At its length; a mirror with these maps, a basis from balls with dropout, since photographs are few."""
     at_length = recipe.at_length()
     if isinstance(at_length, RingLightBasisRecipe):
         start = dataclasses.replace(at_length.start, form="balls")
-        return dataclasses.replace(at_length, start=start, dropout=at_length.dropout_of(VIEWS))
+        return dataclasses.replace(at_length, start=start, dropout=FEW_PHOTOGRAPHS_DROPOUT)
     if not isinstance(at_length, RingLightMirrorRecipe):
         return at_length
     return dataclasses.replace(at_length, shader=at_length.shader.for_levels(levels))

@@ -8,7 +8,7 @@ import pytest
 from ringlight.data.dropout import Dropout
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.methods.ringlight_basis import RingLightBasisRecipe
-from ringlight.methods.splat_recipe import OFTEN_SEEN, OFTEN_SEEN_DROPOUT
+from ringlight.methods.splat_recipe import FEW_PHOTOGRAPHS_DROPOUT, FEWEST_WITHOUT_DROPOUT
 from ringlight.methods.three_dgs import ThreeDGSRecipe
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
@@ -61,22 +61,24 @@ def test_no_more_than_that_at_any_step(most: int, share: float):
     assert growing > most - 1 / (1 - share) - 1, "and not much less"
 
 
-def test_photographs_that_are_seen_often_are_trained_with_dropout():
-    """And a run that left it to them knows either as its own."""
-    scene, rasterize = tiny_scene(views=4, size=16), rasterizer_for("auto")
-    for steps, expected in ((4 * OFTEN_SEEN, OFTEN_SEEN_DROPOUT), (4 * OFTEN_SEEN - 1, 0.0)):
-        free, plain = RingLightBasisRecipe(steps=steps), ThreeDGSRecipe(steps=steps)
-        settled, _ = free.settled(scene, rasterize, 0)
+def test_few_photographs_are_trained_with_dropout():
+    """And a run that left it to the photographs knows either as its own."""
+    scene, rasterize = tiny_scene(views=12, size=16), rasterizer_for("auto")
+    many = dataclasses.replace(scene, train=(scene.train * FEWEST_WITHOUT_DROPOUT)[:FEWEST_WITHOUT_DROPOUT])
+    free, plain = RingLightBasisRecipe(steps=20), ThreeDGSRecipe(steps=20)
+    fewer = dataclasses.replace(many, train=many.train[1:])
+    for of, expected in ((scene, FEW_PHOTOGRAPHS_DROPOUT), (fewer, FEW_PHOTOGRAPHS_DROPOUT), (many, 0.0)):
+        settled, _ = free.settled(of, rasterize, 0)
         assert settled.dropout == expected
         assert free.may_settle_on(settled)
         assert not dataclasses.replace(free, dropout=0.3).may_settle_on(settled)
-        dropout = free.build(scene, rasterize, 0).batches.dropout
-        assert dropout == (Dropout(expected, after=steps // 2) if expected else None)
-        assert plain.settled(scene, rasterize, 0)[0].dropout == 0, "the paper's"
-        asked = dataclasses.replace(free, dropout=0.3).settled(scene, rasterize, 0)[0]
-        assert asked.dropout == 0.3
-        assert not free.may_settle_on(asked), "no number of photographs decides on that"
-        assert not free.may_settle_on(plain)
+        dropout = free.build(of, rasterize, 0).batches.dropout
+        assert dropout == (Dropout(expected, after=10) if expected else None)
+        assert plain.settled(of, rasterize, 0)[0].dropout == 0, "the paper's"
+    asked = dataclasses.replace(free, dropout=0.3).settled(scene, rasterize, 0)[0]
+    assert asked.dropout == 0.3
+    assert not free.may_settle_on(asked), "no number of photographs decides on that"
+    assert not free.may_settle_on(plain)
 
 
 @pytest.mark.parametrize(("settings", "last"), [({}, 1500), ({"stop": 0.8}, 2400), ({"kind": "mcmc"}, 2500)])

@@ -78,8 +78,8 @@ class RingLightBasisRecipe(SplatRecipe):
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     dropout: float | None = field(default=None, metadata={LATER: 0.0})
     """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run,
-    once density control adds none. By default a tenth where the run sees each photograph 150 times or
-    more, else 0, none (docs/experiments/dropout.md)."""
+    once density control adds none. By default a tenth with fewer than 18 photographs, else 0, none
+    (docs/experiments/dropout.md)."""
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(hold=HOLD))
     """Learning rates of the geometry, and when rates fall."""
     densify: DensifySettings = field(
