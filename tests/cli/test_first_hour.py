@@ -237,3 +237,30 @@ def test_words_of_the_first_lines_are_those_of_photographers(tiny: Path, tmp_pat
         assert explained in said
     for of_the_trade in ("deferred", "forward", "harmonics", "hull", "background photograph", "lit per pixel"):
         assert of_the_trade not in said
+
+
+def test_words_that_a_beginner_tries(tmp_path: Path, ringlight: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    told = ringlight("help", "eval")
+    assert told.code == 0
+    assert told.out == ringlight("eval", "--help").out
+    refused(ringlight("report"), 2, "missing: RUN, FILE.html")
+    refused(ringlight("study", "rank", "toaster", "--seeds", "0,1"), 2, "--seeds is how many there are")
+
+
+def test_settings_in_the_help_are_flags(ringlight: Command) -> None:
+    shown = " ".join(line.strip("│ ") for line in ringlight("train", "x", "ringlight-basis", "--help").out.splitlines())
+    assert "By default four times --basis-rate." in shown
+    assert "`" not in shown
+
+
+def test_who_stops_before_the_first_step_hears_that_nothing_is_lost(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pressed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ringlight.runs.start.prepare_run", pressed)
+    done = ringlight("train", tiny, "3dgs", "--out", tmp_path / "out", *SHORT)
+    assert done.code == 130
+    assert "interrupted before the first step; the same command begins again" in done.err
+    assert not (tmp_path / "out").exists()

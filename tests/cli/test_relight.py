@@ -108,6 +108,13 @@ def test_a_stopped_run_goes_on_to_the_same_pack_on_any_threads(
     assert f"ringlight relight --resume {tmp_path / 'stopped'}" in stopped.err
     assert not (tmp_path / "stopped" / "light.safetensors").exists()
     at_step(-1, pressed)
+    words = ("relight", run, evening, tmp_path / "stopped", *STEPS)
+    refused(ringlight(*words), 1, "give another OUT", f"ringlight relight --resume {tmp_path / 'stopped'}")
+    refused(
+        ringlight("train", "--resume", tmp_path / "stopped", "--quiet"),
+        1,
+        f"learns a light, of which a pack is made; go on with: ringlight relight --resume {tmp_path / 'stopped'}",
+    )
     assert ringlight("relight", "--resume", tmp_path / "stopped", "--quiet", "--lpips").code == 0
     packs = [(tmp_path / name / "light.safetensors").read_bytes() for name in ("whole", "stopped")]
     assert packs[0] == packs[1]

@@ -120,7 +120,7 @@ def test_a_dry_run_makes_nothing(tiny: Path, tmp_path: Path, ringlight: Command)
     listed = ringlight("study", "field", tiny, "carpaint", "--out", tmp_path / "out", "--dry-run")
     assert listed.code == 0
     assert "carpaint/cp/seed-1" in listed.out
-    assert "24 runs of 30,000 steps, 24 to do: about 6.0 h of one core (by the README's runs; " in listed.out
+    assert "24 runs of 30,000 steps, 24 to do: about 26.0 h of one core (by the README's runs; " in listed.out
     assert not any(tmp_path.iterdir())
 
 

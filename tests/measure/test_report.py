@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -95,6 +96,11 @@ def test_a_run_folder_is_read_or_its_fault_is_told(tmp_path):
         read_report(tmp_path / "nowhere")
     with pytest.raises(RunError, match=r"holds no report\.json"):
         read_report(tmp_path)
+    deep = tmp_path / "table" / "chair" / "3dgs" / "seed-0"
+    deep.mkdir(parents=True)
+    (deep / "report.json").write_text(to_json(sample_report()), encoding="utf-8")
+    with pytest.raises(RunError, match=f"name the runs inside it: {re.escape(str(deep))}"):
+        read_report(tmp_path / "table")
     (tmp_path / "report.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RunError, match="cannot be read"):
         read_report(tmp_path)

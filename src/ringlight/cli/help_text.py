@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -62,6 +63,12 @@ def _without_default(field: StructFieldSpec) -> StructFieldSpec:
     return replace(field, type=Annotated[field.type, UNSAID])  # type: ignore[arg-type]
 
 
+def _as_typed(quoted: re.Match[str]) -> str:
+    """A setting's name as its flag, any other quoted word as it is."""
+    word = quoted[1]
+    return f"--{word.replace('_', '-')}" if "_" in word else word
+
+
 @contextmanager
 def joined_lines() -> Iterator[None]:
     """Inside the block a field's docstring loses its indentation, which the parser takes for the end of a paragraph."""
@@ -71,7 +78,8 @@ def joined_lines() -> Iterator[None]:
         parsed = read(*arguments, **options)
         for parameter in parsed.params:
             if parameter.description is not None:
-                parameter.description = " ".join(inspect.cleandoc(parameter.description).splitlines())
+                joined = " ".join(inspect.cleandoc(parameter.description).splitlines())
+                parameter.description = re.sub(r"``([^`]+)``", _as_typed, joined)
         return parsed
 
     docstring_parser.parse_from_object = parse_from_object

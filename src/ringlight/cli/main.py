@@ -108,6 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def run(arguments: list[str]) -> int:
     """Run one verb; returns the exit code. A user's mistake is one sentence on standard error."""
+    if arguments[:1] == ["help"] and arguments[1:2] and arguments[1] in VERBS:
+        return _run_verb(arguments[1], ["--help"])
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         sys.stdout.write(_overview())
         return 0

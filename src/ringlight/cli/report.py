@@ -51,7 +51,9 @@ class ReportArguments:
 def main(arguments: list[str]) -> int:
     """Write the page; returns the exit code."""
     asked = parse(ReportArguments, "report", arguments)
-    *runs, page = asked.files or (Path(),)
+    if not asked.files:
+        refuse("report", "missing: RUN, FILE.html; give the folders that 'ringlight train' wrote, then the page")
+    *runs, page = asked.files
     if page.suffix.lower() != PAGE:
         refuse("report", f"the last name is the page to write, and {str(page)!r} does not end in {PAGE}")
     if not runs:

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
@@ -75,6 +76,8 @@ class StudyArguments:
 def main(arguments: list[str]) -> int:
     """Run what is missing, then show; returns the exit code, 1 where runs are missing in the end."""
     named = arguments[0] if arguments and arguments[0] in get_args(Study) else ""
+    if any("," in word for flag, word in pairwise(arguments) if flag == "--seeds"):
+        refuse("study", "--seeds is how many there are, as 2 for the seeds 0 and 1")
     asked = parse(StudyArguments, "study", arguments, before=named)
     if not asked.scenes:
         refuse("study", "no scene is named; give folders of photographs, or toaster or carpaint")

@@ -1,5 +1,6 @@
 """``ringlight train SCENE METHOD``: learn a scene from a folder of posed photographs."""
 
+import signal
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from ringlight.cli.flags import flags_in, flags_of
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.ineffective import idle_settings, start_without_effect
 from ringlight.cli.loading import telling_of_scenes
+from ringlight.cli.main import Stopped
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.poses import scene_with_cameras
@@ -23,7 +25,7 @@ from ringlight.cli.verifying import verify_run
 from ringlight.core.command_line import command
 from ringlight.data.bundled import scene_folder
 from ringlight.data.options import SceneOptions
-from ringlight.errors import RecipeError
+from ringlight.errors import RecipeError, RunError
 from ringlight.methods.recipe import Recipe
 from ringlight.methods.table import METHODS
 
@@ -123,7 +125,14 @@ def _start(arguments: list[str]) -> int:
             return verify_run(scene, asked.options, recipe, asked.seed, asked.device, asked.verify, asked.running.json)
         out = asked.out or free_folder(Path("runs") / f"{scene.resolve().name}-{preset}")
         loaded = telling_of_scenes(asked.running.quiet)
-        session = start_run(out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded)
+        try:
+            session = start_run(
+                out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded
+            )
+        except KeyboardInterrupt:
+            line.wiped()
+            sys.stderr.write("ringlight: interrupted before the first step; the same command begins again\n")
+            raise Stopped(signal.SIGINT) from None
     _warn_of(start_without_effect(asked.options, recipe, session))
     return _train(session, asked.running)
 
@@ -147,12 +156,16 @@ def _resume(arguments: list[str]) -> int:
         from ringlight.runs.finish import complete_report
         from ringlight.runs.folder import RunFolder
         from ringlight.runs.record import RunRecord
+        from ringlight.runs.relight import relights
         from ringlight.runs.resume import resume_run
 
         use_threads(wish.running.threads)
         if "--steps" in flags_in(arguments) and wish.steps < 1:
             raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
         record = RunRecord.read(RunFolder.open(wish.resume).path)
+        if record.start is not None and relights(record):
+            again = command("relight", "--resume", wish.resume)
+            raise RunError(f"{wish.resume}: learns a light, of which a pack is made; go on with: {again}")
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
         check_steps(wish.running, record.steps + wish.steps)
         check_watching(wish.running)

@@ -41,7 +41,7 @@ class SphericalHarmonics(nn.Module):
     def __init__(self, degree: int = MAX_DEGREE):
         super().__init__()
         if not 0 <= degree <= MAX_DEGREE:
-            raise RecipeError(f"the degree of the spherical harmonics is {degree}; give 0 to {MAX_DEGREE}")
+            raise RecipeError(f"sh_degree is {degree}; give 0 to {MAX_DEGREE}")
         self.degree = degree
         self.register_buffer("active_degree", torch.tensor(degree))
         self.register_load_state_dict_post_hook(_refuse_other_degrees)

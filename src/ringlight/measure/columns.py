@@ -135,9 +135,10 @@ def _counted(nouns: Collection[str]) -> Column:
 
 
 def _written_lpips(net: str | None, row: Row) -> str:
-    """Of a run without test views it is missing like all else; of another its weights were."""
+    """Of a run without test views, or where nobody asked for it, it is missing like all else; of another its weights
+    were, which its report says."""
     value = lpips(row.report, net)
-    return UNAVAILABLE if value is None and row.report.psnr is not None else _fixed(4)(value)
+    return UNAVAILABLE if value is None and row.report.lpips_note else _fixed(4)(value)
 
 
 def _difference(title: str, rank: int, measure: Measure, digits: int) -> Column:

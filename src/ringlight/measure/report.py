@@ -176,7 +176,9 @@ def read_report(run: Path) -> Report:
 
 
 def folders_with(file: str, folder: Path) -> str:
-    """The folders right inside ``folder`` that hold ``file``, for a sentence; empty if there are none."""
-    found = sorted(path.parent for path in folder.glob(f"*/{file}"))
+    """The folders inside ``folder`` that hold ``file``, right there or else where a table has its runs, for a sentence;
+    empty if there are none."""
+    places = (sorted(path.parent for path in folder.glob(f"{inside}/{file}")) for inside in ("*", "*/*/*"))
+    found = next(filter(None, places), [])
     shown = ", ".join(map(str, found[:MOST_NAMED]))
     return shown + (", ..." if len(found) > MOST_NAMED else "")

@@ -50,7 +50,8 @@ class ResultsTable:
             yield Text(note, style="dim")
         left_out = [c.title for c in grid.columns if c.title not in {kept.title for kept in fitting.columns}]
         if left_out and len(self.runs) > 1:  # who compares misses them
-            yield Text(f"Too narrow here for {', '.join(left_out)}; a wider terminal shows more.", style="dim")
+            wider = "a wider terminal or 'ringlight compare --markdown' shows all"
+            yield Text(f"Too narrow here for {', '.join(left_out)}; {wider}.", style="dim")
 
     def markdown(self) -> str:
         """All columns as a GitHub table, the best values of each scene in bold; ends with the notes."""

@@ -226,8 +226,10 @@ def _group(value: object) -> dict[str, object]:
 
 
 def _unknown(model: SplatModel) -> RecipeError:
-    kinds = f"a {type(model.color).__name__} with a {type(model.shader).__name__}"
-    return RecipeError(f"the light of {kinds} cannot be edited; that of harmonics, shared bases, rings and mirrors can")
+    return RecipeError(
+        "this model's light cannot be edited; that of harmonics, shared bases, rings and mirrors can (3dgs, "
+        "glossy-gaussian, light-gaussian, ringlight-basis, ringlight-ring, ringlight-mirror)"
+    )
 
 
 def _harmonics(color: ColorModel) -> SphericalHarmonics | None:

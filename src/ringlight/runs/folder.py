@@ -80,7 +80,9 @@ class RunFolder:
     def open(path: Path) -> "RunFolder":
         """An existing run folder. Raises RunError if there is none."""
         if not path.is_dir():
-            raise RunError(f"{path}: no such run folder; give the folder that 'ringlight train' wrote (its --out)")
+            raise RunError(
+                f"{path}: no such run folder; give the folder of a run, which 'ringlight train' or 'relight' wrote"
+            )
         return RunFolder(path)
 
 
@@ -90,12 +92,13 @@ def outdated_report(model: Path) -> Path | None:
     return folder.report if model.name == MODEL_NAME and folder.recorded and folder.report.is_file() else None
 
 
-def refuse_taken(path: Path) -> None:
-    """Raises RunError for a folder that holds anything, for those who work long before they make it."""
+def refuse_taken(path: Path, relights: bool = False) -> None:
+    """Raises RunError for a folder that holds anything, for those who work long before they make it; the remedy is that
+    of the command."""
     if (path / RECORD_NAME).exists():
-        raise RunError(
-            f"{path}: already holds a run; give --out NEW, or go on with it: {command('train', '--resume', path)}"
-        )
+        verb = "relight" if relights else "train"
+        new = "another OUT" if relights else "--out NEW"
+        raise RunError(f"{path}: already holds a run; give {new}, or go on with it: {command(verb, '--resume', path)}")
     _refuse_filled(path, "--out")
 
 

@@ -142,6 +142,6 @@ def order_of(run: PlannedRun, threads: int, device: str, lpips: Sequence[str]) -
 def expected(runs: Mapping[Key, Surveyed]) -> tuple[Expected, ...]:
     """What their time is told by; a run that cannot go into its folder takes none."""
     return tuple(
-        Expected(scene, method, s.run.recipe.steps, s.report, s.state in ("to do", "started"))
+        Expected(scene, method, s.run.preset, s.run.recipe.steps, s.report, s.state in ("to do", "started"))
         for (scene, method, _), s in runs.items()
     )

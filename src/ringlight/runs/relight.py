@@ -23,7 +23,7 @@ from ringlight.methods.store import StoredModel, load_model
 from ringlight.methods.table import recipe_of_method
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import host_rasterizer
-from ringlight.runs.folder import RunFolder
+from ringlight.runs.folder import RunFolder, refuse_taken
 from ringlight.runs.light_pack import PACK_NAME, least_squares, pack_between, relit, transformed, write_pack
 from ringlight.runs.limits import PreparedRun
 from ringlight.runs.opened import Opened, open_model, recorded_scene
@@ -63,6 +63,7 @@ def start_relighting(
     Raises RecipeError for a method without light of its own that is shared, RunError for photographs from other
     cameras or of another size, else as start_run.
     """
+    refuse_taken(out, relights=True)
     stored = opened.stored
     recipe = recipe_of_method(stored.header.method, stored.header.recipe, str(opened.file))
     frozen = relight_recipe(recipe, steps)

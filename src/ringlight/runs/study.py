@@ -60,7 +60,9 @@ class StudyRun:
     def expected(self) -> Expected:
         """What the time of missing runs is told by."""
         steps = self.variant.recipe.steps
-        return Expected(str(self.scene), self.variant.name, steps, self.report, self.state != "finished")
+        return Expected(
+            str(self.scene), self.variant.name, self.variant.preset, steps, self.report, self.state != "finished"
+        )
 
     @property
     def name(self) -> str:
