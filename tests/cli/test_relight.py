@@ -108,6 +108,9 @@ def test_a_stopped_run_goes_on_to_the_same_pack_on_any_threads(
     assert f"ringlight relight --resume {tmp_path / 'stopped'}" in stopped.err
     assert not (tmp_path / "stopped" / "light.safetensors").exists()
     at_step(-1, pressed)
+    assert (
+        f"go on with: ringlight relight --resume {tmp_path / 'stopped'}" in ringlight("info", tmp_path / "stopped").out
+    )
     words = ("relight", run, evening, tmp_path / "stopped", *STEPS)
     refused(ringlight(*words), 1, "give another OUT", f"ringlight relight --resume {tmp_path / 'stopped'}")
     refused(

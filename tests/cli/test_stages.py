@@ -110,6 +110,7 @@ def test_a_folder_with_a_blank_in_its_name_needs_quotes(
     (tmp_path / "my run").mkdir()
     assert run_command(["info", "my", "run"]) == 2
     assert "not understood: run; a name with blanks needs quotes: 'my run'; see" in capsys.readouterr().err
+    assert run_command(["info", "x" * 5000, "run"]) == 2, "no name of a file"
 
 
 @pytest.mark.parametrize("verb", ["export", "compress", "eval"])

@@ -44,7 +44,7 @@ class Doing:
 
 
 def expected_time(runs: "Sequence[Expected]") -> str:
-    """ "about 12 min of one core", and what tells; empty where nothing is missing."""
+    """As "about 12 min of one core", with what tells it; empty where nothing is missing."""
     from ringlight.cli.progress import spoken
     from ringlight.runs.expected_time import core_seconds
 

@@ -96,10 +96,16 @@ def _complaint(section: str) -> str:
     return text.rstrip(". ")
 
 
+def _exists(name: str) -> bool:
+    with contextlib.suppress(OSError, ValueError):  # too long for a name, or none
+        return Path(name).exists()
+    return False
+
+
 def _unquoted(arguments: Sequence[str]) -> list[str]:
     """What to do where words beside each other are the name of a file or folder."""
     words = [" ".join(arguments[at : end + 1]) for at in range(len(arguments)) for end in range(at + 1, len(arguments))]
-    return [f"a name with blanks needs quotes: '{name}'" for name in words if Path(name).exists()][:1]
+    return [f"a name with blanks needs quotes: '{name}'" for name in words if _exists(name)][:1]
 
 
 def _hints(section: str) -> list[str]:

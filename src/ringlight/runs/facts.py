@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ringlight.core.command_line import command
 from ringlight.core.raw_bytes import bytes_by_part
 from ringlight.errors import ModelFileError, RunError
 from ringlight.files.model_file import ModelHeader, read_model_file
@@ -12,6 +11,7 @@ from ringlight.files.tensor_file import NAMES, read_metadata
 from ringlight.measure.report import read_report
 from ringlight.methods.store import CAMERAS_PREFIX
 from ringlight.runs.folder import RunFolder
+from ringlight.runs.going_on import resuming
 from ringlight.runs.opened import find_model
 from ringlight.runs.record import RunRecord
 
@@ -125,7 +125,7 @@ def _run_facts(run: RunFolder, header: ModelHeader) -> RunFacts:
         device=record.device if record else None,
         planned=record.steps if record else None,
         has_checkpoint=has_checkpoint,
-        resume=command("train", "--resume", run.path) if can_go_on else None,
+        resume=resuming(run.path, record) if record is not None and can_go_on else None,
         problems=tuple(problems),
         **{name: getattr(report, name) if report else None for name in HEADLINE},
     )

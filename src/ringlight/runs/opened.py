@@ -59,24 +59,6 @@ def open_model(path: Path, device: str | None = None) -> Opened:
     return Opened(file, run, load_model(file, rasterizer_for(device) if device else host_rasterizer()))
 
 
-@dataclass(frozen=True)
-class StepsToGo:
-    """Of a run that has not ended: the step that its model file is of, and its length."""
-
-    step: int
-    planned: int
-
-
-def steps_to_go(opened: Opened) -> StepsToGo | None:
-    """None for a run that has ended, whose record is gone, or a model file on its own."""
-    if opened.run is None:
-        return None
-    with suppress(RunError):
-        step, planned = opened.stored.header.step, RunRecord.read(opened.run.path).steps
-        return StepsToGo(step, planned) if step < planned else None
-    return None
-
-
 def scene_of(opened: Opened, asked: Path | None, options: SceneOptions, again: str = "") -> Scene:
     """The scene at ``asked``, a folder or a bundled one's name, or without it the one that the model was trained on,
     read as it was read then.

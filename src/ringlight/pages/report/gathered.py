@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ringlight.core.command_line import command
 from ringlight.errors import RunError
 from ringlight.measure.report import REPORT_NAME, CurvePoint, Report, folders_with, read_report
 from ringlight.runs.curves import curve_so_far
 from ringlight.runs.folder import RunFolder
+from ringlight.runs.going_on import resuming
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
 
@@ -59,10 +59,8 @@ def gathered(folder: Path) -> GatheredRun:
     if report is None and not run.report.is_file():
         troubles.append(_unfinished(folder, record, curve))
     elif report and record and report.iterations is not None and report.iterations < record.steps:
-        go_on = command("train", "--resume", folder)
-        troubles.append(
-            f"{folder}: was measured at step {report.iterations:,} of {record.steps:,}; go on with: {go_on}"
-        )
+        measured = f"{folder}: was measured at step {report.iterations:,} of {record.steps:,}"
+        troubles.append(f"{measured}; go on with: {resuming(folder, record)}")
     return GatheredRun(folder, report, record, curve, tuple(troubles))
 
 
@@ -71,4 +69,4 @@ def _unfinished(folder: Path, record: RunRecord | None, curve: tuple[CurvePoint,
     reached = f"its last checkpoint's curve ends at step {curve[-1].step:,}{planned}" if curve else "it has no curve"
     told = f"{folder}: has no {REPORT_NAME}, so there are neither numbers nor pictures; {reached}"
     # Without its record no run goes on.
-    return f"{told}; go on with: {command('train', '--resume', folder)}" if record else told
+    return f"{told}; go on with: {resuming(folder, record)}" if record else told
