@@ -155,6 +155,7 @@ def _resume(arguments: list[str]) -> int:
         line(f"reading {wish.resume}")
         from ringlight.runs.finish import complete_report
         from ringlight.runs.folder import RunFolder
+        from ringlight.runs.going_on import resuming
         from ringlight.runs.record import RunRecord
         from ringlight.runs.relight import relights
         from ringlight.runs.resume import resume_run
@@ -163,8 +164,8 @@ def _resume(arguments: list[str]) -> int:
         if "--steps" in flags_in(arguments) and wish.steps < 1:
             raise RecipeError(f"--steps is {wish.steps}; give at least 1 step to add")
         record = RunRecord.read(RunFolder.open(wish.resume).path)
-        if record.start is not None and relights(record):
-            again = command("relight", "--resume", wish.resume)
+        if relights(record):
+            again = resuming(wish.resume, record)
             raise RunError(f"{wish.resume}: learns a light, of which a pack is made; go on with: {again}")
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
         check_steps(wish.running, record.steps + wish.steps)

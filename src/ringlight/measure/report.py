@@ -161,7 +161,9 @@ def read_report(run: Path) -> Report:
     """
     path, again = run / REPORT_NAME, command("eval", run)
     if not run.is_dir():
-        raise RunError(f"{run}: no such run folder; give the folder that 'ringlight train' wrote (its --out)")
+        raise RunError(
+            f"{run}: no such run folder; give the folder of a run, which 'ringlight train' or 'relight' wrote"
+        )
     if not path.is_file() and (inside := folders_with(REPORT_NAME, run)):
         raise RunError(f"{run}: is no run itself; name the runs inside it: {inside}")
     if not path.is_file():

@@ -32,4 +32,4 @@ def steps_to_go(opened: Opened) -> StepsToGo | None:
 
 def resuming(run: Path, record: RunRecord) -> str:
     """The command that goes on with it: one that relights writes a pack in the end."""
-    return command("relight" if record.start is not None and relights(record) else "train", "--resume", run)
+    return command("relight" if relights(record) else "train", "--resume", run)

@@ -161,7 +161,7 @@ def refuse_other_runs(path: Path, record: RunRecord) -> Path:
 def relights(record: RunRecord) -> bool:
     """Whether it is a run that :func:`start_relighting` began, going by its recipe."""
     try:
-        return relight_recipe(record.recipe, record.recipe.steps) == record.recipe
+        return record.start is not None and relight_recipe(record.recipe, record.recipe.steps) == record.recipe
     except RecipeError:
         return False
 
