@@ -30,8 +30,8 @@ FEW_PHOTOGRAPHS_DROPOUT = 0.1
 
 FEWEST_WITHOUT_DROPOUT = 18
 """Photographs: nine tenths of 20, so that ``--validate`` on 20 trains as the run that it stands for. With 12 and 16
-dropout gains 0.1 to 0.8 dB on held-out views, with 24 0.1 on the mean of three scenes, with 40 it loses 0.3 on one
-(docs/experiments/dropout.md); in between nothing was measured."""
+dropout gains 0.1 to 0.8 dB on held-out views, with 24 0.1 on the mean of three scenes, with 40 it loses 0.3 and 0.4 on
+one (docs/experiments/dropout.md); in between nothing was measured."""
 
 DROPOUT_BEGINS = 0.5
 """Of the run; an earlier beginning was not measured."""
@@ -67,8 +67,8 @@ class SplatRecipe(ABC):
 
     @property
     def last_whole_step(self) -> int:
-        """The last step whose picture goes without no Gaussian: density control is over then, whose statistics
-        pictures with holes would mislead."""
+        """The last step whose picture has all Gaussians. Density control is over then: pictures with holes would
+        mislead its statistics."""
         return max(int(DROPOUT_BEGINS * self.steps), self.densify.last_step(self.steps))
 
     @abstractmethod
