@@ -51,8 +51,10 @@ class RingLightMirrorRecipe(SplatRecipe):
 
     steps: int = 30_000
     """Training steps, one photograph each."""
-    warmup: float = 0.1
-    """Share of the steps with base colours only, before the shader is switched on."""
+    warmup: float = 0.05
+    """Share of the steps with base colours only, before the shader is switched on. Twice as many cost twelve balls half
+    a decibel: what base colours alone make of a mirror's pictures lies behind its surface, and draws that there
+    (docs/experiments/mirrors.md)."""
     opacity: float = 0.7
     """Of Gaussians at the start, if their points lie on a surface. From 0.3 the surface dissolves: 2.5 dB less."""
     start_share: float = 0.6
