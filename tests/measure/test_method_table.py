@@ -112,6 +112,7 @@ def test_csv_has_each_run_in_full() -> None:
     assert [(row["scene"], row["method"], row["seed"], float(row["psnr"])) for row in rows[:3]] == [
         ("a_b", "m&1", "0", 20.0), ("a_b", "m&1", "1", 21.0), ("a_b", "n", "0", 22.0),
     ]  # fmt: skip
+    assert all(row["count"].isdigit() for row in rows), "Gaussians are whole"
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])

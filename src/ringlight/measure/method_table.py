@@ -121,8 +121,9 @@ class MethodTable:
         writer.writerow(["scene", "method", "seed", *(measure.key for measure in shown)])
         for (scene, method), by_seed in self.cells.reports.items():
             for seed, report in by_seed.items():
-                values = [measure.of(report) for measure in shown]
-                writer.writerow([scene, method, seed, *("" if value is None else value for value in values)])
+                values = [(measure.of(report), measure.digits) for measure in shown]
+                cells = ["" if value is None else value if digits else int(value) for value, digits in values]
+                writer.writerow([scene, method, seed, *cells])
         return text.getvalue()
 
     def plain(self) -> dict[str, Any]:
