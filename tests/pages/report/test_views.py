@@ -11,7 +11,9 @@ from PIL import Image
 
 from ringlight.measure.colormap import ember
 from ringlight.pages.report.encoded import MOST_SIDE, error_url, picture_url
-from ringlight.pages.report.views import chosen
+from ringlight.pages.report.groups import Group
+from ringlight.pages.report.sections import view_cards
+from ringlight.pages.report.views import ViewsShown, chosen
 
 
 @given(count=st.integers(1, 40), of=st.integers(0, 400))
@@ -49,3 +51,9 @@ def test_error_maps_are_coloured_by_one_scale() -> None:
     error = np.full((32, 32), 0.1)
     for top in (0.1, 0.2):
         assert abs(decoded(error_url(error, top)) - ember(np.array([[0.1 / top]]))).max() < 12
+
+
+def test_a_scene_without_test_views_has_no_heading_for_them() -> None:
+    nothing = Group("scene", ())
+    assert view_cards(nothing, ViewsShown((), 1.0, ()), "views") == ""
+    assert "Test views" in view_cards(nothing, ViewsShown((), 1.0, ("its photographs are gone",)), "views")

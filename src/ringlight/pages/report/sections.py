@@ -91,8 +91,11 @@ def views_chart(group: Group) -> Html:
 
 
 def view_cards(group: Group, shown: ViewsShown, key: str) -> Html:
-    """Cards of the chosen views under the chart of all."""
-    parts = [element("h3", "Test views"), views_chart(group)]
+    """Cards of the chosen views under the chart of all; nothing where the scene has no test views."""
+    chart = views_chart(group)
+    if not (chart or shown.views or shown.notes):
+        return Html("")
+    parts = [element("h3", "Test views"), chart]
     parts += [element("p", note, class_="trouble") for note in shown.notes]
     if shown.views:
         about = (
