@@ -10,6 +10,7 @@ import torch
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import (
     FORMAT,
+    LIGHT_PROGRAM,
     ModelHeader,
     SceneFacts,
     read_model_file,
@@ -124,6 +125,9 @@ def test_another_safetensors_file_is_no_model_of_ours(tmp_path: Path) -> None:
     write_tensors(tmp_path / "other", {"weight": torch.ones(1)}, {"format": "pt"})
     with pytest.raises(ModelFileError, match="not a ringlight model"):
         read_model_file(tmp_path / "other")
+    write_tensors(tmp_path / "light", {"colors": torch.ones(3, 4)}, {"program": LIGHT_PROGRAM})
+    with pytest.raises(ModelFileError, match=r"light pack.*ringlight edit"):
+        read_model_file(tmp_path / "light")
 
 
 @pytest.mark.parametrize(

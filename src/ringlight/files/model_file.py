@@ -22,7 +22,7 @@ from ringlight.files.tensor_file import read_metadata, read_tensors, write_tenso
 FORMAT = 1
 """Raised when an older program would misread the file. Newer files are refused with the version to install."""
 
-PROGRAM = "ringlight"
+PROGRAM, LIGHT_PROGRAM = "ringlight", "ringlight light"
 
 REMEDY = "copy it again from where it was made, or train again"
 
@@ -91,6 +91,11 @@ def read_model_file(path: Path) -> ModelFile:
     """Tensors and header. Raises ModelFileError for a file that is cut, damaged, newer, or no model of ours."""
     # The header first: a newer format may place its tensors in a way that this program would call damage.
     metadata = read_metadata(path)
+    if metadata.get("program") == LIGHT_PROGRAM:
+        raise ModelFileError(
+            f"{path}: is a light pack, which fits one model; make that model in its light: "
+            "ringlight edit MODEL OUT.safetensors --light PACK"
+        )
     if metadata.get("program") != PROGRAM:
         raise ModelFileError(
             f"{path}: is a safetensors file, but not a ringlight model; name a model.safetensors "

@@ -21,6 +21,7 @@ from ringlight.color.varying_mirror import OPACITY_BASES
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.sh_basis import rgb_from_sh, sh_from_rgb
 from ringlight.errors import ModelFileError, RunError
+from ringlight.files.model_file import LIGHT_PROGRAM
 from ringlight.files.packed import Packed, pack_tensors, unpack_tensors
 from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
 from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_cameras
@@ -28,7 +29,7 @@ from ringlight.methods.store import StoredModel, model_of_tensors, tensors_from_
 PACK_NAME = "light.safetensors"
 """In the folder of the run that learned it."""
 
-PROGRAM, FORMAT = "ringlight light", 1
+FORMAT = 1
 
 COLORS = "colors"
 
@@ -86,7 +87,7 @@ def pack_between(model: StoredModel, relit: Mapping[str, Tensor], scene: str, pa
 def write_pack(pack: LightPack) -> int:
     """Write it at its path, all or nothing; returns its bytes. Raises OutputError."""
     metadata = {
-        "program": PROGRAM,
+        "program": LIGHT_PROGRAM,
         "format": str(FORMAT),
         "scene": pack.scene,
         "model": pack.model,
@@ -101,7 +102,7 @@ def read_pack(path: Path) -> LightPack:
     if path.is_dir():
         path = path / PACK_NAME
     metadata = read_metadata(path)
-    if metadata.get("program") != PROGRAM:
+    if metadata.get("program") != LIGHT_PROGRAM:
         raise ModelFileError(f"{path}: is no light pack; name a file or folder that 'ringlight relight' wrote")
     damaged = ModelFileError(f"{path}: the light pack is damaged; copy it again, or make it again: ringlight relight")
     if not re.fullmatch("[0-9]{1,9}", metadata.get("format", "")):
