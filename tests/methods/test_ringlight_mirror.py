@@ -114,6 +114,18 @@ def test_weights_learn_more_slowly_in_long_runs(steps: int, weights: float):
     assert (said.weights_rate, said.opacity_basis_rate) == pytest.approx((weights, 4e-4))
 
 
+@pytest.mark.parametrize(("steps", "unlit"), [(20, 1), (1_000, 50), (3_000, 150), (7_000, 150), (30_000, 150)])
+def test_base_colours_alone_are_shown_for_150_steps_at_most(steps: int, unlit: int):
+    usual = RingLightMirrorRecipe(steps=steps)
+    decided = usual.at_length()
+    assert decided.warmup is not None
+    assert decided.first_lit == usual.first_lit == pytest.approx(unlit, abs=1)
+    assert decided.at_length() == decided
+    assert dataclasses.replace(usual, warmup=0.5).first_lit == steps // 2
+    assert usual.may_settle_on(decided)
+    assert not usual.may_settle_on(dataclasses.replace(decided, warmup=0.1)), "a run of before is made anew"
+
+
 def test_what_decides_nothing_is_left_open():
     constant = dataclasses.replace(RECIPE, varying_opacity=False).at_length()
     assert constant.opacity_basis_rate is None

@@ -38,6 +38,11 @@ FAST_STEPS = 7_000
 """Up to which the weights learn fast. Slower ones are worth 2.3 and 0.7 dB on held-out views of chrome and of varnish
 after 30,000 steps, and cost 0.1 and 0.05 after 7,000 (docs/experiments/mirrors.md)."""
 
+WARMUP, MOST_WARMUP_STEPS = 0.05, 150
+"""Share of the steps that show base colours alone, and how many these are at most. What these make of a mirror's
+pictures lies behind its surface, and draws that there: twice as many cost twelve balls 0.5 dB after 3,000 steps, five
+times as many 1.0 after 7,000. Chrome and varnish lose nothing by fewer (docs/experiments/mirrors.md)."""
+
 OF_VARYING = ("sh_every", "weights_rate", "basis_rate", "varying_opacity", "opacity_basis_rate")
 """Settings that decide nothing where base colours are constant."""
 
@@ -51,10 +56,9 @@ class RingLightMirrorRecipe(SplatRecipe):
 
     steps: int = 30_000
     """Training steps, one photograph each."""
-    warmup: float = 0.05
-    """Share of the steps with base colours only, before the shader is switched on. Twice as many cost twelve balls half
-    a decibel: what base colours alone make of a mirror's pictures lies behind its surface, and draws that there
-    (docs/experiments/mirrors.md)."""
+    warmup: float | None = None
+    """Share of the steps with base colours only, before the shader is switched on. By default 0.05, and in runs of
+    more than 3,000 steps what makes 150 steps."""
     opacity: float = 0.7
     """Of Gaussians at the start, if their points lie on a surface. From 0.3 the surface dissolves: 2.5 dB less."""
     start_share: float = 0.6
@@ -136,7 +140,7 @@ class RingLightMirrorRecipe(SplatRecipe):
         check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
         if not 0 <= self.basis_size <= SH_MAX_BASIS:
             raise RecipeError(f"basis_size is {self.basis_size}; give 0 (constant base colours) to {SH_MAX_BASIS}")
-        if not 0 <= self.warmup <= 1:
+        if self.warmup is not None and not 0 <= self.warmup <= 1:
             raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
         if not 0 <= self.light_hold < 1:
             raise RecipeError(f"light_hold is {self.light_hold:g}; give a share of the steps, from 0 to below 1")
@@ -190,7 +194,7 @@ class RingLightMirrorRecipe(SplatRecipe):
 
     def at_length(self) -> "RingLightMirrorRecipe":
         """See :meth:`SplatRecipe.at_length`."""
-        settled = super().at_length()
+        settled = dataclasses.replace(super().at_length(), warmup=self.unlit_share)
         if not self.basis_size:
             return settled
         of_weights, of_basis, of_opacities = self.varying_rates
@@ -203,9 +207,16 @@ class RingLightMirrorRecipe(SplatRecipe):
         return basis_rates(self.steps, FAST_STEPS, self.weights_rate, self.basis_rate, self.opacity_basis_rate)
 
     @property
+    def unlit_share(self) -> float:
+        """Of the steps, those with base colours only: as set, or as suits the run's length."""
+        if self.warmup is not None:
+            return self.warmup
+        return min(WARMUP, MOST_WARMUP_STEPS / max(self.steps, 1))
+
+    @property
     def first_lit(self) -> int:
         """Step after which the light is on."""
-        return max(int(self.warmup * self.steps), 1)
+        return max(int(self.unlit_share * self.steps), 1)
 
     @property
     def consistency_steps(self) -> range:
