@@ -23,6 +23,7 @@ from ringlight.methods.reflection_trial import (
     chosen_shading,
     reflection_trial,
 )
+from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.table import METHODS, method_of
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
@@ -120,6 +121,14 @@ def test_the_trial_is_no_longer_than_the_run_and_repeats_itself():
     assert first == second
     assert first.steps == 7
     assert "7 steps" in str(first)
+
+
+def test_the_trial_lights_its_mirror_as_when_its_bound_was_found(monkeypatch: pytest.MonkeyPatch):
+    lit = []
+    monkeypatch.setattr(RingLightMirrorRecipe, "build_on_hull", lambda recipe, *_: lit.append(recipe.first_lit))
+    monkeypatch.setattr(module, "_psnr_after", lambda training, held, behind, rounds: 20.0)
+    reflection_trial(tiny_scene(views=FEWEST_VIEWS), rasterizer_for("auto"), 0, 40)
+    assert lit == [4]
 
 
 def test_a_gain_of_a_decibel_decides():

@@ -114,16 +114,19 @@ def test_weights_learn_more_slowly_in_long_runs(steps: int, weights: float):
     assert (said.weights_rate, said.opacity_basis_rate) == pytest.approx((weights, 4e-4))
 
 
-@pytest.mark.parametrize(("steps", "unlit"), [(20, 1), (1_000, 50), (3_000, 150), (7_000, 150), (30_000, 150)])
+@pytest.mark.parametrize(
+    ("steps", "unlit"), [(10, 1), (20, 1), (1_000, 50), (3_000, 150), (4_231, 150), (7_000, 150), (30_000, 150)]
+)
 def test_base_colours_alone_are_shown_for_150_steps_at_most(steps: int, unlit: int):
     usual = RingLightMirrorRecipe(steps=steps)
     decided = usual.at_length()
     assert decided.warmup is not None
-    assert decided.first_lit == usual.first_lit == pytest.approx(unlit, abs=1)
+    assert decided.first_lit == usual.first_lit == unlit
     assert decided.at_length() == decided
-    assert dataclasses.replace(usual, warmup=0.5).first_lit == steps // 2
+    assert dataclasses.replace(usual, warmup=0.5).at_length().first_lit == steps // 2
+    assert dataclasses.replace(usual, warmup=0.0).at_length().warmup == 0.0
     assert usual.may_settle_on(decided)
-    assert not usual.may_settle_on(dataclasses.replace(decided, warmup=0.1)), "a run of before is made anew"
+    assert not usual.may_settle_on(dataclasses.replace(decided, warmup=0.1)), "a run of before is another"
 
 
 def test_what_decides_nothing_is_left_open():

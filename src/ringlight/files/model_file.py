@@ -23,6 +23,7 @@ FORMAT = 1
 """Raised when an older program would misread the file. Newer files are refused with the version to install."""
 
 PROGRAM, LIGHT_PROGRAM = "ringlight", "ringlight light"
+"""What a model's header says that wrote it, and a light pack's (``runs/light_pack.py``)."""
 
 REMEDY = "copy it again from where it was made, or train again"
 
@@ -93,8 +94,8 @@ def read_model_file(path: Path) -> ModelFile:
     metadata = read_metadata(path)
     if metadata.get("program") == LIGHT_PROGRAM:
         raise ModelFileError(
-            f"{path}: is a light pack, which fits one model; make that model in its light: "
-            "ringlight edit MODEL OUT.safetensors --light PACK"
+            f"{path}: is a light pack, not a model; to have its model in this light: "
+            f"ringlight edit MODEL OUT.safetensors --light {path}"
         )
     if metadata.get("program") != PROGRAM:
         raise ModelFileError(
