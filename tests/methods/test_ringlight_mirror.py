@@ -15,6 +15,7 @@ from ringlight.fit.train import train
 from ringlight.methods.mirror_bounds import most_gaussians
 from ringlight.methods.mirror_course import DECAY
 from ringlight.methods.relight_recipe import relight_recipe
+from ringlight.methods.ringlight import RingLightRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
@@ -126,7 +127,23 @@ def test_base_colours_alone_are_shown_for_150_steps_at_most(steps: int, unlit: i
     assert dataclasses.replace(usual, warmup=0.5).at_length().first_lit == steps // 2
     assert dataclasses.replace(usual, warmup=0.0).at_length().warmup == 0.0
     assert usual.may_settle_on(decided)
-    assert not usual.may_settle_on(dataclasses.replace(decided, warmup=0.1)), "a run of before is another"
+    assert not usual.may_settle_on(dataclasses.replace(decided, warmup=0.3))
+
+
+def test_where_nothing_is_cut_out_a_tenth_of_the_run_shows_base_colours_alone():
+    scene = tiny_scene(views=4, size=24)
+    opaque = dataclasses.replace(scene, train=tuple(without_even_border(without_mask(view)) for view in scene.train))
+    usual = RingLightMirrorRecipe(steps=4_000)
+    (carved, _), (uncarved, _) = (usual.settled(each, rasterizer_for("auto"), 0) for each in (scene, opaque))
+    assert (carved.first_lit, uncarved.first_lit) == (150, 400)
+    assert usual.may_settle_on(carved)
+    assert usual.may_settle_on(uncarved)
+    chooser = RingLightRecipe(steps=4_000, shading="mirror")
+    assert chooser.settled(opaque, rasterizer_for("auto"), 0) == (uncarved, None)
+    assert chooser.may_settle_on(uncarved)
+    asked = dataclasses.replace(usual, warmup=0.02)
+    assert asked.settled(opaque, rasterizer_for("auto"), 0)[0].warmup == 0.02
+    assert not asked.may_settle_on(uncarved)
 
 
 def test_what_decides_nothing_is_left_open():

@@ -96,7 +96,7 @@ class RingLightRecipe:
         """The recipe of the method that lights so, with these settings."""
         chosen: Chosen = SHADINGS[shading][1]()
         chosen = replace(chosen, steps=self.steps, visible_only=self.visible_only).ending_with(self.most)
-        return (chosen if self.antialiased is None else replace(chosen, antialiased=self.antialiased)).at_length()
+        return chosen if self.antialiased is None else replace(chosen, antialiased=self.antialiased)
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.settled(scene, rasterize, seed)[0].build(scene, rasterize, seed)

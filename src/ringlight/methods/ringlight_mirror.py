@@ -39,9 +39,12 @@ FAST_STEPS = 7_000
 after 30,000 steps, and cost 0.1 and 0.05 after 7,000 (docs/experiments/mirrors.md)."""
 
 WARMUP, MOST_WARMUP_STEPS = 0.05, 150
-"""Share of the steps that show base colours alone, and how many these are at most. What base colours make of a mirror's
-pictures lies behind its surface, and draws the surface there: on held-out views twelve balls lose 0.5 dB with 300 such
-steps of 3,000, and 1.1 with 700 of 7,000; other scenes stay within chance (docs/experiments/mirrors.md)."""
+"""Share of the steps that show base colours alone, and how many these are at most, of a subject that is cut out. What
+base colours make of a mirror's pictures lies behind its surface, and draws the surface there: on held-out views twelve
+balls lose 0.5 dB with 300 such steps of 3,000, and 1.1 with 700 of 7,000 (docs/experiments/mirrors.md)."""
+
+WARMUP_UNCARVED = 0.1
+"""And where nothing is cut out: there the surface is not known before, and fewer lost on family_24."""
 
 OF_VARYING = ("sh_every", "weights_rate", "basis_rate", "varying_opacity", "opacity_basis_rate")
 """Settings that decide nothing where base colours are constant."""
@@ -58,7 +61,7 @@ class RingLightMirrorRecipe(SplatRecipe):
     """Training steps, one photograph each."""
     warmup: float | None = None
     """Share of the steps with base colours only, before the shader is switched on. By default 0.05, and in runs of
-    more than 3,000 steps what makes 150 steps."""
+    more than 3,000 steps what makes 150 steps; 0.1 where neither masks nor an even background cut the subject out."""
     opacity: float = 0.7
     """Of Gaussians at the start, if their points lie on a surface. From 0.3 the surface dissolves: 2.5 dB less."""
     start_share: float = 0.6
@@ -179,17 +182,26 @@ class RingLightMirrorRecipe(SplatRecipe):
         return super().without_effect() | varying | consistent
 
     def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[RingLightMirrorRecipe, None]":
-        """With everything decided that depends on the run's length, and maps as fine as suit the photographs."""
+        """With everything decided that depends on the run's length, and what depends on the photographs: how fine the
+        maps are, and how long the warm-up."""
         from ringlight.data.surface import is_cut_out
 
-        large = self.shader.levels is None and scene.pixels >= FINE_FROM
-        levels = FINE_LEVELS if large and is_cut_out(scene) else USUAL_LEVELS
-        return dataclasses.replace(self.at_length(), shader=self.shader.for_levels(levels)), None
+        if self.shader.levels is not None and self.warmup is not None:
+            return self.at_length(), None
+        carved = is_cut_out(scene)
+        levels = FINE_LEVELS if carved and scene.pixels >= FINE_FROM else USUAL_LEVELS
+        longer = WARMUP_UNCARVED if self.warmup is None and not carved else self.warmup
+        decided = dataclasses.replace(self, warmup=longer, shader=self.shader.for_levels(levels))
+        return decided.at_length(), None
 
     def may_settle_on(self, other: "Recipe") -> bool:
-        """See :meth:`SplatRecipe.may_settle_on`; with any maps that are left to photographs."""
-        if self.shader.levels is None and isinstance(other, RingLightMirrorRecipe):
+        """See :meth:`SplatRecipe.may_settle_on`; with any maps, and any warm-up, that are left to photographs."""
+        if not isinstance(other, RingLightMirrorRecipe):
+            return False
+        if self.shader.levels is None:
             other = dataclasses.replace(other, shader=other.shader.left_to_photographs())
+        if self.warmup is None and other.warmup == WARMUP_UNCARVED:
+            other = dataclasses.replace(other, warmup=self.unlit_share)
         return super().may_settle_on(other)
 
     def at_length(self) -> "RingLightMirrorRecipe":
