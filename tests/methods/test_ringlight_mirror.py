@@ -132,7 +132,7 @@ def test_base_colours_alone_are_shown_for_150_steps_at_most(steps: int, unlit: i
 
 def test_where_nothing_is_cut_out_a_tenth_of_the_run_shows_base_colours_alone():
     scene = tiny_scene(views=4, size=24)
-    opaque = dataclasses.replace(scene, train=tuple(without_even_border(without_mask(view)) for view in scene.train))
+    opaque = dataclasses.replace(scene, train=tuple(without_even_border(view) for view in scene.train))
     usual = RingLightMirrorRecipe(steps=4_000)
     (carved, _), (uncarved, _) = (usual.settled(each, rasterizer_for("auto"), 0) for each in (scene, opaque))
     assert (carved.first_lit, uncarved.first_lit) == (150, 400)
