@@ -36,6 +36,21 @@ def path_of_first_test_view(scene: Path, size: int = 20) -> dict:
     }
 
 
+def test_what_was_written_is_told_as_json(run: Path, tmp_path: Path, ringlight: Command) -> None:
+    arguments = ("--layers", "color", "depth", "--width", "30", "--format", "npy", "--out", str(tmp_path / "new"))
+    done = ringlight("render", str(run), *arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["folder"] == str(tmp_path / "new")
+    assert list(told["layers"]) == ["color", "depth"]
+    assert told["films"] == {}
+    for folder in told["layers"].values():
+        files = {path.name for path in Path(folder).iterdir()}
+        assert files == {frame + told["suffix"] for frame in told["frames"]}
+        assert np.load(Path(folder) / min(files)).shape[:2] == (told["height"], told["width"])
+    assert told["width"] == 30
+
+
 def test_a_nerfstudio_path_shows_what_its_cameras_see(
     run: Path, tiny: Path, tmp_path: Path, ringlight: Command
 ) -> None:

@@ -1,7 +1,7 @@
 """``ringlight render MODEL``: pictures and films of a trained model."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -86,8 +86,29 @@ def _render(asked: RenderArguments, line: StageLine) -> int:
         size = "{}x{}".format(*rig.size(film.cameras[0]))
         kinds = "  ".join(f"{layer}{'  ' + layer + '.mp4' if asked.video else ''}" for layer in layers)
         sys.stderr.write(f"{counted(len(film.cameras), 'frame')} of {size}: {kinds}\n{taken}{of_rig}")
-    sys.stdout.write(f"{folder}\n")
+    if asked.json:
+        sys.stdout.write(_record(folder, film, layers, rig.size(film.cameras[0]), asked))
+    else:
+        sys.stdout.write(f"{folder}\n")
     return 0
+
+
+def _record(folder: Path, film: "Film", layers: Sequence[str], size: tuple[int, int], asked: RenderArguments) -> str:
+    """What was written, as JSON: of each layer its folder, which holds FRAME + suffix for each frame, and its film."""
+    from ringlight.files.number_files import SUFFIXES
+    from ringlight.measure.json_record import to_json
+
+    return to_json(
+        {
+            "folder": str(folder),
+            "layers": {layer: str(folder / layer) for layer in layers},
+            "films": {layer: str(folder / f"{layer}.mp4") for layer in layers if asked.video},
+            "width": size[0],
+            "height": size[1],
+            "suffix": SUFFIXES[asked.format],
+            "frames": film.names,
+        }
+    )
 
 
 @contextmanager

@@ -71,6 +71,8 @@ class RenderArguments:
     """Rasterizer: auto is the fastest that this machine has."""
     threads: int = 0
     """Threads of the kernels; 0 takes every core."""
+    json: bool = False
+    """Print what was written as JSON: folder, folders and films of the layers, size, and names of the frames."""
     quiet: bool = False
     """No progress line."""
 
