@@ -39,8 +39,9 @@ def path_of_first_test_view(scene: Path, size: int = 20) -> dict:
 def test_what_was_written_is_told_as_json(run: Path, tmp_path: Path, ringlight: Command) -> None:
     arguments = ("--layers", "color", "depth", "--width", "30", "--format", "npy", "--out", str(tmp_path / "new"))
     done = ringlight("render", str(run), *arguments, "--json")
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
+    assert done.code == 0, done.err
+    assert done.code == 0, done.err
+    told = json.loads(done.out)
     assert told["folder"] == str(tmp_path / "new")
     assert list(told["layers"]) == ["color", "depth"]
     assert told["films"] == {}
