@@ -94,7 +94,7 @@ def _render(asked: RenderArguments, line: StageLine) -> int:
 
 
 def _record(folder: Path, film: "Film", layers: Sequence[str], size: tuple[int, int], asked: RenderArguments) -> str:
-    """What was written, as JSON: of each layer its folder, which holds FRAME + suffix for each frame, and its film."""
+    """What was written, as JSON: of each layer its folder, which holds all the frames, and its film."""
     from ringlight.files.number_files import SUFFIXES
     from ringlight.measure.json_record import to_json
 
@@ -105,8 +105,7 @@ def _record(folder: Path, film: "Film", layers: Sequence[str], size: tuple[int, 
             "films": {layer: str(folder / f"{layer}.mp4") for layer in layers if asked.video},
             "width": size[0],
             "height": size[1],
-            "suffix": SUFFIXES[asked.format],
-            "frames": film.names,
+            "frames": [Path(name).with_suffix(SUFFIXES[asked.format]).name for name in film.names],
         }
     )
 
