@@ -105,7 +105,7 @@ def _record(folder: Path, film: "Film", layers: Sequence[str], size: tuple[int, 
             "films": {layer: str(folder / f"{layer}.mp4") for layer in layers if asked.video},
             "width": size[0],
             "height": size[1],
-            "frames": [Path(name).with_suffix(SUFFIXES[asked.format]).name for name in film.names],
+            "frames": [str(Path(name).with_suffix(SUFFIXES[asked.format])) for name in film.names],
         }
     )
 
