@@ -44,7 +44,8 @@ base colours make of a mirror's pictures lies behind its surface, and draws the 
 balls lose 0.5 dB with 300 such steps of 3,000, and 1.1 with 700 of 7,000 (docs/experiments/mirrors.md)."""
 
 WARMUP_UNCARVED = 0.1
-"""And where nothing is cut out: there the surface is not known before, and 150 of 7,000 cost family_24 1.0 dB."""
+"""And where nothing is cut out: there the surface is not known before, and 150 steps of 7,000 cost
+family_24 1.0 dB."""
 
 OF_VARYING = ("sh_every", "weights_rate", "basis_rate", "varying_opacity", "opacity_basis_rate")
 """Settings that decide nothing where base colours are constant."""
