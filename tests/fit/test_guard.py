@@ -240,7 +240,8 @@ class Spoil(Stateless):
 def training_of(method: str, spoiled: bool = False, **settings: object) -> Training:
     resets = 0 if method == "ringlight-mirror" else 12  # a mirror has none; no pixel is opaque enough after one
     densify = DensifySettings(threshold=1e-5, begin=4, every=5, stop=0.8, reset_every=resets, max_gaussians=900)
-    recipe = small(method, steps=STEPS, densify=densify, **settings)
+    looks = {"warmup": 0.1} if method == "ringlight-mirror" else {}  # lit after step 4, so looked at every fourth
+    recipe = small(method, steps=STEPS, densify=densify, **looks, **settings)
     training = recipe.build(tiny_scene(views=4, size=16), rasterizer_for("auto"), seed=0)
     if spoiled:
         training.strategies = (*training.strategies, Spoil(training))

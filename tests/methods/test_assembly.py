@@ -45,6 +45,6 @@ def test_a_recipe_says_which_light_is_watched_from_when_on():
     for recipe in (RingLightRingRecipe(steps=50), RingLightMirrorRecipe(steps=50), ThreeDGSRecipe(steps=50)):
         course = recipe.course(scene)
         found[type(recipe)] = (course.light, course.first_lit if course.light else 0)
-    assert list(found.values()) == [(("color.",), 10), (("shader.",), 5), ((), 0)]
+    assert list(found.values()) == [(("color.",), 10), (("shader.",), 2), ((), 0)]
     for kind in (RingLightRingRecipe, RingLightMirrorRecipe):
         assert kind(steps=50, undo_collapse=False).course(scene).light == ()
