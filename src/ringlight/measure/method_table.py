@@ -121,9 +121,8 @@ class MethodTable:
         writer.writerow(["scene", "method", "seed", *(measure.key for measure in shown)])
         for (scene, method), by_seed in self.cells.reports.items():
             for seed, report in by_seed.items():
-                values = [(measure.of(report), measure.digits > 0) for measure in shown]
-                cells = ["" if v is None else int(v) if v.is_integer() and not parted else v for v, parted in values]
-                writer.writerow([scene, method, seed, *cells])
+                values = [measure.of(report) for measure in shown]
+                writer.writerow([scene, method, seed, *("" if value is None else value for value in values)])
         return text.getvalue()
 
     def plain(self) -> dict[str, Any]:
