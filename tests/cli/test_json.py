@@ -25,6 +25,7 @@ LINES = {
     "compare --sheet": ("compare", "{run}", "{other}", "--sheet", "{new}.png"),
     "normals": ("normals", "{run}", "{other}", "--truth", "{truth}"),
     "report": ("report", "{run}", "{other}", "{new}.html"),
+    "render": ("render", "{run}", "--path", "orbit", "--frames", "2", "--out", "{new}"),
     "share": ("share", "{run}", "{new}.html"),
     "study": ("study", "rank", "{scene}", *flags(steps=2, seeds=1), "--lpips", "--only", "rank-4", "--out", "{new}"),
     "study --dry-run": ("study", "rank", "{scene}", "--dry-run", "--out", "{new}"),
