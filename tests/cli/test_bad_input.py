@@ -218,7 +218,7 @@ def test_wrong_usage_ends_with_two(tiny: Path, tmp_path: Path, ringlight: Comman
     refused(ringlight("train", tiny, "3dgs", "--steps", "many", "--out", "ringlight"), 2, "SCENE 3dgs --help")
     refused(ringlight("train", "--resume", "3dgs", "--stesp", "3"), 2, "meant --steps", "see 'ringlight train --help'")
     refused(ringlight("train", tiny, "3dgs", "--warmup", "0.1", *out), 2, "--warmup", "ringlight-ring")
-    refused(ringlight("train", tiny, "ringlight", "--light.mask", *out), 2, "--light.mask", "give it to ringlight-ring")
+    refused(ringlight("train", tiny, "ringlight", "--light.mask", *out), 2, "--light.mask", "-ring or ringlight-paper;")
     refused(ringlight("train", tiny, "ringlight", "--base-rate=1", *out), 2, "--base-rate", "ringlight-mirror")
     refused(ringlight("train", tiny, "--seed", "3", "nonsense", *out), 2, "nonsense", "3dgs")
     refused(ringlight("train", tiny, *out), 2, f"{remedy} --out")

@@ -283,7 +283,11 @@ def test_a_second_rendering_goes_beside_the_first(run_folder: Path, ringlight: C
     words = ("render", run_folder, "--path", "orbit", "--frames", "2", "--quiet")
     assert ringlight(*words).out == f"{run_folder / 'renders' / 'orbit'}\n"
     assert ringlight(*words).out == f"{run_folder / 'renders' / 'orbit-2'}\n"
-    again = ringlight(*words, "--out", run_folder / "renders" / "orbit", "--overwrite", "--scale", "2")
+    there = ("--out", run_folder / "renders" / "orbit")
+    refused = ringlight(*words, *there)
+    assert refused.code == 1
+    assert "is not an empty folder; give another one with --out, or --overwrite" in refused.err
+    again = ringlight(*words, *there, "--overwrite", "--scale", "2")
     assert again.code == 0
     assert picture(run_folder / "renders" / "orbit" / "color" / "0000.png").shape == (40, 40, 3)
     wide = ringlight(*words, "--out", run_folder / "wide", "--width", "30", "--background", "black")

@@ -209,4 +209,4 @@ def _folder(asked: RenderArguments, opened: "Opened") -> Path:
     if asked.out is None:
         name = asked.path if asked.path in PATHS else Path(asked.path).stem
         return make_folder(free_folder(opened.file.parent / "renders" / name))
-    return make_folder(asked.out) if asked.overwrite else empty_folder(asked.out)
+    return make_folder(asked.out) if asked.overwrite else empty_folder(asked.out, or_else="--overwrite")

@@ -63,4 +63,6 @@ def refuse_flags_of_other_methods(arguments: list[str], of_any_method: set[str])
     for flag in flags_in(arguments):
         if named and flag not in own:
             owners = [name for name, recipe in METHODS.items() if flag in flags_of(type(recipe), in_pairs=True)]
-            refuse("train", f"{flag} is no setting of {named[-1]}; give it to {' or '.join(owners)}")
+            *others, last = owners
+            takers = f"{', '.join(others)} or {last}" if others else last
+            refuse("train", f"{flag} is no setting of {named[-1]}; give it to {takers}")

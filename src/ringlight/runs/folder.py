@@ -102,16 +102,17 @@ def refuse_taken(path: Path, relights: bool = False) -> None:
     _refuse_filled(path, "--out")
 
 
-def empty_folder(path: Path, flag: str = "--out") -> Path:
+def empty_folder(path: Path, flag: str = "--out", or_else: str = "") -> Path:
     """``path``, which ``flag`` named, as an empty folder, made if need be. Raises RunError if it holds anything:
-    nothing is overwritten."""
-    _refuse_filled(path, flag)
+    nothing is overwritten. ``or_else`` names one more remedy."""
+    _refuse_filled(path, flag, or_else)
     return make_folder(path, flag)
 
 
-def _refuse_filled(path: Path, flag: str) -> None:
+def _refuse_filled(path: Path, flag: str, or_else: str = "") -> None:
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise RunError(f"{path}: is not an empty folder; give another one with {flag}")
+        more = f", or {or_else}" if or_else and path.is_dir() else ""
+        raise RunError(f"{path}: is not an empty folder; give another one with {flag}{more}")
 
 
 def make_folder(path: Path, flag: str = "--out") -> Path:
