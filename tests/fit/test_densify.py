@@ -203,13 +203,14 @@ def test_counting_resumes():
     assert len(model) == 3
 
 
-def test_prune_drops_faint_rows_and_waits_for_its_turn():
+def test_prune_drops_faint_rows_and_waits_for_its_turn_which_may_not_come():
     model = model_of([SMALL] * 3, [0.5, 0.001, 0.5])
     optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.0))}, steps=100)
-    prune = Prune(begin=10, every=5, opacity=0.005)
-    for step, rows in ((5, 3), (12, 3), (15, 2)):
-        prune.update(step, model, optimizer, rendering_with([0.0] * len(model)))
-        assert len(model) == rows
+    for until in (15, None):
+        prune = Prune(begin=10, every=5, opacity=0.005, until=until)
+        for step, rows in ((5, 3), (12, 3), (15, 3 if until else 2)):
+            prune.update(step, model, optimizer, rendering_with([0.0] * len(model)))
+            assert len(model) == rows
 
 
 def test_rows_leave_in_morton_order_with_their_columns():

@@ -19,6 +19,7 @@ from ringlight.fit.rates import Adam
 from ringlight.fit.regularizers.contract import Regularizer
 from ringlight.fit.regularizers.mean_opacity import MeanOpacity
 from ringlight.fit.regularizers.mean_scale import MeanScale
+from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.strategies.contract import DensityControl, Strategy
 from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
@@ -83,6 +84,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)
     share = recipe.dropout_of(len(scene.train))
     dropout = Dropout(share, recipe.last_whole_step) if share else None
+    averages = () if recipe.averaged_from is None else (AverageAtEnd(recipe.averaged_from, steps),)
     return Training(
         model=model,
         batches=ImageBatches(scene, seed, course.coarse_steps, dropout),
@@ -92,6 +94,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
             *(Unlock(buffer, schedule) for buffer, schedule in course.unlocks.items()),
             growing,
             dropping,
+            *averages,
             *course.last,
         ),
         steps=steps,

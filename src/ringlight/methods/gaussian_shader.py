@@ -7,6 +7,7 @@ Surfaces, CVPR 2024. Written from the paper. What differs: docs/methods/gaussian
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, between, check_rates, how_long
@@ -87,6 +88,9 @@ class GaussianShaderRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    average: float = later(0.0)
+    """Share of the run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the
+    last."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0))
@@ -96,6 +100,7 @@ class GaussianShaderRecipe(SplatRecipe):
     """What is compared with the photographs."""
 
     def __post_init__(self) -> None:
+        self.check_shares()
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
         if not 0 < self.first_tint < 1:

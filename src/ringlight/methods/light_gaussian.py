@@ -80,15 +80,7 @@ class LightGaussianRecipe(ThreeDGSRecipe):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.densify.kind == "mcmc":
-            raise RecipeError(
-                "densify.kind is mcmc, and light-gaussian drops Gaussians by itself; use adaptive, or 3dgs"
-            )
-        if self.dropout:
-            raise RecipeError(
-                f"dropout is {self.dropout:g}, and light-gaussian distils whole pictures; train 3dgs with it, then "
-                "light-gaussian --from that run"
-            )
+        self._refuse_what_it_does_itself()
         for name in ("grow_share", "distill_share", "prune_share", "codebook_share"):
             if not 0 <= (getattr(self, name) or 0) <= 1:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give a share, from 0 to 1")
@@ -103,6 +95,18 @@ class LightGaussianRecipe(ThreeDGSRecipe):
             raise RecipeError(f"codebook_size is {self.codebook_size}; give 0 (none) or more")
         if not (0 <= self.view_jitter < float("inf") and 0 <= self.volume_power < float("inf")):
             raise RecipeError("view_jitter or volume_power is negative or not finite; give 0 or more")
+
+    def _refuse_what_it_does_itself(self) -> None:
+        if self.densify.kind == "mcmc":
+            raise RecipeError(
+                "densify.kind is mcmc, and light-gaussian drops Gaussians by itself; use adaptive, or 3dgs"
+            )
+        for name, reason in (("dropout", "distils whole pictures"), ("average", "rounds its last step's model")):
+            if getattr(self, name):
+                raise RecipeError(
+                    f"{name} is {getattr(self, name):g}, and light-gaussian {reason}; train 3dgs with it, then "
+                    "light-gaussian --from that run"
+                )
 
     @property
     def grown(self) -> int:

@@ -13,6 +13,7 @@ from ringlight.core.kernel_limits import TRAIN_MOST_LEVELS
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
+from ringlight.methods.averaging import AVERAGED
 from ringlight.methods.putt_sizes import (
     FEWEST_RANKS,
     MOST_RANKS,
@@ -55,10 +56,9 @@ EMPTIED = (2000, 4000)
 WARM_UP = 100
 """Steps of such a run over which the trains' rate rises."""
 
-AVERAGED, LAST_RATE = 0.1, 0.2
-"""Share of a run, its last, whose models are averaged, and share of a learning rate that is left after a whole run, if
-nothing sets it back. What Adam's steps add to all matrices of a product is noise; a mean is without it, and rates need
-to fall less (docs/methods/putt.md)."""
+LAST_RATE = 0.2
+"""Share of a learning rate that is left after a whole run, if nothing sets it back. What Adam's steps add to all
+matrices of a product is noise; a mean of models is without it, and rates need to fall less (docs/methods/putt.md)."""
 
 SETTLING_RATE, SETTLED_RATE = 0.07, 0.01
 """Where no models are averaged: share of a rate after a run, and after a faster fall over its last fifth, by which that

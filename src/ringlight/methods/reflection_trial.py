@@ -109,9 +109,9 @@ def reflection_trial(scene: Scene, rasterize: Rasterizer, seed: int, most_steps:
     held = views[::HELD_OUT_EVERY]
     kept = tuple(view for index, view in enumerate(views) if index % HELD_OUT_EVERY)
     small = replace(scene, train=kept)
-    # As when LEAST_GAIN was found: a longer warm-up, rates that fall all along, normals as they come.
+    # As when LEAST_GAIN was found: a longer warm-up, rates that fall all along, normals as they come, the last model.
     steps = min(STEPS, most_steps)
-    mirror = RingLightMirrorRecipe(steps=steps, warmup=0.1, basis_size=0, light_hold=0.0, consistency=0.0)
+    mirror = RingLightMirrorRecipe(steps=steps, warmup=0.1, basis_size=0, light_hold=0.0, consistency=0.0, average=0.0)
     masks = masks_of(small.train)
     if not masks and not on_even_background(scene.train, scene.background_color):
         return None  # shrinking averages noise away, and the run must find them too

@@ -76,6 +76,9 @@ class RingLightBasisRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    average: float = later(0.0)
+    """Share of the run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the
+    last."""
     dropout: float | None = field(default=None, metadata={LATER: 0.0})
     """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run,
     once density control adds none. By default a tenth with fewer than 18 photographs, else 0, none
@@ -96,7 +99,7 @@ class RingLightBasisRecipe(SplatRecipe):
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
         if not 1 <= self.basis_size <= SH_MAX_BASIS:
             raise RecipeError(f"basis_size is {self.basis_size}; give 1 to {SH_MAX_BASIS}")
-        self.check_dropout()
+        self.check_shares()
         check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
 
     def at_length(self) -> "RingLightBasisRecipe":

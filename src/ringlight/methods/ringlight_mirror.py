@@ -17,6 +17,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import FAST_SCALES, GaussianRates, check_rates
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, DensifySettings
+from ringlight.methods.averaging import AVERAGED
 from ringlight.methods.basis_rates import basis_rates
 from ringlight.methods.mirror_bounds import most_gaussians, most_without_hull
 from ringlight.methods.splat_recipe import SplatRecipe
@@ -122,6 +123,9 @@ class RingLightMirrorRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting, which is worth 0.4 dB on chrome."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    average: float = later(0.0, now=AVERAGED)
+    """Share of the run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the
+    last (docs/experiments/averaged-models.md)."""
     shader: ReflectionSettings = field(
         default_factory=lambda: ReflectionSettings(raw_direction=False, hidden=32, gradient_share=0.4, axis_nodes=16)
     )
@@ -141,6 +145,7 @@ class RingLightMirrorRecipe(SplatRecipe):
     """What is compared with the photographs."""
 
     def __post_init__(self) -> None:
+        self.check_shares()
         check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
         if not 0 <= self.basis_size <= SH_MAX_BASIS:
             raise RecipeError(f"basis_size is {self.basis_size}; give 0 (constant base colours) to {SH_MAX_BASIS}")

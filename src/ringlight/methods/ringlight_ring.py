@@ -26,6 +26,7 @@ from ringlight.fit.rates import (
     check_rates,
 )
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, PAPER_CLONE_BELOW, DensifySettings
+from ringlight.methods.averaging import AVERAGED
 from ringlight.methods.splat_recipe import SplatRecipe
 
 if TYPE_CHECKING:
@@ -96,6 +97,9 @@ class RingLightRingRecipe(SplatRecipe):
     photographs' size, 20,000 up to 200 pixels a side and 100,000 above."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
+    average: float = later(0.0, now=AVERAGED)
+    """Share of the run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the
+    last (docs/experiments/averaged-models.md)."""
     light: RingLightSettings = field(default_factory=lambda: OURS)
     """The light field and the render module."""
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(means=PAPER_MEANS, scales=FAST_SCALES, hold=1.0))
@@ -111,6 +115,7 @@ class RingLightRingRecipe(SplatRecipe):
     """What is compared with the photographs (equation 9)."""
 
     def __post_init__(self) -> None:
+        self.check_shares()
         check_rates(**{name: value for name, value in vars(self).items() if name.endswith(("_rate", "_rate_end"))})
         if not 0 <= self.warmup <= 1:
             raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
@@ -139,6 +144,7 @@ class RingLightRingRecipe(SplatRecipe):
         rate, betas = Rate(self.field_rate, self.field_rate_end), (0.9, self.field_beta2)
         last = self.densify.last_step(self.steps)
         every = max((self.steps - last) // PRUNE_ROUNDS, 1)
+        prune = Prune(last, every, self.densify.prune_opacity, until=self.averaged_from)
         penalized = self.mask_penalty and self.light.mask
         return Course(
             groups={
@@ -150,7 +156,7 @@ class RingLightRingRecipe(SplatRecipe):
             unlocks={"color.lit": {first_lit: 1}},
             light=(COLOR,) if self.undo_collapse else (),
             first_lit=first_lit,
-            last=(Prune(last, every, self.densify.prune_opacity),) if self.densify.prunes else (),
+            last=(prune,) if self.densify.prunes else (),
             regularizers={"mask": MeanMask(self.mask_penalty * self.loss.scale)} if penalized else {},
         )
 
@@ -160,6 +166,7 @@ PAPER = dataclasses.replace(
     rates=GaussianRates(means=PAPER_MEANS, opacities=PAPER_OPACITIES, scales=PAPER_SCALES, hold=1.0),
     random_points=PAPER_POINTS,
     warmup=0.1,
+    average=0.0,
     light=RingLightSettings(ring=RingSettings(core="network"), clamp_colors=False, gradient_share=0.25),
     field_rate=1e-4,
     field_rate_end=1e-4,

@@ -10,6 +10,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import GaussianRates
 from ringlight.fit.strategies.densify_settings import OF_DROPPING, DensifySettings
+from ringlight.methods.averaging import check_average, first_averaged
 from ringlight.methods.surface_start import SurfaceStart
 
 if TYPE_CHECKING:
@@ -48,14 +49,16 @@ class SplatRecipe(ABC):
     antialiased: bool = False
     visible_only: bool = False
     dropout: float | None = 0.0
+    average: float = 0.0
     random_points: int = 0
     start: SurfaceStart | None = None
     rates: GaussianRates
     densify: DensifySettings
     loss: PhotometricLoss
 
-    def check_dropout(self) -> None:
-        """Raise RecipeError for what is no share, or all."""
+    def check_shares(self) -> None:
+        """Raise RecipeError for a dropout or an average that is no share."""
+        check_average(self.average)
         if self.dropout is not None and not 0 <= self.dropout < 1:
             raise RecipeError(f"dropout is {self.dropout:g}; give a share from 0 (none) to less than 1")
 
@@ -70,6 +73,12 @@ class SplatRecipe(ABC):
         """The last step whose picture has all Gaussians. Density control is over then: pictures with holes would
         mislead its statistics."""
         return max(int(DROPOUT_BEGINS * self.steps), self.densify.last_step(self.steps))
+
+    @property
+    def averaged_from(self) -> int | None:
+        """First step whose model counts in the mean; None where the last is kept. Density control is over then."""
+        reshaped = max(self.densify.last_step(self.steps), *self.densify.drop_rounds(self.steps), 0)
+        return first_averaged(self.average, self.steps, reshaped)
 
     @abstractmethod
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
@@ -138,7 +147,7 @@ class SplatRecipe(ABC):
         return replace(self, densify=replace(self.densify, max_gaussians=most or 0, drop_share=share))
 
     def without_effect(self) -> dict[str, str]:
-        """Settings of density control that decide nothing as the others are, and why."""
+        """Settings of density control, and what waits for its end, that decide nothing as the others are, and why."""
         idle, densify = self.densify.without_effect(), self.densify
         if densify.growth(self.steps).drop_share and not densify.drop_rounds(self.steps):
             last = densify.last_step(self.steps)
@@ -146,7 +155,10 @@ class SplatRecipe(ABC):
                 f"a run of {counted(self.steps, 'step')} that adds Gaussians until step {last} has no room to drop any"
             )
             idle = dict.fromkeys(("drop_share", *OF_DROPPING), reason) | idle
-        return {f"densify.{name}": reason for name, reason in idle.items()}
+        averaging = {}
+        if self.average and self.averaged_from is None:
+            averaging = {"average": f"density control goes on until the end of a run of {counted(self.steps, 'step')}"}
+        return averaging | {f"densify.{name}": reason for name, reason in idle.items()}
 
     def never_above(self: Splats, most: int) -> Splats:
         """The same with no more than ``most`` at any step: it ends with what is left of them once some are dropped."""

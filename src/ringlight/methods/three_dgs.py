@@ -93,6 +93,9 @@ class ThreeDGSRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
+    average: float = later(0.0)
+    """Share of the run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the
+    last."""
     dropout: float = later(0.0)
     """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run,
     once density control adds none; 0 for none."""
@@ -106,7 +109,7 @@ class ThreeDGSRecipe(SplatRecipe):
     def __post_init__(self) -> None:
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
-        self.check_dropout()
+        self.check_shares()
         check_rates(sh_rate=self.sh_rate or 0.0, sh_rest_rate=self.sh_rest_rate or 0.0)
 
     def at_length(self) -> "ThreeDGSRecipe":

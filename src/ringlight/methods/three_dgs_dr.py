@@ -9,6 +9,7 @@ run's length (docs/methods/3dgs-dr.md).
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates, shorter_by
@@ -82,6 +83,9 @@ class ThreeDGSDRRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    average: float = later(0.0)
+    """Share of the run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the
+    last."""
     propagation: PropagationSettings = field(default_factory=lambda: PropagationSettings(until=0.0))
     """Normal propagation and colour sabotage: none, since on the visual hull they cost more than they find
     (``--propagation.until 0.5``: 3DGS-DR's)."""
@@ -97,6 +101,7 @@ class ThreeDGSDRRecipe(SplatRecipe):
     """What is compared with the photographs."""
 
     def __post_init__(self) -> None:
+        self.check_shares()
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
         for name in ("warmup", "sh_from", "sh_every"):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ringlight.color.illumination_settings import IlluminationSettings
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, check_rates, shorter_by
@@ -72,6 +73,9 @@ class ThreeIGSRecipe(SplatRecipe):
     """Rasterize with the opacity compensation of Mip-Splatting."""
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
+    average: float = later(0.0)
+    """Share of the run, its last: the kept model is the mean of the models after each of its steps; 0 keeps the
+    last."""
     light: IlluminationSettings = field(default_factory=IlluminationSettings)
     """The illumination field and the network."""
     rates: GaussianRates = field(default_factory=GaussianRates)
@@ -82,6 +86,7 @@ class ThreeIGSRecipe(SplatRecipe):
     """What is compared with the photographs."""
 
     def __post_init__(self) -> None:
+        self.check_shares()
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
         if not 0 <= self.warmup <= 1:

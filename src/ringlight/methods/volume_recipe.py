@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, Part, Rate, RateInParts
+from ringlight.methods.averaging import check_average, first_averaged
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -107,8 +108,7 @@ class VolumeRecipe(ABC):
     def averaged_from(self) -> int | None:
         """First step whose model counts in the mean; None where the last is kept. The grid keeps its shape since."""
         reshaped = max((*self.emptied, *self.refined), default=0)
-        first = max(self.steps - round(self.average * self.steps), reshaped) + 1
-        return first if self.average and first < self.steps else None
+        return first_averaged(self.average, self.steps, reshaped)
 
     def at_share(self, steps: tuple[int, ...]) -> tuple[int, ...]:
         """Steps of the paper's run as steps of this one."""
@@ -183,8 +183,7 @@ class VolumeRecipe(ABC):
         """Raise RecipeError for what is no share."""
         if not 0 < self.gradient_share <= 1:
             raise RecipeError(f"gradient_share is {self.gradient_share:g}; give more than 0, at most 1")
-        if not 0 <= self.average <= 1:
-            raise RecipeError(f"average is {self.average:g}; give a share of the run, from 0 (the last model) to 1")
+        check_average(self.average)
 
     def refuse_bounds(self) -> None:
         """Raise RecipeError for a box without an inside, as float32 has it."""
