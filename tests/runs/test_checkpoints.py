@@ -2,6 +2,7 @@
 
 import errno
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -164,3 +165,33 @@ def test_the_state_that_a_guard_keeps_must_fit_like_the_other() -> None:
         refuse_misfits(state | {"guard.good.model.columns.weight": torch.zeros(3)}, guarded())
     with pytest.raises(ValueError, match="counts"):
         refuse_misfits(state | {"guard.good.step": torch.tensor(-1)}, guarded())
+
+
+@pytest.mark.parametrize("method", ["ringlight-ring", "ringlight-mirror", "3dgs"])
+def test_a_run_goes_on_in_the_midst_of_a_mean_of_models(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ringlight.fit.guard.CHECK_EVERY", 1)
+
+    def averaging() -> Training:
+        recipe = replace(small(method, steps=40), average=0.2)
+        return recipe.build(tiny_scene(views=3, size=16), rasterizer_for("auto"), seed=0)
+
+    whole, stopped, resumed = averaging(), averaging(), averaging()
+    for _ in train(whole):
+        pass
+    for _ in train(stopped):
+        if stopped.step == 36:
+            break
+    state = {name: tensor.clone() for name, tensor in stopped.state().items()}
+    means = {name for name in state if ".columns.means" in name and "strategy." in name}
+    assert {name.split(".")[0] for name in means} == ({"strategy"} if method == "3dgs" else {"strategy", "guard"})
+    refuse_misfits(state, averaging())
+    for name in sorted(means):
+        with pytest.raises(ValueError, match="of shape"):
+            refuse_misfits(state | {name: torch.zeros(3, 3, 3, 3)}, averaging())
+    with pytest.raises(ValueError, match=r"strategy\.9\.columns\.mine is unknown"):
+        refuse_misfits(state | {"strategy.9.columns.mine": torch.zeros(3)}, averaging())
+    resumed.restore(state)
+    for _ in train(resumed):
+        pass
+    ends = whole.model.state_dict(), resumed.model.state_dict()
+    assert all(torch.equal(tensor, ends[1][name]) for name, tensor in ends[0].items())

@@ -1,5 +1,6 @@
 """The last two checkpoints of a run: where it goes on after whatever stopped it."""
 
+import re
 from collections.abc import Mapping
 
 from torch import Tensor
@@ -24,6 +25,9 @@ STORED_BY_NAME = (MODEL, *MOMENTS)
 
 GUARD = "guard."
 """What a state holds of the guard, and in it of the training at an earlier step."""
+
+OF_STRATEGY = re.compile(r"strategy\.\d+\.(.+)")
+"""A name of what a strategy keeps: its number, and what it calls it. Means of models are called as their tensors."""
 
 COUNTED = ("strategy.", GUARD + "collapses")
 """Of which there may be more with time."""
@@ -56,14 +60,25 @@ def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
     resized = _parts_of(training.model.resized_prefixes)
     fixed = {name: tensor for name, tensor in own.items() if not name.startswith(resized)}
     _refuse_other_shapes(state, fixed, training.model.row_prefixes)
+    _refuse_other_means({name: t for name, t in state.items() if name.startswith((MODEL, "strategy."))}, own)
     _refuse_uneven(state, {name: tensor for name, tensor in own.items() if name not in fixed})
     of_guard = {name.removeprefix(GUARD): t for name, t in state.items() if name.startswith(GUARD)}
     kept = good_state(of_guard)
     if kept:
         of_training = {name: tensor for name, tensor in own.items() if not name.startswith(GUARD)}
-        if kept.keys() - of_training.keys():
-            raise ValueError(f"{min(kept.keys() - of_training.keys())} is unknown")
+        _refuse_other_means(kept, of_training)
         _refuse_other_shapes(kept, of_training, training.model.row_prefixes)
+
+
+def _refuse_other_means(state: Mapping[str, Tensor], own: Mapping[str, Tensor]) -> None:
+    """Raise ValueError unless what a state holds and one at its start does not are means of the model's tensors."""
+    for name in sorted(state.keys() - own.keys()):
+        part = OF_STRATEGY.fullmatch(name)
+        found, of_model = state[name], state.get(MODEL + part[1]) if part else None
+        if of_model is None:
+            raise ValueError(f"{name} is unknown")
+        if (found.dtype, found.shape) != (of_model.dtype, of_model.shape):
+            raise ValueError(f"{name} is {found.dtype} of shape {list(found.shape)}")
 
 
 def _parts_of(prefixes: tuple[str, ...]) -> tuple[str, ...]:
