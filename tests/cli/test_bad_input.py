@@ -40,6 +40,8 @@ def test_missing_and_empty_folders(tmp_path: Path, ringlight: Command) -> None:
     "flag",
     [
         ("--steps", "0"),
+        ("--steps", "10000001"),
+        ("--steps", "1" + 20 * "0"),
         ("--seed", "-1"),
         ("--threads", "-1"),
         ("--threads", "1025"),

@@ -45,6 +45,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(trained: dict[str, Path], tmp_p
         (("--tint", "red?"), "--tint is 'red?'"),
         (("--tint-base", "1,2"), "--tint-base is '1,2'"),
         (("--tint-residual", "1,1,9"), "--tint-residual"),
+        (("--tint", "#ffcc00"), "of parts from 1a on"),
         (("--base-only", "--residual", "0.3"), "--base-only"),
         ((), "nothing is to be edited"),
         (("--light", tmp_path / "none"), "none"),

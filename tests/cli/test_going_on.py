@@ -327,6 +327,7 @@ def test_what_was_exported_is_imported_again(trained: dict[str, Path], tmp_path:
     one, two = (read_gaussian_ply(path).gaussians.columns() for path in (ply, again))
     assert all(torch.allclose(one[name], two[name], atol=1e-7, rtol=1e-6) for name in one)
     refused(ringlight("import", ply, model), 1, model, "--overwrite")
+    refused(ringlight("import", model), 1, model, "name a PLY of 3D Gaussians")
     beside = ringlight("import", ply, "--json")
     assert json.loads(beside.out)["file"] == str(ply.with_suffix(".safetensors"))
 

@@ -1,5 +1,6 @@
 """``ringlight edit MODEL OUT.safetensors``: the same model in edited light."""
 
+import math
 import re
 import sys
 from dataclasses import dataclass
@@ -110,7 +111,7 @@ def factors(flag: str, word: str | None) -> tuple[float, float, float]:
         return ONES
     wrong = RecipeError(
         f"{flag} is {word[:40]!r}; give three factors from {LEAST_TINT:g} to {MOST_TINT:g} as 1,0.8,0.6, or a colour "
-        "as '#ffcc99'"
+        f"as '#ffcc99', of parts from {math.ceil(255 * LEAST_TINT):02x} on"
     )
     if re.fullmatch("#[0-9a-fA-F]{6}", word):
         found = [int(word[at : at + 2], 16) / 255 for at in (1, 3, 5)]

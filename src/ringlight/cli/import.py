@@ -38,6 +38,8 @@ def main(arguments: list[str]) -> int:
     if not asked.file.is_file():
         raise ModelFileError(f"{asked.file}: there is no such file; name a PLY of 3D Gaussians")
     out = asked.model or asked.file.with_suffix(".safetensors")
+    if out == asked.file:
+        raise ModelFileError(f"{out}: ends like a model file; name a PLY of 3D Gaussians, and another file behind it")
     with stages(quiet=not sys.stderr.isatty()) as line:
         line(f"reading {asked.file}")
         from ringlight.measure.json_record import to_json

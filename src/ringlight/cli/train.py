@@ -82,7 +82,8 @@ class ResumeArguments:
 
 GLOSSARY = (
     "PSNR and SSIM: likeness to photographs that training did not see, more is better (PSNR in dB: one more shows). "
-    "LPIPS: difference to the eye, less is better. raw MB: what showing the scene takes. core s: all cores together.\n"
+    "LPIPS: difference to the eye, less is better. raw MB: what showing the scene takes. core s: of all "
+    "cores, with what comes before the first step.\n"
 )
 """Below the table of a run, for who reads one for the first time."""
 
@@ -168,7 +169,7 @@ def _resume(arguments: list[str]) -> int:
             again = resuming(wish.resume, record)
             raise RunError(f"{wish.resume}: learns a light, of which a pack is made; go on with: {again}")
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
-        check_steps(wish.running, record.steps + wish.steps)
+        check_steps(wish.running, wish.steps, record.steps)
         check_watching(wish.running)
         session = resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
         report = complete_report(session)
