@@ -233,7 +233,7 @@ def test_words_of_the_first_lines_are_those_of_photographers(tiny: Path, tmp_pat
     done = ringlight("train", tiny, "3dgs", *SHORT, "--out", tmp_path / "run")
     assert "white background" in done.err
     said = done.out + done.err
-    for explained in ("PSNR and SSIM: likeness to photographs", "raw MB: what showing", "core s: of all cores"):
+    for explained in ("PSNR and SSIM: likeness to photographs", "raw MB: what showing", "core s: processor"):
         assert explained in said
     for of_the_trade in ("deferred", "forward", "harmonics", "hull", "background photograph", "lit per pixel"):
         assert of_the_trade not in said

@@ -1,6 +1,7 @@
 """A run that keeps the mean of its last models keeps that, and nothing moves their numbers about meanwhile."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import torch
@@ -13,6 +14,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.train import Training, train
 from ringlight.methods.averaging import AVERAGED, check_average, first_averaged
+from ringlight.methods.relight_recipe import relight_recipe
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
@@ -32,6 +34,14 @@ def test_the_mean_is_of_the_last_steps_after_all_that_moves_numbers(average: flo
     else:
         assert reshaped < first < steps
         assert steps - first + 1 <= max(round(average * steps), 1)
+
+
+def test_it_begins_after_the_last_gaussians_are_dropped() -> None:
+    ring = METHODS["ringlight-ring"]
+    assert isinstance(ring, SplatRecipe)
+    assert replace(ring, steps=3000).averaged_from == 2701
+    assert replace(ring, steps=3000, average=1.0).averaged_from == 2102
+    assert replace(ring, steps=3000, average=1.0).densify.drop_rounds(3000) == {1501, 1651, 1801, 1951, 2101}
 
 
 @pytest.mark.parametrize("average", [-0.1, 1.1, float("nan"), float("inf")])
@@ -72,8 +82,19 @@ def test_an_average_that_nothing_is_left_for_has_no_effect() -> None:
     assert isinstance(recipe, SplatRecipe)
     late = replace(recipe, steps=100, average=0.1, densify=replace(recipe.densify, stop=1.0))
     assert late.averaged_from is None
-    assert "until the end of a run of 100 steps" in late.without_effect()["average"]
+    assert late.without_effect()["average"].endswith("and 0 steps of 100 come after density control")
+    assert replace(late, average=0.01, densify=recipe.densify).averaged_from is None
     assert "average" not in replace(late, average=0.0).without_effect()
+
+
+@pytest.mark.parametrize("name", ["ringlight-ring", "ringlight-mirror", "ringlight-basis"])
+@pytest.mark.parametrize("kind", ["adaptive", "mcmc"])
+def test_a_light_that_is_learned_anew_is_the_last_one_and_no_row_is_moved(name: str, kind: str) -> None:
+    recipe: Any = METHODS[name]
+    relit = relight_recipe(replace(recipe, average=1.0, densify=replace(recipe.densify, kind=kind)), 300)
+    assert relit.averaged_from is None
+    assert relit.densify.last_step(300) == 0
+    assert not relit.densify.drop_rounds(300)
 
 
 def _training(recipe: SplatRecipe) -> Training:

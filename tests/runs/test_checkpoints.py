@@ -188,6 +188,8 @@ def test_a_run_goes_on_in_the_midst_of_a_mean_of_models(method: str, monkeypatch
     for name in sorted(means):
         with pytest.raises(ValueError, match="of shape"):
             refuse_misfits(state | {name: torch.zeros(3, 3, 3, 3)}, averaging())
+        with pytest.raises(ValueError, match=r"\.columns\.means is missing"):
+            refuse_misfits({other: tensor for other, tensor in state.items() if other != name}, averaging())
     with pytest.raises(ValueError, match=r"strategy\.9\.columns\.mine is unknown"):
         refuse_misfits(state | {"strategy.9.columns.mine": torch.zeros(3)}, averaging())
     resumed.restore(state)

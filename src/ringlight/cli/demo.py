@@ -10,6 +10,7 @@ import tyro
 from ringlight.cli.arguments import MaybeFolder
 from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.parse import parse
+from ringlight.cli.run_length import check_length
 from ringlight.cli.run_training import RunOptions, train_and_measure
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
@@ -50,8 +51,7 @@ def main(arguments: list[str]) -> int:
     """Train what is left to train, then show; returns the exit code."""
     asked = parse(DemoArguments, "demo", arguments)
     check_threads(asked.threads)
-    if asked.steps < 1:
-        raise RecipeError(f"--steps is {asked.steps}; give at least 1")
+    check_length(asked.steps)
     with stages(asked.quiet) as line:
         line(f"reading {asked.resume or asked.scene}")
         from ringlight.runs.demo import METHODS_SHOWN

@@ -13,6 +13,8 @@ from ringlight.cli.stages import stages
 from ringlight.core.words import MEGABYTE
 from ringlight.errors import ModelFileError
 
+MODEL_SUFFIX = ".safetensors"
+
 
 @dataclass(frozen=True)
 class ImportArguments:
@@ -37,9 +39,9 @@ def main(arguments: list[str]) -> int:
     asked = parse(ImportArguments, "import", arguments)
     if not asked.file.is_file():
         raise ModelFileError(f"{asked.file}: there is no such file; name a PLY of 3D Gaussians")
-    out = asked.model or asked.file.with_suffix(".safetensors")
-    if out == asked.file:
-        raise ModelFileError(f"{out}: ends like a model file; name a PLY of 3D Gaussians, and another file behind it")
+    out = asked.model or asked.file.with_suffix(MODEL_SUFFIX)
+    if asked.file.suffix.lower() == MODEL_SUFFIX:
+        raise ModelFileError(f"{asked.file}: is a model file by its name; name a PLY of 3D Gaussians")
     with stages(quiet=not sys.stderr.isatty()) as line:
         line(f"reading {asked.file}")
         from ringlight.measure.json_record import to_json

@@ -11,12 +11,12 @@ from ringlight.cli.arguments import Device, ModelPath
 from ringlight.cli.flags import flags_in
 from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.run_length import check_length
 from ringlight.cli.run_training import RunOptions, check_steps, check_watching, train_and_measure
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
 from ringlight.core.command_line import command
 from ringlight.data.bundled import scene_folder
-from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
     from ringlight.measure.report import Report
@@ -75,8 +75,7 @@ def main(arguments: list[str]) -> int:
 
 def _start(arguments: list[str]) -> int:
     asked = parse(RelightArguments, "relight", arguments)
-    if asked.steps < 1:
-        raise RecipeError(f"--steps is {asked.steps}; give at least 1")
+    check_length(asked.steps)
     check_steps(asked.running, asked.steps)
     check_threads(asked.running.threads)
     photographs = scene_folder(asked.photos)

@@ -13,6 +13,7 @@ from ringlight.cli.flags import flags_in
 from ringlight.cli.main import WRONG_INPUT
 from ringlight.cli.many_runs import check_jobs, expected_time
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.run_length import check_length
 from ringlight.cli.threads import check_threads
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
@@ -83,10 +84,10 @@ def main(arguments: list[str]) -> int:
         refuse("study", "no scene is named; give folders of photographs, or toaster or carpaint")
     if "--only" in flags_in(arguments) and not asked.only:
         refuse("study", "--only names no variant; name some, --dry-run lists them")
-    for name in ("seeds", "steps"):
-        value = getattr(asked, name)
-        if value is not None and value < 1:
-            raise RecipeError(f"--{name} is {value}; give at least 1")
+    if asked.seeds is not None and asked.seeds < 1:
+        raise RecipeError(f"--seeds is {asked.seeds}; give at least 1")
+    if asked.steps is not None:
+        check_length(asked.steps)
     check_jobs(asked.jobs)
     check_threads(asked.threads)
     from ringlight.methods.studies import base_of, study_named

@@ -11,6 +11,7 @@ from ringlight.cli.arguments import Device, MaybeFolder, Net
 from ringlight.cli.main import WRONG_INPUT
 from ringlight.cli.many_runs import check_jobs, expected_time
 from ringlight.cli.parse import parse, refuse
+from ringlight.cli.run_length import check_length
 from ringlight.cli.threads import check_threads
 from ringlight.core.words import counted
 from ringlight.data.options import SceneOptions
@@ -71,8 +72,8 @@ def main(arguments: list[str]) -> int:
         refuse("table", "no scene is named; give folders of photographs, or toaster or carpaint")
     seeds = _seeds(asked.seeds)
     check_jobs(asked.jobs)
-    if asked.steps is not None and asked.steps < 1:
-        raise RecipeError(f"--steps is {asked.steps}; give at least 1")
+    if asked.steps is not None:
+        check_length(asked.steps)
     check_threads(asked.threads)
     if asked.options.holdout_every == 0 and asked.options.holdout is None and not asked.options.validate:
         raise RecipeError("a table compares on test views, and --holdout-every 0 leaves none; leave it out")

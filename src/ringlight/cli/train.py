@@ -17,6 +17,7 @@ from ringlight.cli.main import Stopped
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.poses import scene_with_cameras
+from ringlight.cli.run_length import check_length
 from ringlight.cli.run_training import RunOptions, check_steps, check_watching, train_and_measure
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
@@ -82,8 +83,8 @@ class ResumeArguments:
 
 GLOSSARY = (
     "PSNR and SSIM: likeness to photographs that training did not see, more is better (PSNR in dB: one more shows). "
-    "LPIPS: difference to the eye, less is better. raw MB: what showing the scene takes. core s: of all "
-    "cores, with what comes before the first step.\n"
+    "LPIPS: difference to the eye, less is better. raw MB: what showing the scene takes. core s: processor "
+    "seconds, with those before the first step.\n"
 )
 """Below the table of a run, for who reads one for the first time."""
 
@@ -103,8 +104,7 @@ def _start(arguments: list[str]) -> int:
     asked = parse(TrainArguments, "train", arguments, in_pairs=True, before="SCENE" if method else "", of=method or "")
     preset = preset_of(arguments, asked.method)
     recipe: Recipe = asked.method
-    if recipe.steps < 1:
-        raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
+    check_length(recipe.steps)
     check_steps(asked.running, recipe.steps)
     check_threads(asked.running.threads)
     scene = scene_folder(asked.scene)
@@ -169,7 +169,7 @@ def _resume(arguments: list[str]) -> int:
             again = resuming(wish.resume, record)
             raise RunError(f"{wish.resume}: learns a light, of which a pack is made; go on with: {again}")
         # Before its record has the added steps: who corrects a flag and asks again would add them twice.
-        check_steps(wish.running, wish.steps, record.steps)
+        check_steps(wish.running, record.steps + wish.steps)
         check_watching(wish.running)
         session = resume_run(wish.resume, wish.steps, telling_of_scenes(wish.running.quiet))
         report = complete_report(session)

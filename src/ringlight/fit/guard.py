@@ -155,6 +155,7 @@ class Guard:
         if max(self._gone, self._high) >= PATIENCE:
             return self._go_back(step, BY_FEATURES if self._gone >= PATIENCE else BY_LOSS)
         if is_good and not self._high:
+            self._good = {}  # two at once would be more than is planned for
             self._good = {name: tensor.detach().clone() for name, tensor in state().items()}
             self._good_lowest = self._lowest
         return None

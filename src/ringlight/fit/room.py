@@ -11,8 +11,9 @@ SHARE = 0.5
 COPIES = 5
 """Of a row while it trains: value, gradient, two moments, and one while density control builds a new table."""
 
-GOOD_COPIES = 3
-"""And where a guard keeps an earlier state: value and two moments."""
+GOOD_COPIES = 4
+"""And where a guard keeps an earlier state: value, two moments, and the mean of models where one had begun. The
+training's own mean lies where density control, which is over by then, built its tables."""
 
 WORK_BYTES = 400
 """A Gaussian in the rasterizer's workspace, measured: 350 at 800 x 800 pixels."""

@@ -89,8 +89,8 @@ class GaussianShaderRecipe(SplatRecipe):
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     average: float = later(0.0)
-    """Share of the run, its last, from the end of density control at the earliest: the kept model is the mean of the
-    models after each of its steps; 0 keeps the last."""
+    """The kept model is the mean of the models after each of the last steps, this share of the run, and none before the
+    end of density control; 0 keeps the last model."""
     rates: GaussianRates = field(default_factory=GaussianRates)
     """Learning rates of the geometry."""
     densify: DensifySettings = field(default_factory=lambda: DensifySettings(reset_every=0))

@@ -76,6 +76,6 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
 def _kept(recipe: SplatRecipe, steps: int) -> dict[str, Any]:
     """Settings by which every row stays as it is."""
     densify: DensifySettings = replace(
-        recipe.densify, begin=0, stop=0.0, latest=0, drop_share=0.0, reset_every=0, prune_opacity=0.0
+        recipe.densify, kind="adaptive", begin=0, stop=0.0, latest=0, drop_share=0.0, reset_every=0, prune_opacity=0.0
     )
-    return {"steps": steps, "rates": FROZEN, "densify": densify}
+    return {"steps": steps, "average": 0.0, "rates": FROZEN, "densify": densify}

@@ -77,8 +77,8 @@ class RingLightBasisRecipe(SplatRecipe):
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     average: float = later(0.0)
-    """Share of the run, its last, from the end of density control at the earliest: the kept model is the mean of the
-    models after each of its steps; 0 keeps the last."""
+    """The kept model is the mean of the models after each of the last steps, this share of the run, and none before the
+    end of density control; 0 keeps the last model."""
     dropout: float | None = field(default=None, metadata={LATER: 0.0})
     """Share of the Gaussians that a training picture goes without, drawn anew for each in the second half of the run,
     once density control adds none. By default a tenth with fewer than 18 photographs, else 0, none

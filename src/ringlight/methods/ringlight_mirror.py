@@ -124,8 +124,8 @@ class RingLightMirrorRecipe(SplatRecipe):
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     average: float = later(0.0, now=AVERAGED)
-    """Share of the run, its last, from the end of density control at the earliest: the kept model is the mean of the
-    models after each of its steps; 0 keeps the last (docs/experiments/averaged-models.md)."""
+    """The kept model is the mean of the models after each of the last steps, this share of the run, and none before the
+    end of density control; 0 keeps the last model (docs/experiments/averaged-models.md)."""
     shader: ReflectionSettings = field(
         default_factory=lambda: ReflectionSettings(raw_direction=False, hidden=32, gradient_share=0.4, axis_nodes=16)
     )

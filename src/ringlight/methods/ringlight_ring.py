@@ -98,8 +98,8 @@ class RingLightRingRecipe(SplatRecipe):
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum (faster, not the paper)."""
     average: float = later(0.0, now=AVERAGED)
-    """Share of the run, its last, from the end of density control at the earliest: the kept model is the mean of the
-    models after each of its steps; 0 keeps the last (docs/experiments/averaged-models.md)."""
+    """The kept model is the mean of the models after each of the last steps, this share of the run, and none before the
+    end of density control; 0 keeps the last model (docs/experiments/averaged-models.md)."""
     light: RingLightSettings = field(default_factory=lambda: OURS)
     """The light field and the render module."""
     rates: GaussianRates = field(default_factory=lambda: GaussianRates(means=PAPER_MEANS, scales=FAST_SCALES, hold=1.0))

@@ -77,8 +77,12 @@ class SplatRecipe(ABC):
     @property
     def averaged_from(self) -> int | None:
         """First step whose model counts in the mean; None where the last is kept. Density control is over then."""
-        reshaped = max(self.densify.last_step(self.steps), *self.densify.drop_rounds(self.steps), 0)
-        return first_averaged(self.average, self.steps, reshaped)
+        return first_averaged(self.average, self.steps, self._last_reshaped)
+
+    @property
+    def _last_reshaped(self) -> int:
+        """The last step after which rows may be added, or are dropped in rounds."""
+        return max(self.densify.last_step(self.steps), *self.densify.drop_rounds(self.steps), 0)
 
     @abstractmethod
     def parts(self, box: "Float[Tensor, '2 3']", seed: int = 0) -> "tuple[ColorModel, Shader]":
@@ -157,7 +161,8 @@ class SplatRecipe(ABC):
             idle = dict.fromkeys(("drop_share", *OF_DROPPING), reason) | idle
         averaging = {}
         if self.average and self.averaged_from is None:
-            averaging = {"average": f"density control goes on until the end of a run of {counted(self.steps, 'step')}"}
+            left = counted(max(self.steps - self._last_reshaped, 0), "step")
+            averaging = {"average": f"it takes two models, and {left} of {self.steps} come after density control"}
         return averaging | {f"densify.{name}": reason for name, reason in idle.items()}
 
     def never_above(self: Splats, most: int) -> Splats:

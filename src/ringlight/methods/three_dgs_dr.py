@@ -84,8 +84,8 @@ class ThreeDGSDRRecipe(SplatRecipe):
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     average: float = later(0.0)
-    """Share of the run, its last, from the end of density control at the earliest: the kept model is the mean of the
-    models after each of its steps; 0 keeps the last."""
+    """The kept model is the mean of the models after each of the last steps, this share of the run, and none before the
+    end of density control; 0 keeps the last model."""
     propagation: PropagationSettings = field(default_factory=lambda: PropagationSettings(until=0.0))
     """Normal propagation and colour sabotage: none, since on the visual hull they cost more than they find
     (``--propagation.until 0.5``: 3DGS-DR's)."""

@@ -74,8 +74,8 @@ class ThreeIGSRecipe(SplatRecipe):
     visible_only: bool = False
     """Step only the Gaussians that the photograph shows; the others keep value and momentum."""
     average: float = later(0.0)
-    """Share of the run, its last, from the end of density control at the earliest: the kept model is the mean of the
-    models after each of its steps; 0 keeps the last."""
+    """The kept model is the mean of the models after each of the last steps, this share of the run, and none before the
+    end of density control; 0 keeps the last model."""
     light: IlluminationSettings = field(default_factory=IlluminationSettings)
     """The illumination field and the network."""
     rates: GaussianRates = field(default_factory=GaussianRates)

@@ -26,7 +26,7 @@ STORED_BY_NAME = (MODEL, *MOMENTS)
 GUARD = "guard."
 """What a state holds of the guard, and in it of the training at an earlier step."""
 
-OF_STRATEGY = re.compile(r"strategy\.\d+\.(.+)")
+OF_STRATEGY = re.compile(r"(strategy\.\d+)\.(.+)")
 """A name of what a strategy keeps: its number, and what it calls it. Means of models are called as their tensors."""
 
 COUNTED = ("strategy.", GUARD + "collapses")
@@ -71,14 +71,20 @@ def refuse_misfits(state: Mapping[str, Tensor], training: Training) -> None:
 
 
 def _refuse_other_means(state: Mapping[str, Tensor], own: Mapping[str, Tensor]) -> None:
-    """Raise ValueError unless what a state holds and one at its start does not are means of the model's tensors."""
+    """Raise ValueError unless what a state holds and one at its start does not are means, each of all parameters."""
+    averaged = {name.removeprefix(MOMENTS[0]) for name in own if name.startswith(MOMENTS[0])}
+    means: dict[str, set[str]] = {}
     for name in sorted(state.keys() - own.keys()):
         part = OF_STRATEGY.fullmatch(name)
-        found, of_model = state[name], state.get(MODEL + part[1]) if part else None
-        if of_model is None:
+        if part is None or part[2] not in averaged:
             raise ValueError(f"{name} is unknown")
+        found, of_model = state[name], state[MODEL + part[2]]
         if (found.dtype, found.shape) != (of_model.dtype, of_model.shape):
             raise ValueError(f"{name} is {found.dtype} of shape {list(found.shape)}")
+        means.setdefault(part[1], set()).add(part[2])
+    for strategy, names in means.items():
+        if names != averaged:
+            raise ValueError(f"{strategy}.{min(averaged - names)} is missing")
 
 
 def _parts_of(prefixes: tuple[str, ...]) -> tuple[str, ...]:
