@@ -29,7 +29,8 @@ def test_a_compressed_run_is_a_model_and_its_loss_is_told(
     told = json.loads(read_metadata(out)["storage"])
     assert told["views"] == 2
     assert told["bytes_after"] < 0.5 * told["bytes_before"]
-    assert abs(told["psnr_after"] - told["psnr_before"]) < 0.1  # of 11 dB, after 40 steps: a ring gains 0.06
+    most = 0.1 if method == "ringlight-ring" else 0.05  # a ring of 11 dB, after 40 steps, gains 0.06
+    assert abs(told["psnr_after"] - told["psnr_before"]) < most
     assert out.stat().st_size < (trained[method] / "model.safetensors").stat().st_size / 2
 
     report = json.loads((trained[method] / "report.json").read_text())

@@ -40,7 +40,6 @@ def test_what_was_written_is_told_as_json(run: Path, tmp_path: Path, ringlight: 
     arguments = ("--layers", "color", "depth", "--width", "30", "--format", "npy", "--out", str(tmp_path / "new"))
     done = ringlight("render", str(run), *arguments, "--json")
     assert done.code == 0, done.err
-    assert done.code == 0, done.err
     told = json.loads(done.out)
     assert told["folder"] == str(tmp_path / "new")
     assert list(told["layers"]) == ["color", "depth"]

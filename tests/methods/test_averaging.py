@@ -33,7 +33,8 @@ def test_the_mean_is_of_the_last_steps_after_all_that_moves_numbers(average: flo
         assert average == 0 or round(average * steps) <= 1 or reshaped >= steps - 1
     else:
         assert reshaped < first < steps
-        assert steps - first + 1 <= max(round(average * steps), 1)
+        taken, asked = steps - first + 1, round(average * steps)
+        assert taken == min(asked, steps - reshaped), "all of the share that comes after"
 
 
 def test_it_begins_after_the_last_gaussians_are_dropped() -> None:
