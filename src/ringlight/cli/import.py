@@ -13,8 +13,6 @@ from ringlight.cli.stages import stages
 from ringlight.core.words import MEGABYTE
 from ringlight.errors import ModelFileError
 
-MODEL_SUFFIX = ".safetensors"
-
 
 @dataclass(frozen=True)
 class ImportArguments:
@@ -39,15 +37,15 @@ def main(arguments: list[str]) -> int:
     asked = parse(ImportArguments, "import", arguments)
     if not asked.file.is_file():
         raise ModelFileError(f"{asked.file}: there is no such file; name a PLY of 3D Gaussians")
-    out = asked.model or asked.file.with_suffix(MODEL_SUFFIX)
-    if asked.file.suffix.lower() == MODEL_SUFFIX:
-        raise ModelFileError(f"{asked.file}: is a model file by its name; name a PLY of 3D Gaussians")
     with stages(quiet=not sys.stderr.isatty()) as line:
         line(f"reading {asked.file}")
         from ringlight.measure.json_record import to_json
-        from ringlight.runs.compress import check_target
+        from ringlight.runs.compress import SUFFIX, check_target
         from ringlight.runs.imported import model_of_ply, write_imported
 
+        if asked.file.suffix.lower() == SUFFIX:
+            raise ModelFileError(f"{asked.file}: is a model file by its name; name a PLY of 3D Gaussians")
+        out = asked.model or asked.file.with_suffix(SUFFIX)
         check_target(out, asked.overwrite)
         stored = model_of_ply(asked.file)
         write_imported(stored, out)
