@@ -83,8 +83,10 @@ def test_an_average_that_nothing_is_left_for_has_no_effect() -> None:
     assert isinstance(recipe, SplatRecipe)
     late = replace(recipe, steps=100, average=0.1, densify=replace(recipe.densify, stop=1.0))
     assert late.averaged_from is None
-    assert late.without_effect()["average"].endswith("and 0 steps of 100 come after density control")
-    assert replace(late, average=0.01, densify=recipe.densify).averaged_from is None
+    assert late.without_effect()["average"].startswith("fewer than two of the last 10 steps, of 100,")
+    alone = replace(late, average=0.01, densify=recipe.densify)
+    assert alone.averaged_from is None
+    assert alone.without_effect()["average"].startswith("fewer than two of the last 1 step, of 100,")
     assert "average" not in replace(late, average=0.0).without_effect()
 
 

@@ -161,8 +161,8 @@ class SplatRecipe(ABC):
             idle = dict.fromkeys(("drop_share", *OF_DROPPING), reason) | idle
         averaging = {}
         if self.average and self.averaged_from is None:
-            left = counted(max(self.steps - self._last_reshaped, 0), "step")
-            averaging = {"average": f"it takes two models, and {left} of {self.steps} come after density control"}
+            asked = counted(round(self.average * self.steps), "step")
+            averaging = {"average": f"fewer than two of the last {asked}, of {self.steps}, come after density control"}
         return averaging | {f"densify.{name}": reason for name, reason in idle.items()}
 
     def never_above(self: Splats, most: int) -> Splats:
