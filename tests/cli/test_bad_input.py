@@ -360,6 +360,16 @@ def test_a_scene_that_has_moved_may_be_named_by_every_command_that_takes_it(
     assert "recipe.json" not in refused(ringlight("eval", out), 1, f"ringlight eval {out} FOLDER")
 
 
+def test_photographs_of_another_scene_are_told_and_measured(
+    run_folder: Path, tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    other = Path(shutil.copytree(tiny, tmp_path / "others"))
+    for scene, told in ((tiny, False), (other, True)):
+        done = ringlight("eval", run_folder, scene, "--quiet", "--lpips")
+        assert done.code == 0, done.err
+        assert (f"the model learned {tiny.name}, these photographs are of others" in done.err) == told
+
+
 @pytest.mark.parametrize("options", [3, "colmap", [], {"format": "colour"}, {"zoom": 2}, {"downscale": 0}])
 def test_a_model_file_with_damaged_options(options: object, run_folder: Path, ringlight: Command) -> None:
     model = run_folder / "model.safetensors"

@@ -56,8 +56,6 @@ def test_every_command_takes_a_compressed_model(
     assert ringlight("export", out, tmp_path / "small.ply").code == 0
     frames = ringlight("render", out, "--path", "orbit", "--frames", "2", "--out", tmp_path / "frames", "--quiet")
     assert frames.code == 0, frames.err
-    again = ringlight("compress", out, tmp_path / "again.safetensors", "--quiet")
-    assert "on 2 test views" in again.out
     stored = load_model(out, rasterizer_for("reference"))
     assert stored.header.method == "ringlight-ring"
 
@@ -84,7 +82,7 @@ def test_a_run_whose_scene_was_moved_leaves_its_new_place(
     assert json.loads(read_metadata(small)["scene"])["source"] == str(scene_copy)
     shutil.rmtree(scene_copy)
     refused(ringlight("eval", small), 1, scene_copy, "name the folder")
-    assert "not measured on photographs" in ringlight("compress", small, tmp_path / "again.safetensors").out
+    assert "not measured on photographs" in ringlight("compress", run_folder, tmp_path / "again.safetensors").out
 
 
 def test_refusals_name_the_remedy_and_write_nothing(
@@ -97,6 +95,12 @@ def test_refusals_name_the_remedy_and_write_nothing(
     refused(ringlight("compress", trained["3dgs"], tmp_path / "n.safetensors", tmp_path / "no"), 1, tmp_path / "no")
     assert [path.name for path in tmp_path.iterdir()] == ["there.safetensors"]
     assert (tmp_path / "there.safetensors").read_text() == "mine"
+    small = tmp_path / "small.safetensors"
+    assert ringlight("compress", trained["3dgs"], small, "--quiet").code == 0
+    packed = small.read_bytes()
+    for target in (tmp_path / "again.safetensors", small):
+        refused(ringlight("compress", small, target, "--overwrite"), 1, small, "packed already", "keep it")
+    assert small.read_bytes() == packed
 
 
 @pytest.mark.parametrize("method", ["3dgs-dr", "gaussian-shader"])

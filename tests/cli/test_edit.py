@@ -33,6 +33,7 @@ def test_an_edited_run_is_a_model_like_any_other(
     assert f"on top of 1 edit that the model had; ringlight info {again} lists all" in twice.out
     assert "on top" not in done.out
     assert ringlight("info", again).out.count("base 1") == 2
+    assert "\n  what depends on the direction times 0, 0, 0\n" in twice.out  # and no word on base colours
 
 
 def test_what_cannot_be_is_refused_in_a_sentence(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:

@@ -201,6 +201,14 @@ def test_what_is_of_orbits_is_of_no_other_path(run: Path, ringlight: Command) ->
     refused(ringlight("render", run, "--path", "train", "--radius", "2"), 1, "--radius", "--path orbit")
 
 
+def test_what_has_no_effect_is_said(run: Path, tmp_path: Path, ringlight: Command) -> None:
+    refused(ringlight("render", run, "--path", "train", "--fps", "2"), 1, "--fps", "give --video")
+    for frames, told in (("2", False), ("9", True)):
+        done = ringlight("render", run, "--frames", frames, "--out", tmp_path / frames)
+        assert len(list((tmp_path / frames / "color").iterdir())) == 2
+        assert ("--frames asks for 9: there are 2\n" in done.err) == told
+
+
 def test_the_numbers_of_an_orbit_are_told_and_taken(run: Path, tmp_path: Path, ringlight: Command) -> None:
     words = ("render", run, "--path", "orbit", "--frames", "4")
     told = ringlight(*words, "--out", tmp_path / "a")

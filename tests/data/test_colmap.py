@@ -207,12 +207,12 @@ def test_downscale_takes_the_resized_folder_if_there_is_one(tmp_path: Path):
     halved = load_scene(tmp_path, SceneOptions(downscale=2))
     assert "photographs: images_2" in halved.notes
     assert any("as they are" in note for note in halved.notes)
-    quartered = load_scene(tmp_path, SceneOptions(downscale=4))
-    assert "photographs: images" in quartered.notes
-    assert any("downscaled to 4x3 by Lanczos" in note for note in quartered.notes)
+    third = load_scene(tmp_path, SceneOptions(downscale=3))
+    assert "photographs: images" in third.notes
+    assert any("downscaled to 5x4 by Lanczos" in note for note in third.notes)
     assert halved.train[0].camera.focal == (10.0, 10.0)
-    assert quartered.train[0].camera.focal == (5.0, 5.0)
-    assert quartered.train[0].load().shape == (3, 4, 3)
+    assert third.train[0].camera.focal == pytest.approx((20 * 5 / 16, 20 * 4 / 12))
+    assert third.train[0].load().shape == (4, 5, 3)
 
 
 def test_a_resized_folder_may_have_another_type_of_image(tmp_path: Path):

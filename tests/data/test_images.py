@@ -20,7 +20,7 @@ from ringlight.data.image_files import read_header
 from ringlight.data.images import Photograph, PixelBudget, target_size
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
-from ringlight.errors import SceneError
+from ringlight.errors import RecipeError, SceneError
 
 
 @pytest.mark.parametrize(
@@ -32,11 +32,28 @@ from ringlight.errors import SceneError
         (SceneOptions(downscale=1), (3000, 2000)),
         (SceneOptions(downscale=4), (750, 500)),
         (SceneOptions(downscale=7), (429, 286)),
-        (SceneOptions(downscale=5000), (1, 1)),
+        (SceneOptions(downscale=500), (6, 4)),
+        (SceneOptions(max_width=6), (6, 4)),
     ],
 )
 def test_sizes(options: SceneOptions, expected: tuple[int, int]):
     assert target_size(3000, 2000, options) == expected
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (
+            SceneOptions(downscale=5000),
+            "--downscale 5000 leaves 1x0 pixels of photographs of 3000x2000; give at most 500",
+        ),
+        (SceneOptions(max_width=5), "--max-width 5 leaves 5x3 pixels of photographs of 3000x2000; give at least 6"),
+    ],
+)
+def test_pictures_that_show_nothing_are_refused(options: SceneOptions, words: str):
+    with pytest.raises(RecipeError, match=f"^{words}$"):
+        target_size(3000, 2000, options)
+    assert target_size(3, 2, SceneOptions()) == (3, 2)
 
 
 def test_pixels_are_those_of_the_file_and_are_kept(tmp_path: Path):

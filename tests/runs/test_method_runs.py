@@ -35,6 +35,8 @@ def test_settings_are_a_methods_own_and_columns_may_have_names() -> None:
         (["3dgs"], ["ringlight.steps=1"], "not among --methods"),
         (["3dgs"], ["3dgs.steps"], "is no METHOD.key=value"),
         (["3dgs"], ["3dgs.densify.every=often"], "no value that 3dgs takes"),
+        (["3dgs"], ["3dgs.average=7"], "--set 3dgs.average: average is 7; give a share"),
+        (["3dgs"], ["3dgs.densify.max-gaussians=-3"], "max_gaussians is -3; give at least 0"),
         (["3dgs"], ["3dgs.steps.more=1"], "no setting 'more'"),
         (["a=3dgs"], ["a.steps=0"], "--set a.steps is 0; give at least 1"),
         (["a=tensorf"], ["a.steps=-5"], "--set a.steps is -5; give at least 1"),

@@ -139,7 +139,10 @@ def _sentences(done: "EditedModel") -> str:
     lines = [f"{done.file}: {numbered(done.counted, done.noun)}, {done.bytes_file / 1e6:.3f} MB"]
     if done.light is not None:
         lines.append(f"  in the light of {done.light}")
-    lines.append(f"  base colours times {words(done.base)}; what depends on the direction times {words(done.residual)}")
+    named = (("base colours", done.base), ("what depends on the direction", done.residual))
+    edits = [f"{name} times {words(factors)}" for name, factors in named if factors != (1.0, 1.0, 1.0)]
+    if edits:
+        lines.append(f"  {'; '.join(edits)}")
     before = done.edits - 1 - (done.light is not None)
     if before:
         lines.append(

@@ -101,6 +101,10 @@ def _measure_and_keep(asked: EvalArguments, run: "RunFolder | None", line: Stage
     opened = open_model(asked.model, asked.device)
     scene = scene_of(opened, asked.scene, SceneOptions(**vars(asked.options)), command("eval", asked.model, "FOLDER"))
     tell_warnings(scene)
+    trained = opened.stored.header.scene.name
+    if asked.scene is not None and trained not in ("", scene.name):
+        other = f"the model learned {trained}, these photographs are of {scene.name}"
+        sys.stderr.write(f"warning: {other}: figures mean something if both show one scene in one world\n")
     facts, cameras = known_facts(opened), opened.stored.cameras
     kept = run if asked.out is None else RunFolder(empty_folder(asked.out))
     nets = asked.lpips

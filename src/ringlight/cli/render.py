@@ -186,6 +186,8 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
         film, fps = film_of_file(read), asked.fps or read.fps or FPS
         if moved is not UNMOVED:
             taken = f"cameras brought back into the scene's world by {Path(asked.path).with_name(FRAME_NAME)}\n"
+    if asked.frames is not None and asked.frames > len(film.cameras):
+        taken += f"--frames asks for {asked.frames}: there are {len(film.cameras)}\n"
     film = film.thinned(asked.frames or len(film.cameras)).zoomed(asked.zoom or 1.0)
     return _sized(asked, film), taken, fps
 

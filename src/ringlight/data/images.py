@@ -23,18 +23,34 @@ from ringlight.data.kept_pixels import Keeper, made_of
 from ringlight.data.mask_files import MaskFile
 from ringlight.data.options import SceneOptions
 from ringlight.data.undistort import Undistortion
+from ringlight.errors import RecipeError
 
 FILTER_NOTE = "Lanczos (3 lobes, antialiased, on colours premultiplied by alpha)"
 """What every scene with shrunk images states."""
 
 
+LEAST_SIDE = 4
+"""Pixels that shrinking leaves of either side; a picture of fewer shows nothing to learn from."""
+
+
 def target_size(width: int, height: int, options: SceneOptions) -> tuple[int, int]:
-    """Width and height, in pixels, at which an image of that size is used."""
+    """Width and height, in pixels, at which an image of that size is used.
+
+    Raises RecipeError for options that leave fewer pixels than LEAST_SIDE of a side that has them.
+    """
     if options.downscale is not None:
-        return max(1, round(width / options.downscale)), max(1, round(height / options.downscale))
-    if width > options.max_width:
-        return options.max_width, max(1, round(height * options.max_width / width))
-    return width, height
+        size, flag = (round(width / options.downscale), round(height / options.downscale)), "--downscale"
+        asked, most = options.downscale, max(1, min(width, height) // LEAST_SIDE)
+        remedy = f"give at most {most}" if most > 1 else "leave it out"
+    elif width > options.max_width:
+        size, flag = (options.max_width, round(height * options.max_width / width)), "--max-width"
+        asked, remedy = options.max_width, f"give at least {max(LEAST_SIDE, -(-LEAST_SIDE * width // height))}"
+    else:
+        return width, height
+    if min(size) < min(LEAST_SIDE, width, height):
+        left = f"{size[0]}x{size[1]} pixels of photographs of {width}x{height}"
+        raise RecipeError(f"{flag} {asked} leaves {left}; {remedy}")
+    return size
 
 
 class OwnLock:

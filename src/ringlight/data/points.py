@@ -87,9 +87,9 @@ def starting_points(
     place = ", ".join(f"{round(value, 3) + 0.0:g}" for value in sphere.center)  # + 0.0: no minus before zero
     brought = "no points" if sfm is None else counted(len(sfm.positions), "point")
     note = (
-        f"initial points: {count} random in a cube of half side {POINTS_SHARE * sphere.radius:.3g} around ({place}), "
-        f"seed {options.points_seed}, since the scene brings {brought}; "
-        "none where a first surface is carved from masks or an even background"
+        f"initial points, where no first surface is carved from masks or an even background: {count} random in a cube "
+        f"of half side {POINTS_SHARE * sphere.radius:.3g} around ({place}), seed {options.points_seed}, "
+        f"since the scene brings {brought}"
     )
     return points, sphere.cube(BOX_SHARE), note
 

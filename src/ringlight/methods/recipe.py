@@ -121,7 +121,7 @@ def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -
 
     ``values`` come from a file and may be anything; one that lacks a setting of ``core/later.py`` means what there was
     before. Raises RecipeError, with ``where`` in it, for another setting that is missing or that this version does not
-    know, or a value of another type than the setting's.
+    know, a value of another type than the setting's, or one that a rule of the settings refuses: this is its cause.
     """
     if not isinstance(values, Mapping):
         raise RecipeError(f"{where}: is not a group of settings; {DAMAGED}")
@@ -147,7 +147,7 @@ def recipe_from_dict(kind: type[Settings], values: Any, where: str = "recipe") -
     try:
         return kind(**arguments)
     except RecipeError as error:
-        raise RecipeError(f"{where}: {str(error).rstrip('.')}; {DAMAGED}") from None
+        raise RecipeError(f"{where}: {str(error).rstrip('.')}; {DAMAGED}") from error
 
 
 LARGEST_WHOLE = 2**63 - 1

@@ -72,9 +72,11 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     """Write the packed model; with a ``scene``, its test views say what packing costs.
 
     ``tell`` hears (pictures done, pictures in all). A scene without test views counts as none. Raises RunError for a
-    model that packing makes no smaller, OutputError where the file cannot be written.
+    packed model, or one that packing makes no smaller, OutputError where the file cannot be written.
     """
     stored, size_before = opened.stored, opened.file.stat().st_size  # before it is replaced, perhaps
+    if stored.header.storage:
+        raise RunError(f"{opened.file}: is packed already; keep it as it is, or name the model that it was made of")
     if scene is not None and not scene.test:
         scene = None
     tensors = stored.model.rendering_tensors() | tensors_from_cameras(stored.cameras)

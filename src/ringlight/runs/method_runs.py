@@ -86,7 +86,9 @@ def _with(method: AskedMethod, key: str, text: str) -> Recipe:
     place[last] = _value(text, kind)
     try:
         return recipe_from_dict(type(method.recipe), values, method.preset)
-    except (RecipeError, RecursionError):
+    except (RecipeError, RecursionError) as error:
+        if error.__cause__ is not None:  # a rule of the settings', which has a remedy of its own
+            raise RecipeError(f"--set {method.name}.{key}: {error.__cause__}") from None
         given = f"{text[:MOST_QUOTED]!r} is no value that {method.preset} takes there"
         raise RecipeError(
             f"--set {method.name}.{key}: {given}; see 'ringlight train SCENE {method.preset} --help'"
