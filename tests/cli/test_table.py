@@ -40,7 +40,7 @@ def test_a_dry_run_lists_and_writes_nothing(tiny: Path, tmp_path: Path, ringligh
 @pytest.mark.parametrize(
     ("words", "names"),
     [
-        (("toaster", "--methods", "3dgs,ringlight-miror"), ["ringlight-mirror"]),
+        (("toaster", "--methods", "ringlight-miror,3igs-"), ["ringlight-mirror"]),
         (("toaster", "--methods", "3dgs", "--seeds", "0,x"), ["--seeds"]),
         (("toaster", "--methods", "3dgs", "--seeds", "1,1"), ["--seeds"]),
         (("toaster", "--methods", "3dgs", "--jobs", "0"), ["--jobs"]),
@@ -73,6 +73,16 @@ def test_a_folder_that_cannot_be_made_is_told_before_any_run(tiny: Path, tmp_pat
     out.symlink_to(tmp_path / "gone")
     refused(ringlight("table", tiny, "--methods", "3dgs", "--out", out), 1, f"{out}: cannot be made", "--out")
     assert list(tmp_path.iterdir()) == [out]
+
+
+def test_runs_that_nobody_can_do_are_told_in_the_table(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    pytest.importorskip("distributed")
+    out = tmp_path / "out"
+    words = ("table", tiny, "--methods", "3dgs", "--out", out, *SETTINGS, "--scheduler", "nonsense://127.0.0.1:1")
+    done = ringlight(*words)
+    assert done.code == 1
+    assert done.err.startswith("ringlight: --scheduler nonsense://127.0.0.1:1: does not answer")
+    assert "seed 0 is missing: --scheduler nonsense://127.0.0.1:1: does not answer" in (out / "table.md").read_text()
 
 
 def test_flags_that_finished_runs_do_not_heed_are_told(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
@@ -119,6 +129,25 @@ def test_runs_with_inverted_masks_are_kept(tiny: Path, tmp_path: Path, ringlight
     kept = snapshot(tmp_path / "out" / "masked")
     assert ringlight(*words).code == 0
     assert snapshot(tmp_path / "out" / "masked") == kept
+
+
+def test_what_there_is_none_of_stops_no_other(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    out = tmp_path / "out"
+    words = ("table", tmp_path / "none", tiny, "--methods", "ring=ringlight-rign,3dgs", "--set", "ring.steps=9")
+    listed = ringlight(*words, "--out", out, *SETTINGS, "--dry-run", "--json")
+    assert [run["method"] for run in json.loads(listed.out)["runs"]] == ["3dgs"]
+    done = ringlight(*words, "--out", out, *SETTINGS)
+    assert done.code == 1
+    for said in (listed.err, done.err):
+        assert "warning: left out: no method is called 'ringlight-rign'; perhaps you meant 'ringlight-ring'" in said
+        assert f"warning: left out: {tmp_path / 'none'}: there is no such folder" in said
+    text = (out / "table.md").read_text()
+    assert len(read_report(out / tiny.name / "3dgs" / "seed-0").images) == 2
+    for row, column, why in ((tiny.name, "ring", "no method is called"), (tmp_path / "none", "3dgs", "no such folder")):
+        note = next(
+            line for line in text.replace("\\", "").splitlines() if f"{row}, {column}, seed 0 is missing" in line
+        )
+        assert why in note
 
 
 @pytest.mark.slow

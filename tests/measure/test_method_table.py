@@ -57,6 +57,13 @@ def test_a_mean_is_over_scenes_that_all_methods_have() -> None:
     assert any(note == "d, n, seed 0 is missing: it was not run." for note in notes)
 
 
+def test_a_method_without_any_run_takes_no_mean_from_the_others() -> None:
+    made = cells({**TWO, ("c", "unknown"): []})
+    means = [made.mean(PSNR, method) for method in made.methods]
+    assert [mean and mean.mean for mean in means] == [25.5, fmean([22, 22.5, 25, 25.5]), None]
+    assert MethodTable(made).rows(PSNR)[-1][1][-1][0] == "-"
+
+
 @pytest.mark.parametrize("changes", [{"resolution": "99x99"}, {"iterations": 2999}, {"split": "others"}])
 def test_a_run_that_does_not_compare_has_no_cell(changes: dict[str, object]) -> None:
     reports = {("s", "m"): {0: report(20.0)}, ("s", "n"): {0: report(21.0)}, ("s", "o"): {0: report(30.0, **changes)}}

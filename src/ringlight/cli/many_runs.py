@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ringlight.cli.main import Stopped
 from ringlight.cli.signals import kept_signals
 from ringlight.cli.threads import MOST_THREADS
-from ringlight.errors import RecipeError
+from ringlight.errors import BackendError, RecipeError
 
 if TYPE_CHECKING:
     from ringlight.runs.expected_time import Expected
@@ -33,7 +33,7 @@ class Doing:
         return min(max(1, usable_cores() // min(self.jobs, runs)), MOST_THREADS)
 
     def place(self) -> "Place":
-        """Where they are done. Raises RecipeError for a scheduler that does not answer."""
+        """Where they are done. Raises BackendError for a scheduler that does not answer, or without Dask."""
         if self.scheduler is None:
             from ringlight.runs.side_by_side import SideBySide
 
@@ -60,13 +60,18 @@ def check_jobs(jobs: int) -> None:
 
 
 def do_runs(orders: "Mapping[str, Order]", doing: Doing) -> dict[str, str]:
-    """Do the runs, by name; returns why some failed. Raises Stopped where a signal ended it, with all saved."""
+    """Do the runs, by name; returns why some failed, or all where a scheduler does not answer. Raises Stopped where a
+    signal ended it, with all saved."""
     from ringlight.cli.many_progress import showing
     from ringlight.runs.many import run_many
 
     if not orders:
         return {}
-    place = doing.place()
+    try:
+        place = doing.place()
+    except BackendError as error:
+        sys.stderr.write(f"ringlight: {error}\n")
+        return dict.fromkeys(orders, str(error))
     with showing(list(orders), doing.quiet) as hear, kept_signals(_tell_of_stop) as signals:
         failed = run_many(orders, place, hear, lambda: len(signals))
     if signals:

@@ -26,8 +26,9 @@ class TableArguments:
     """Train and measure methods on scenes, and write one table a measure.
 
     Each run gets its own folder OUT/SCENE/METHOD/seed-SEED, as 'ringlight train' makes it. The same command goes on
-    after an interrupt: finished runs are kept, others resume. A run that fails stops no other; the table says what is
-    missing and why. Ends with OUT/table.md, .tex, .csv, .json and .png.
+    after an interrupt: finished runs are kept, others resume. A run that fails stops no other, nor does a method or a
+    scene that there is none of; the table says what is missing and why. Ends with OUT/table.md, .tex, .csv, .json and
+    .png.
     """
 
     scenes: Annotated[
@@ -78,20 +79,24 @@ def main(arguments: list[str]) -> int:
     if asked.options.holdout_every == 0 and asked.options.holdout is None and not asked.options.validate:
         raise RecipeError("a table compares on test views, and --holdout-every 0 leaves none; leave it out")
     from ringlight.runs.folder import make_folder, refuse_file_in_the_way
+    from ringlight.runs.left_out import asked_for
     from ringlight.runs.method_runs import methods_named, plan
 
     names = [word.strip() for word in asked.methods.split(",") if word.strip()]
     if not names:
         refuse("table", "--methods names none; give some with commas between, as 3dgs,ringlight")
-    methods = methods_named(names, asked.set, asked.steps)
+    there = asked_for(asked.scenes, names, asked.set)
+    methods = methods_named(there.methods, there.settings, asked.steps)
     out = asked.out or Path("runs") / "table"
     refuse_file_in_the_way(out)
-    runs = plan(asked.scenes, methods, seeds, out, asked.options)
+    runs = plan(there.scenes, methods, seeds, out, asked.options)
+    for reason in (*there.columns_left_out.values(), *there.rows_left_out.values()):
+        sys.stderr.write(f"warning: left out: {reason}\n")
     if asked.dry_run:
         _list(asked, runs)
         return 0
     make_folder(out)
-    failed = _run(asked, runs)
+    failed = there.reasons(seeds) | _run(asked, runs)
     return _show(asked, out, runs, seeds, failed)
 
 
@@ -184,4 +189,4 @@ def _show(
         sys.stderr.write(f"the earlier table in {out} is kept, for none of these runs is there\n")
     elif not asked.quiet:
         sys.stderr.write(f"written to {', '.join(map(str, written))}\n")
-    return 0 if there == len(runs) else WRONG_INPUT
+    return 0 if there == len(runs) and not failed else WRONG_INPUT

@@ -58,17 +58,23 @@ class MethodCells:
         return Spread.of(known) if known and len(known) == len(values) else None
 
     def common_scenes(self, measure: Measure) -> tuple[str, ...]:
-        """Those for which each method has this number, with the same seeds."""
+        """Those for which each method that has any run has this number, with the same seeds."""
         return tuple(
             scene
             for scene in self.scenes
-            if all(self.cell(measure, scene, method) for method in self.methods)
-            and len({frozenset(self.reports[scene, method]) for method in self.methods}) == 1
+            if all(self.cell(measure, scene, method) for method in self.measured)
+            and len({frozenset(self.reports[scene, method]) for method in self.measured}) == 1
         )
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The methods that have any run."""
+        there = {method for _, method in self.reports}
+        return tuple(method for method in self.methods if method in there)
 
     def mean(self, measure: Measure, method: str) -> Spread | None:
         """Over the common scenes: the mean of each seed is taken over scenes, and the spread over seeds of that."""
-        scenes = self.common_scenes(measure)
+        scenes = self.common_scenes(measure) if method in self.measured else ()
         shared = set.intersection(*(set(self.reports[scene, method]) for scene in scenes)) if scenes else set()
         if not shared:
             return None

@@ -18,7 +18,7 @@ NAME = "table"
 
 
 def method_table(runs: Mapping[Key, Surveyed], seeds: Sequence[int], failed: Mapping[Key, str]) -> MethodTable:
-    """The table of what is finished on disk now; ``failed`` says why a run is not."""
+    """The table of what is finished on disk now; ``failed`` says why a run is not, or why there can be none."""
     reports: dict[tuple[str, str], dict[int, Report]] = {}
     reasons = dict(failed)
     for key, before in runs.items():
@@ -27,8 +27,8 @@ def method_table(runs: Mapping[Key, Surveyed], seeds: Sequence[int], failed: Map
             reports.setdefault(key[:2], {})[key[2]] = now.report
         elif now.reason is not None:
             reasons.setdefault(key, now.reason)
-    scenes = tuple(dict.fromkeys(scene for scene, _, _ in runs))
-    methods = tuple(dict.fromkeys(method for _, method, _ in runs))
+    scenes = tuple(dict.fromkeys(scene for scene, _, _ in (*runs, *failed)))
+    methods = tuple(dict.fromkeys(method for _, method, _ in (*runs, *failed)))
     measured: Measured = reports
     return MethodTable(cells_of(scenes, methods, seeds, measured, reasons))
 
