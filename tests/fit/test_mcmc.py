@@ -297,6 +297,22 @@ def test_every_method_ends_with_its_budget_and_nothing_that_is_not_finite(method
         assert all(tensor.isfinite().all() for tensor in training.model.parameters())
 
 
+@pytest.mark.parametrize("steps", [1, 2, 7, 60])
+@pytest.mark.parametrize("begin", [None, 500])
+@pytest.mark.parametrize("budget", [100, 567])
+def test_runs_too_short_for_a_round_have_one(steps: int, begin: int | None, budget: int):
+    """400 first Gaussians become fewer, or more."""
+    recipe = small("3dgs", steps)
+    assert isinstance(recipe, SplatRecipe)
+    densify = replace(recipe.densify, kind="mcmc", begin=begin, every=100, max_gaussians=budget)
+    scene = tiny_scene(views=4, size=24)
+    training = replace(recipe, densify=densify).build(scene, rasterizer_for("auto"), 3)
+    assert training.model.counted().number == 400
+    for _ in train(training):
+        pass
+    assert training.model.counted().number == budget
+
+
 METHOD_SHARES = {"ringlight-basis": 0.7, "ringlight-mirror": 0.3}
 
 

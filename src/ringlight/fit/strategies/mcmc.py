@@ -47,7 +47,10 @@ class MCMC:
         seed: int,
     ):
         self.settings, self.cameras, self.background, self.seed = settings, cameras, background, seed
-        self.first_step, self.last_step = settings.first_step(steps), settings.last_step(steps)
+        # The shortest run has one round, too: only rounds meet the budget.
+        self.last_step = max(settings.last_step(steps), 1)
+        self.first_step = min(settings.first_step(steps), self.last_step - 1)
+        self.every = min(settings.every, self.last_step - self.first_step)
         self.most = self._budget = settings.most_growing(steps)
         # Noise goes with the square of lengths and the rate with a length; together they are to move by a length.
         self.noise = settings.mcmc.noise * (PAPER_EXTENT / extent) ** 2
@@ -67,7 +70,7 @@ class MCMC:
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         if self._by_gradient and step <= self.last_step:
             self._gradients.observe(model, prediction)
-        if self.first_step < step <= self.last_step and step % self.settings.every == 0:
+        if self.first_step < step <= self.last_step and step % self.every == 0:
             self._edit(step, model, optimizer)
         if self.noise:
             with torch.no_grad():
@@ -82,7 +85,7 @@ class MCMC:
     def _edit(self, step: int, model: SplatModel, optimizer: Optimizer) -> None:
         whole = Gaussians.from_columns({name: column.detach() for name, column in model.columns.items()})
         kept = torch.arange(len(whole), device=whole.means.device)
-        is_first = step // self.settings.every == self._first_round
+        is_first = step // self.every == self._first_round
         most = max(int(self.settings.mcmc.first_share * self._budget), 1) if is_first else self._budget
         if len(whole) > most:
             kept = self._needed(step, most, model)
@@ -126,7 +129,7 @@ class MCMC:
     @property
     def _first_round(self) -> int:
         """Its number; rounds are numbered from the first step on."""
-        return self.first_step // self.settings.every + 1
+        return self.first_step // self.every + 1
 
     def _needed(self, step: int, count: int, model: SplatModel) -> Int[Tensor, "K"]:
         """The ``count`` rows, in their order, whose removal would change the pictures most."""
@@ -135,9 +138,8 @@ class MCMC:
 
     def _grown(self, step: int, count: int) -> int:
         """How many rows this round ends with, of ``count``: the budget where it is the last in which rows are added."""
-        every = self.settings.every
-        first, last = self._first_round, self.last_step // every
+        first, last = self._first_round, self.last_step // self.every
         full = first + int(GROWN_BY * (last - first))
-        share = (self._budget / count) ** (1 / max(full + 1 - step // every, 1)) - 1
+        share = (self._budget / count) ** (1 / max(full + 1 - step // self.every, 1)) - 1
         # Rounds up, so that a few rows grow too.
         return max(min(math.ceil(count * (1 + max(self.settings.mcmc.growth, share))), self._budget), count)
