@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from ringlight.errors import OutputError, RunError
 from ringlight.measure.claim_page import BEGIN, END, all_judged, claim_section, filled
-from ringlight.measure.claim_records import Record, Subject, records_in
+from ringlight.measure.claim_records import Record, Subject, joined, records_in
 from ringlight.measure.claims import Claim, claims_of, paper_claims
 from ringlight.measure.verdicts import LEAST_STEPS, NOISE, RATIOS, judged
 from ringlight.methods.studies import PAPER_FEATURES, PAPER_RANKS, study_named
@@ -29,7 +30,8 @@ def claim_beside(where: str, other: str, data_set: str = SHINY) -> Claim:
 def record(name: str, psnr: float, *, study: str | None = None, scene: str = "toaster_400", **more: Any) -> Record:
     values = {"psnr": psnr, "ssim": 0.9, "lpips": 0.1, "megabytes": 10.0} | more.pop("values", {})
     kind, steps, seeds = more.pop("kind", "train"), more.pop("steps", 30_000), more.pop("seeds", (0,))
-    return Record(kind, f"{kind}-{name}.json", scene, steps, Subject(study, name), seeds, values)
+    machine = more.pop("machine", "one")
+    return Record(kind, f"{kind}-{name}.json", scene, steps, Subject(study, name), seeds, values, machine)
 
 
 def test_the_record_is_that_of_the_studies_and_of_methods_that_there_are():
@@ -69,6 +71,29 @@ def test_a_difference_as_small_as_that_of_seeds_is_reproduced_by_none():
     for ours, word in ((0.0, "reproduced"), (-0.02, "reproduced"), (-0.2, "not reproduced"), (1.0, "reproduced")):
         records = [record("full", 30.0 + ours, study="ablation"), record("no-modulation", 30.0, study="ablation")]
         assert judged(claim, PAPER, records).verdicts["psnr"].word == word, ours
+
+
+@pytest.mark.parametrize(
+    ("megabytes", "word"),
+    [(10.0, "not reproduced"), (13.1, "reproduced"), (17.1, "reproduced"), (17.3, "not reproduced")],
+)
+def test_where_the_paper_is_behind_ours_is_not_far_more_so(megabytes: float, word: str):
+    claim = claim_beside("table 1", "LightGaussian", "Tanks and Temples")  # 1.31 times the bytes
+    records = [
+        record("ringlight-paper", 30.0, scene="family_24", values={"megabytes": megabytes}),
+        record("light-gaussian", 30.0, scene="family_24", values={"megabytes": 10.0}),
+    ]
+    assert judged(claim, PAPER, records).verdicts["megabytes"].word == word
+
+
+def test_times_are_held_against_each_other_on_one_machine_alone():
+    claim = claim_beside("table 4", "3DGS")
+    own = record("ringlight-paper", 30.0, values={"fps": 77.0})
+    for machine, word in (("one", "reproduced"), ("another", "cannot be tested"), (None, "cannot be tested")):
+        other = record("3dgs", 30.0, values={"fps": 100.0}, machine=machine)
+        assert judged(claim, PAPER, [own, other]).verdicts["fps"].word == word
+    unknown = [record(name, 30.0, values={"fps": 90.0}, machine=None) for name in ("ringlight-paper", "3dgs")]
+    assert judged(claim, PAPER, unknown).verdicts["fps"].word == "cannot be tested"
 
 
 def test_sizes_are_ratios_and_scenes_a_mean():
@@ -141,6 +166,18 @@ def test_runs_tables_and_studies_are_read(tmp_path: Path):
     assert found["study-c.json"].seeds == (0, 1)
 
 
+def test_runs_of_readme_with_other_settings_are_left_out(tmp_path: Path):
+    run = json.loads((written(tmp_path) / "train-a.json").read_text())
+    run["machine"] = {"cpu": "A", "threads": 1, "isa": "avx2", "gpu": None, "memory": 5}
+    for name in ("", "-seed1", "-from-hull", "-seed1-slow"):
+        (tmp_path / f"readme-chair_400-7000-3dgs{name}.json").write_text(json.dumps(run))
+    found = [r for r in records_in(tmp_path) if r.kind == "readme"]
+    assert [r.file for r in found] == ["readme-chair_400-7000-3dgs-seed1.json", "readme-chair_400-7000-3dgs.json"]
+    assert found[0].machine == found[1].machine is not None
+    assert joined(found).machine == found[0].machine
+    assert joined([found[0], replace(found[1], machine="B")]).machine is None
+
+
 def test_what_is_no_record_is_a_sentence(tmp_path: Path):
     with pytest.raises(RunError, match="--results"):
         records_in(tmp_path / "nowhere")
@@ -148,7 +185,7 @@ def test_what_is_no_record_is_a_sentence(tmp_path: Path):
     with pytest.raises(RunError, match="train-x"):
         records_in(tmp_path)
     (tmp_path / "train-x.json").write_text(json.dumps({"psnr": "high", "preset": "3dgs"}))
-    with pytest.raises(RunError, match="ssim_same"):
+    with pytest.raises(RunError, match="no .scene."):
         records_in(tmp_path)
 
 

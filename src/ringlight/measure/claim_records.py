@@ -1,10 +1,12 @@
 """Our own measurements, from a folder of records: reports of runs, tables of methods, and studies.
 
 Only runs of one kind of record are held against each other: those of a table, or those whose file names begin alike
-(``readme-``, ``train-``), since these have the same settings but for the method.
+(``readme-``, ``train-``), since these have the same settings but for the method. Tables and studies are taken to be of
+one machine.
 """
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +18,9 @@ from ringlight.errors import RunError
 
 KINDS = ("table", "readme", "train", "study")
 """What names of records begin with, the more telling first."""
+
+TIMED_BY = ("cpu", "gpu", "isa", "threads")
+"""What of a report's machine its times depend on."""
 
 LARGEST_RECORD = 64_000_000
 """Bytes; a larger file is no record, and is not read."""
@@ -40,6 +45,8 @@ class Record:
     subject: Subject
     seeds: tuple[int, ...]
     values: Mapping[str, float]
+    machine: str | None
+    """What it was timed on, with how many threads; None where that is not one."""
 
 
 def records_in(folder: Path) -> tuple[Record, ...]:
@@ -79,6 +86,10 @@ def _records(kind: str, path: Path) -> list[Record]:
 def _of_run(kind: str, file: str, data: Mapping[str, Any]) -> list[Record]:
     if "psnr" not in data or "preset" not in data:
         return []
+    scene, preset, steps = str(data["scene"]), str(data["preset"]), int(data["iterations"] or 0)
+    usual = re.escape(f"readme-{scene}-{steps}-{preset}") + r"(-seed\d+)?\.json"
+    if kind == "readme" and not re.fullmatch(usual, file):
+        return []  # of other settings than the method's own
     seconds = data.get("train_cpu_seconds")
     values = {
         "psnr": data["psnr"],
@@ -88,8 +99,9 @@ def _of_run(kind: str, file: str, data: Mapping[str, Any]) -> list[Record]:
         "fps": data.get("fps"),
         "minutes": seconds / 60 if seconds else None,
     }
-    subject, steps = Subject(None, str(data["preset"])), int(data["iterations"] or 0)
-    return [Record(kind, file, str(data["scene"]), steps, subject, (int(data["seed"] or 0),), _known(values))]
+    machine = data.get("machine")
+    timed = None if not machine else json.dumps([machine.get(name) for name in TIMED_BY])
+    return [Record(kind, file, scene, steps, Subject(None, preset), (int(data["seed"] or 0),), _known(values), timed)]
 
 
 def _of_table(file: str, data: Mapping[str, Any]) -> list[Record]:
@@ -111,7 +123,7 @@ def _of_table(file: str, data: Mapping[str, Any]) -> list[Record]:
         seeds = tuple(sorted(int(run["seed"]) for run in of_pair))
         if values["psnr"] is not None:
             steps = int(of_pair[0]["steps"])
-            found.append(Record(file, file, scene, steps, Subject(None, method), seeds, _known(values)))
+            found.append(Record(file, file, scene, steps, Subject(None, method), seeds, _known(values), file))
     return found
 
 
@@ -128,7 +140,7 @@ def _of_study(file: str, data: Mapping[str, Any]) -> list[Record]:
         }
         subject = Subject(str(data["study"]), str(row["variant"]))
         seeds = tuple(range(int(row["seeds"])))
-        found.append(Record("study", file, str(row["scene"]), int(data["steps"]), subject, seeds, _known(values)))
+        found.append(Record("study", file, str(row["scene"]), int(data["steps"]), subject, seeds, _known(values), file))
     return found
 
 
@@ -143,4 +155,5 @@ def joined(records: Sequence[Record]) -> Record:
     values = {name: fmean(record.values[name] for record in records) for name in first.values if name in names}
     files = ", ".join(dict.fromkeys(record.file for record in records))
     seeds = tuple(sorted({seed for record in records for seed in record.seeds}))
-    return Record(first.kind, files, first.scene, first.steps, first.subject, seeds, values)
+    machine = first.machine if {record.machine for record in records} == {first.machine} else None
+    return Record(first.kind, files, first.scene, first.steps, first.subject, seeds, values, machine)
