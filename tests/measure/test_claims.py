@@ -185,7 +185,7 @@ def test_what_is_no_record_is_a_sentence(tmp_path: Path):
     with pytest.raises(RunError, match="train-x"):
         records_in(tmp_path)
     (tmp_path / "train-x.json").write_text(json.dumps({"psnr": "high", "preset": "3dgs"}))
-    with pytest.raises(RunError, match="no .scene."):
+    with pytest.raises(RunError, match="no 'scene'"):
         records_in(tmp_path)
 
 
