@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import tyro
 
@@ -18,6 +18,7 @@ from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 
 if TYPE_CHECKING:
+    from ringlight.measure.report import Report
     from ringlight.runs.method_runs import Key, Surveyed
 
 
@@ -161,11 +162,19 @@ def _run(asked: TableArguments, runs: "dict[Key, Surveyed]") -> "dict[Key, str]"
 
 
 def _tell_of_kept(asked: TableArguments, finished: "list[Surveyed]") -> None:
-    """Say which flags do nothing to runs that are finished."""
-    given = [f"--{name}" for name in ("device", "lpips") if getattr(asked, name) != getattr(TableArguments, name)]
-    if given and finished and not asked.quiet:
-        kept = "the run that is" if len(finished) == 1 else f"the {len(finished)} runs that are"
-        sys.stderr.write(f"{' and '.join(given)} change nothing of {kept} finished; give another --out for that\n")
+    """Say which flags would have made finished runs otherwise: they are kept as they are."""
+    for flag in () if asked.quiet else ("device", "lpips"):
+        others = sum(_was_made_otherwise(flag, asked, run.report) for run in finished if run.report is not None)
+        if others:
+            kept = counted(others, "finished run")
+            sys.stderr.write(f"--{flag} changes nothing of {kept}; give another --out for that\n")
+
+
+def _was_made_otherwise(flag: str, asked: TableArguments, report: "Report") -> bool:
+    if flag == "device":
+        return asked.device != "auto" and (asked.device == "cuda") != (report.machine.gpu is not None)
+    measured = {net for net in get_args(Net) if getattr(report, f"lpips_{net}") is not None}
+    return not report.lpips_note and measured != set(asked.lpips)  # a note says why one is lacking
 
 
 def _show(
