@@ -19,6 +19,7 @@ from ringlight.fit.strategies.densify import Densify
 from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.fit.strategies.drop_insignificant import DropInsignificant
 from ringlight.fit.strategies.drop_least import DropLeast
+from ringlight.fit.strategies.global_significance import global_significance
 from ringlight.fit.strategies.mcmc import MCMC
 from ringlight.fit.strategies.propagate_normals import PropagateNormals
 from ringlight.fit.strategies.propagation_settings import PropagationSettings
@@ -59,7 +60,9 @@ STRATEGIES: dict[str, Callable[[Scene], Strategy]] = {
     "mcmc": moving,
     "drop least": lambda scene: dropping(scene, "weights"),
     "drop what changes least": lambda scene: dropping(scene, "effects"),
-    "drop insignificant": lambda scene: DropInsignificant((7, 15), 0.6, cameras_of(scene), 0.1),
+    "drop insignificant": lambda scene: DropInsignificant(
+        (7, 15), 0.6, lambda model, step: global_significance(model, cameras_of(scene), 0.1)
+    ),
     "quantize": lambda scene: QuantizeColors(STEPS, 0.6, 8, cameras_of(scene), 0.1, rounded_to_half, 3),
     "prune": lambda scene: Prune(begin=4, every=3, opacity=0.1),
     "unlock": lambda scene: Unlock("color.active_degree", {5: 1, 12: 2, 20: 3}),

@@ -85,7 +85,7 @@ def test_a_share_goes_in_rounds(rounds: tuple[int, ...], counts: list[int]):
     """Sixty percent: sqrt(0.4) is kept each time."""
     model = model_of([2.0 + index for index in range(10)], [0.5] * 10)
     optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.0))}, steps=3)
-    strategy = DropInsignificant(rounds, 0.6, [AHEAD], 0.1)
+    strategy = DropInsignificant(rounds, 0.6, lambda rows, step: global_significance(rows, [AHEAD], 0.1))
     found = []
     for step in range(1, 4):
         strategy.update(step, model, optimizer, Rendering(torch.zeros(SIZE, SIZE, 3), torch.zeros(SIZE, SIZE, 1)))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 import torch
@@ -11,6 +12,9 @@ from ringlight.core.want import Want
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.files.model_file import read_model_file
+from ringlight.fit.strategies.drop_insignificant import DropInsignificant
+from ringlight.fit.strategies.global_significance import global_significance
+from ringlight.fit.strategies.removal_effects import removal_effects
 from ringlight.fit.teacher import Teacher
 from ringlight.fit.train import Training, train
 from ringlight.methods.light_gaussian import LightGaussianRecipe
@@ -85,6 +89,20 @@ def test_a_share_of_the_gaussians_goes_and_so_does_the_teacher():
 
 def teacher_of(training: Training) -> Teacher:
     return next(s.teacher for s in training.strategies if hasattr(s, "teacher"))
+
+
+@pytest.mark.parametrize("by", ["significance", "effects"])
+def test_those_go_that_matter_least(by: Literal["significance", "effects"]):
+    training = until(training_of(prune_by=by), GROWN - 1)
+    model, cameras = training.model.splats(), [view.camera for view in SCENE.train]
+    assert model is not None
+    [dropping] = [strategy for strategy in training.strategies if isinstance(strategy, DropInsignificant)]
+    wanted = {
+        "significance": global_significance(model, cameras, 0.1),
+        "effects": removal_effects(model, cameras, SCENE.background_color, 3, GROWN),
+    }
+    assert torch.equal(dropping.worth(model, GROWN), wanted[by])
+    assert not torch.equal(wanted["significance"].argsort(), wanted["effects"].argsort())
 
 
 @pytest.mark.parametrize("halfway", [GROWN, RECOVERED, RECOVERED + 1, STEPS])

@@ -2,14 +2,15 @@
 
 Fan, Wang, Wen, Zhu, Xu, Wang: LightGaussian: Unbounded 3D Gaussian Compression with 15x Reduction and 200+ FPS, NeurIPS
 2024. Written from the paper. A run grows Gaussians as 3dgs does, unless it starts from a model of 3dgs; it drops those
-of least global significance and recovers on the photographs; it distils the harmonics; its last step quantises. What
+that matter least and recovers on the photographs; it distils the harmonics; its last step quantises. What
 differs from the paper: docs/methods/light-gaussian.md.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
+from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, Part, Rate, RateInParts
 from ringlight.methods.three_dgs import ThreeDGSRecipe
@@ -61,12 +62,15 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     default 0.12 in a run that grows them, 0.3 of a finished model. The paper has 5,000 steps of each, and begins with
     harmonics that are cut; ours begin with a fit to what they showed."""
     prune_share: float = 0.5
-    """Share of the Gaussians that is dropped: those of least global significance. About as few as leave a file a
-    twelfth of that of 3dgs; the paper has 0.6 in a run that grows them, 0.66 of a finished model, and loses more."""
+    """Share of the Gaussians that is dropped. About as few as leave a file a twelfth of that of 3dgs; the paper has 0.6
+    in a run that grows them, 0.66 of a finished model, and loses more."""
+    prune_by: Literal["significance", "effects"] = later("significance", now="effects")
+    """Which are dropped. effects: those whose removal would change the training pictures least. significance: those of
+    least global significance, as in the paper, which is behind (docs/methods/light-gaussian.md)."""
     prune_rounds: int = 5
     """Rounds in which they are dropped, evenly over the first half of the recovery. The paper drops all at once."""
     volume_power: float = 0.1
-    """Power of a Gaussian's volume in its global significance."""
+    """Power of a Gaussian's volume in its global significance, by which the codebook weighs rows."""
     distilled_degree: int = 2
     """Degree of the spherical harmonics after the distillation, 0 to 3."""
     view_jitter: float = 0.01

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.scene import Scene
@@ -15,12 +16,15 @@ from ringlight.fit.losses.teacher_pictures import TeacherPictures
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.strategies.distill_harmonics import DistillHarmonics
 from ringlight.fit.strategies.drop_insignificant import DropInsignificant
+from ringlight.fit.strategies.global_significance import global_significance
 from ringlight.fit.strategies.quantize_colors import QuantizeColors
+from ringlight.fit.strategies.removal_effects import removal_effects
 from ringlight.fit.teacher import Teacher
 from ringlight.fit.train import Training
 from ringlight.methods.assembly import empty_model
 from ringlight.methods.light_gaussian import LightGaussianRecipe
 from ringlight.models.narrowed_splats import narrowed_splats
+from ringlight.models.splats import SplatModel
 from ringlight.rasterize.contract import Rasterizer
 
 
@@ -52,8 +56,14 @@ def _lightening(
     recipe: LightGaussianRecipe, scene: Scene, teacher: Teacher, seed: int
 ) -> tuple[DropInsignificant, DistillHarmonics, QuantizeColors]:
     cameras, power = [view.camera for view in scene.train], recipe.volume_power
+
+    def worth(model: SplatModel, step: int) -> Float[Tensor, "N"]:
+        if recipe.prune_by == "significance":
+            return global_significance(model, cameras, power)
+        return removal_effects(model, cameras, scene.background_color, seed, step)
+
     return (
-        DropInsignificant(recipe.prune_steps(), recipe.prune_share, cameras, power),
+        DropInsignificant(recipe.prune_steps(), recipe.prune_share, worth),
         DistillHarmonics(teacher, recipe.recovered, recipe.steps, recipe.distilled_degree, cameras),
         QuantizeColors(
             recipe.steps, recipe.codebook_share, recipe.codebook_size, cameras, power,
