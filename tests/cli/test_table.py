@@ -81,8 +81,9 @@ def test_runs_that_nobody_can_do_are_told_in_the_table(tiny: Path, tmp_path: Pat
     words = ("table", tiny, "--methods", "3dgs", "--out", out, *SETTINGS, "--scheduler", "nonsense://127.0.0.1:1")
     done = ringlight(*words)
     assert done.code == 1
-    assert done.err.startswith("ringlight: --scheduler nonsense://127.0.0.1:1: does not answer")
-    assert "seed 0 is missing: --scheduler nonsense://127.0.0.1:1: does not answer" in (out / "table.md").read_text()
+    told = "--scheduler nonsense://127.0.0.1:1: is no scheduler's address; give it as tcp://HOST:PORT"
+    assert done.err.splitlines() == [f"ringlight: {told}"]
+    assert "seed 0 is missing: --scheduler nonsense://127.0.0.1:1: is no scheduler" in (out / "table.md").read_text()
 
 
 def test_flags_that_finished_runs_do_not_heed_are_told(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
@@ -134,14 +135,18 @@ def test_runs_with_inverted_masks_are_kept(tiny: Path, tmp_path: Path, ringlight
 
 def test_what_there_is_none_of_stops_no_other(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
     out = tmp_path / "out"
-    words = ("table", tmp_path / "none", tiny, "--methods", "ring=ringlight-rign,3dgs", "--set", "ring.steps=9")
+    wrong = ("ring=ringlight-rign,3dgs", "--set", "ring.steps=9")
+    words = ("table", tmp_path / "none", "toastre", tiny, "--methods", *wrong)
     listed = ringlight(*words, "--out", out, *SETTINGS, "--dry-run", "--json")
     assert [run["method"] for run in json.loads(listed.out)["runs"]] == ["3dgs"]
+    twice = ("table", tiny, "--methods", "a=3dgs,a=nope", "--out", out)
+    refused(ringlight(*twice), 1, "'a' twice")
     done = ringlight(*words, "--out", out, *SETTINGS)
     assert done.code == 1
     for said in (listed.err, done.err):
         assert "warning: left out: no method is called 'ringlight-rign'; perhaps you meant 'ringlight-ring'" in said
         assert f"warning: left out: {tmp_path / 'none'}: there is no such folder" in said
+        assert "warning: left out: toastre: " in said
     text = (out / "table.md").read_text()
     assert len(read_report(out / tiny.name / "3dgs" / "seed-0").images) == 2
     for row, column, why in ((tiny.name, "ring", "no method is called"), (tmp_path / "none", "3dgs", "no such folder")):

@@ -164,15 +164,19 @@ def _run(asked: TableArguments, runs: "dict[Key, Surveyed]") -> "dict[Key, str]"
 def _tell_of_kept(asked: TableArguments, finished: "list[Surveyed]") -> None:
     """Say which flags would have made finished runs otherwise: they are kept as they are."""
     for flag in () if asked.quiet else ("device", "lpips"):
-        others = sum(_was_made_otherwise(flag, asked, run.report) for run in finished if run.report is not None)
+        others = sum(_was_made_otherwise(flag, asked, run.run.folder, run.report) for run in finished if run.report)
         if others:
             kept = counted(others, "finished run")
             sys.stderr.write(f"--{flag} changes nothing of {kept}; give another --out for that\n")
 
 
-def _was_made_otherwise(flag: str, asked: TableArguments, report: "Report") -> bool:
+def _was_made_otherwise(flag: str, asked: TableArguments, folder: Path, report: "Report") -> bool:
+    from ringlight.runs.record import RunRecord
+
+    if getattr(asked, flag) == getattr(TableArguments, flag):
+        return False
     if flag == "device":
-        return asked.device != "auto" and (asked.device == "cuda") != (report.machine.gpu is not None)
+        return RunRecord.read(folder).device != asked.device
     measured = {net for net in get_args(Net) if getattr(report, f"lpips_{net}") is not None}
     return not report.lpips_note and measured != set(asked.lpips)  # a note says why one is lacking
 

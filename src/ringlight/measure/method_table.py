@@ -74,7 +74,9 @@ class MethodTable:
             if not common:
                 notes.append("There is no mean: no scene has all runs of all methods.")
             elif len(common) < len(self.cells.scenes):
-                notes.append(f"The mean is over {', '.join(common)}, which all methods have with the same seeds.")
+                notes.append(
+                    f"The mean is over {', '.join(common)}, which all methods with runs have, of the same seeds."
+                )
         if len(self.cells.machines) > 1 and any(measure.of_machine for measure in shown):
             notes.append("Wall seconds and frames a second are of several machines or numbers of threads: not ranked.")
         return (*notes, *self.cells.notes)

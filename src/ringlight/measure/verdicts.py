@@ -23,6 +23,8 @@ SHARE = 0.5
 """Of the paper's difference that ours must have."""
 
 MORE_IS_BETTER = ("psnr", "ssim", "fps")
+"""The others are the better the less they are."""
+
 TIMES = ("fps", "minutes")
 """Measures that compare on one machine alone."""
 
@@ -34,8 +36,8 @@ RULE = (
     f"over our scenes of that data set, is at least {SHARE:.0%} of the paper's in the same direction, or as near to it "
     f"as seeds are to each other ({NOISE['psnr']:g} dB, {NOISE['ssim']:g} of SSIM, {NOISE['lpips']:g} of LPIPS, "
     f"{NOISE['megabytes']:.0%} of a size, {NOISE['fps']:.0%} of a time), else *not reproduced*. Where the paper's row "
-    f"is behind the other, ours may be {1 / SHARE:g} times as far behind at most. It *cannot be tested* where there "
-    f"are no records of both with at least {LEAST_STEPS:,} steps and the same scene, steps, seeds and kind of record, "
+    f"is behind the other, ours may be {1 / SHARE:g} times as far behind at most (a ratio its square). It *cannot be "
+    f"tested* where there are no records of both with at least {LEAST_STEPS:,} steps and the same scene, steps, seeds and kind of record, "
     "of times also of one machine with as many threads; the longest count, and shorter ones are shown all the same."
 )
 
@@ -64,20 +66,26 @@ def judged(claim: Claim, paper: Paper, records: Sequence[Record]) -> Judged:
     study = claim.table.study
     own, other = Subject(study, claim.own.subject), Subject(study, claim.other.subject)
     scenes = paper.data_sets[claim.data_set].scenes
-    pairs = [pair for scene in scenes if (pair := _pair(scene, own, other, records)) is not None]
+    timed = claim.values.keys() <= set(TIMES)
+    pairs = [pair for scene in scenes if (pair := _pair(scene, own, other, records, timed)) is not None]
     long = [pair for pair in pairs if pair[0].steps >= LEAST_STEPS]
     shown, decides = long or pairs, bool(long)
     verdicts = {name: _verdict(name, values, shown, decides) for name, values in claim.values.items()}
-    return Judged(claim, verdicts, _because(long, pairs, own, other, records, scenes))
+    return Judged(claim, verdicts, _because(long, pairs, own, other, records, scenes, timed))
 
 
-def _pair(scene: str, own: Subject, other: Subject, records: Sequence[Record]) -> tuple[Record, Record] | None:
-    """Both on the scene, of one kind of record, with the same seeds; of several the longest, then the most telling."""
-    kinds = dict.fromkeys(record.kind for record in records)
+def _pair(
+    scene: str, own: Subject, other: Subject, records: Sequence[Record], timed: bool
+) -> tuple[Record, Record] | None:
+    """Both on the scene, of one kind of record, with the same seeds, if ``timed`` of one machine too; of several the
+    longest, then the most telling."""
+    groups = dict.fromkeys((record.kind, record.machine if timed else None) for record in records)
     lengths = sorted({record.steps for record in records}, reverse=True)
     for steps in lengths:
-        for kind in kinds:
+        for kind, machine in groups:
             here = [r for r in records if (r.scene, r.steps, r.kind) == (scene, steps, kind)]
+            if timed:
+                here = [r for r in here if r.machine is not None and r.machine == machine]
             ours, theirs = ([r for r in here if r.subject == subject] for subject in (own, other))
             common = {r.seeds for r in ours} & {r.seeds for r in theirs}
             if common:
@@ -112,6 +120,7 @@ def _because(
     other: Subject,
     records: Sequence[Record],
     scenes: Sequence[str],
+    timed: bool,
 ) -> str:
     told = "; ".join(_told(a, b) for a, b in long or pairs)
     if told:
@@ -121,7 +130,7 @@ def _because(
     ]
     if missing:
         return f"no record of {' and '.join(missing)} on these scenes"
-    return "no records of both with the same steps and seeds"
+    return "no records of both with the same steps and seeds" + (", of one machine" if timed else "")
 
 
 def _told(own: Record, other: Record) -> str:

@@ -38,6 +38,9 @@ noisy (docs/methods/gaussian-shader.md)."""
 RATE_FALL = 0.1
 """GaussianShader's rates of materials, normals and environment fall from 1.6e-2 to 1.6e-3 over a run."""
 
+OF_CONSISTENCY = ("consistency_stride", "consistency_every")
+"""Settings that decide nothing where normals need not agree with depths."""
+
 
 @dataclass(frozen=True)
 class GaussianShaderRecipe(SplatRecipe):
@@ -76,7 +79,10 @@ class GaussianShaderRecipe(SplatRecipe):
     """Weight of 1 - cosine between blended normals and those of the blended depths; 0 for none. GaussianShader has 0.2,
     which costs 0.4 dB and more in short runs (docs/methods/gaussian-shader.md)."""
     consistency_stride: int = 4
-    """Every so many rows and columns of pixels it is asked for, others each step; GaussianShader asks for all."""
+    """Every so many rows and columns of pixels it is asked for, others each time; GaussianShader asks for all."""
+    consistency_every: int = later(1, now=4)
+    """It is asked for every so many steps, and counts as many times; GaussianShader asks each step, which learns no
+    better (docs/methods/gaussian-shader.md)."""
     zero_one: float = 1e-3
     """Weight of the entropy of alpha; 0 for none."""
     residual_penalty: float = 1e-3
@@ -107,6 +113,8 @@ class GaussianShaderRecipe(SplatRecipe):
             raise RecipeError(f"first_tint is {self.first_tint:g}; a reflectance lies between 0 and 1")
         if self.consistency_stride < 1:
             raise RecipeError(f"consistency_stride is {self.consistency_stride}; give 1 (every pixel) or more")
+        if self.consistency_every < 1:
+            raise RecipeError(f"consistency_every is {self.consistency_every}; give 1 (each step) or more")
         for name in ("consistency", "zero_one", "residual_penalty"):
             if not 0 <= getattr(self, name) < float("inf"):
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give a weight of 0 (none) or more")
@@ -147,15 +155,20 @@ class GaussianShaderRecipe(SplatRecipe):
         light = SplitSumLight(self.environment_side)
         return ShadedGaussians(light, self.sh_degree, self.ambient, self.first_tint), PassThrough()
 
+    def without_effect(self) -> dict[str, str]:
+        """See :meth:`SplatRecipe.without_effect`: also how often normals are asked to agree, where they need not."""
+        idle = {} if self.consistency else dict.fromkeys(OF_CONSISTENCY, "--consistency is 0")
+        return super().without_effect() | idle
+
     def regularizers(self) -> "dict[str, Regularizer]":
         """Those with a weight, by name; weights are relative to the loss of photographs."""
         from ringlight.fit.regularizers.depth_normals import DepthNormals
         from ringlight.fit.regularizers.small_columns import SmallColumn
         from ringlight.fit.regularizers.zero_one import ZeroOne
 
-        scale = self.loss.scale
+        scale, looks = self.loss.scale, range(0, self.steps + 1, self.consistency_every)
         every: dict[str, tuple[float, Regularizer]] = {
-            "consistency": (self.consistency, DepthNormals(scale * self.consistency, self.consistency_stride)),
+            "consistency": (self.consistency, DepthNormals(scale * self.consistency, self.consistency_stride, looks)),
             "zero-one": (self.zero_one, ZeroOne(scale * self.zero_one)),
             "residuals": (
                 self.residual_penalty,

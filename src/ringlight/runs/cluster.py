@@ -31,6 +31,9 @@ TELL_SECONDS = 1.0
 LOOK_SECONDS = 1.0
 """Between two looks at which workers there are."""
 
+SCHEMES = ("tcp", "tls", "ucx", "ws", "wss", "inproc")
+"""Of addresses that Dask can ask."""
+
 TOPIC = "ringlight"
 """Of the events that workers send, in which progress is."""
 
@@ -81,6 +84,8 @@ class Cluster:
             from distributed import Client
         except ImportError:
             raise BackendError(f"--scheduler needs Dask's distributed; {INSTALL}") from None
+        if address.partition("://")[0] not in SCHEMES:  # Dask would ask for it for a minute, and end in a traceback
+            raise BackendError(f"--scheduler {address}: is no scheduler's address; give it as tcp://HOST:PORT")
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         warnings.filterwarnings("ignore", module="distributed")  # of versions; we say ourselves which must agree
         try:

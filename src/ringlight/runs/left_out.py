@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ringlight.errors import RecipeError, RunError
+from ringlight.errors import RecipeError, RinglightError
 from ringlight.methods.table import method_named
-from ringlight.runs.method_runs import Key
+from ringlight.runs.method_runs import Key, refuse_names
 from ringlight.runs.planned import scenes_named
 
 
@@ -39,8 +39,9 @@ class Asked:
 def asked_for(scenes: Sequence[Path], methods: Sequence[str], settings: Sequence[str]) -> Asked:
     """Leave out methods and scenes that there are none of, and the ``settings`` (METHOD.key=value) of such methods.
 
-    Raises RecipeError where no method remains, RunError where no scene does.
+    Raises RecipeError for two columns of one name, and the first error where no method or no scene remains.
     """
+    refuse_names(methods)
     columns = {word: error for word in methods if (error := _wrong_method(word)) is not None}
     rows = {path: wrong for path in scenes if (wrong := _wrong_scene(path)) is not None}
     if len(columns) == len(set(methods)):
@@ -48,12 +49,14 @@ def asked_for(scenes: Sequence[Path], methods: Sequence[str], settings: Sequence
     if len(rows) == len(set(scenes)):
         raise rows[scenes[0]]
     names = {_column(word): str(error) for word, error in columns.items()}
+    there = tuple(path for path in scenes if path not in rows)
+    taken = scenes_named(there)
     return Asked(
-        tuple(path for path in scenes if path not in rows),
+        there,
         tuple(word for word in methods if word not in columns),
         tuple(setting for setting in settings if setting.partition(".")[0] not in names),
         names,
-        {str(path): str(wrong) for path, wrong in rows.items()},
+        {str(path.absolute() if str(path) in taken else path): str(wrong) for path, wrong in rows.items()},
     )
 
 
@@ -65,10 +68,10 @@ def _wrong_method(word: str) -> RecipeError | None:
     return None
 
 
-def _wrong_scene(path: Path) -> RunError | None:
+def _wrong_scene(path: Path) -> RinglightError | None:
     try:
         scenes_named([path])
-    except RunError as error:
+    except RinglightError as error:
         return error
     return None
 

@@ -47,13 +47,10 @@ def methods_named(names: Sequence[str], settings: Sequence[str], steps: int | No
     Raises RecipeError for an unknown method or setting, with the nearest, for two columns of one name, and for a run
     without steps.
     """
+    refuse_names(names)
     asked: dict[str, AskedMethod] = {}
     for word in names:
         name, _, preset = word.partition("=")
-        if name in asked:
-            raise RecipeError(f"--methods has {name!r} twice; give one of them a name: {name}-2={preset or name}")
-        if not name or name in (".", "..") or "/" in name or name != name.strip():
-            raise RecipeError(f"--methods: {word!r} is no METHOD and no NAME=METHOD; a name is that of a folder")
         asked[name] = AskedMethod(name, preset or name, with_steps(method_named(preset or name), steps))
     for setting in settings:
         path, equals, value = setting.partition("=")
@@ -67,6 +64,18 @@ def methods_named(names: Sequence[str], settings: Sequence[str], steps: int | No
             raise RecipeError(f"--set {name}.steps is {recipe.steps}; give at least 1")
         asked[name] = replace(asked[name], recipe=recipe)
     return tuple(asked.values())
+
+
+def refuse_names(words: Sequence[str]) -> None:
+    """Raises RecipeError for two columns of one name, and for a name that no folder can have."""
+    names: set[str] = set()
+    for word in words:
+        name, _, preset = word.partition("=")
+        if name in names:
+            raise RecipeError(f"--methods has {name!r} twice; give one of them a name: {name}-2={preset or name}")
+        if not name or name in (".", "..") or "/" in name or name != name.strip():
+            raise RecipeError(f"--methods: {word!r} is no METHOD and no NAME=METHOD; a name is that of a folder")
+        names.add(name)
 
 
 def _with(method: AskedMethod, key: str, text: str) -> Recipe:

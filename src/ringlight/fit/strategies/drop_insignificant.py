@@ -22,7 +22,7 @@ class DropInsignificant(Stateless):
         self.kept = (1 - share) ** (1 / max(len(self.rounds), 1))
 
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
-        if step not in self.rounds:
+        if step not in self.rounds or self.kept == 1:
             return
         order = self.worth(model, step).argsort(descending=True, stable=True)
         optimizer.edit_rows(order[: max(round(self.kept * len(model)), 1)].sort().values)

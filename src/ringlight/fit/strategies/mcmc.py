@@ -50,7 +50,8 @@ class MCMC:
         # The shortest run has one round, too: only rounds meet the budget.
         self.last_step = max(settings.last_step(steps), 1)
         self.first_step = min(settings.first_step(steps), self.last_step - 1)
-        self.every = min(settings.every, self.last_step - self.first_step)
+        has_round = self.last_step // settings.every > self.first_step // settings.every
+        self.every = settings.every if has_round else self.last_step - self.first_step
         self.most = self._budget = settings.most_growing(steps)
         # Noise goes with the square of lengths and the rate with a length; together they are to move by a length.
         self.noise = settings.mcmc.noise * (PAPER_EXTENT / extent) ** 2

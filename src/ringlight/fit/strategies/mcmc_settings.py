@@ -28,7 +28,8 @@ class MCMCSettings:
     """A Gaussian of this opacity or less is dead, and moves in the next round. The paper has 0.005; what adds less than
     1/255 to a pixel is not drawn, and so has no gradient, and stays just above that."""
     stop: float = 5 / 6
-    """Share of all steps after which none is moved or added; where some are dropped later, densify.stop is."""
+    """Share of all steps after which none is moved or added; where some are dropped later, densify.stop is. A run
+    without a round until then has one all the same, by which it meets its budget."""
     growth: float = 0.05
     """Share of the Gaussians that a round adds, until there are max_gaussians; more where the rounds of the run's first
     half of density control would not reach that."""
