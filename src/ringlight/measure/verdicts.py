@@ -37,8 +37,9 @@ RULE = (
     f"as seeds are to each other ({NOISE['psnr']:g} dB, {NOISE['ssim']:g} of SSIM, {NOISE['lpips']:g} of LPIPS, "
     f"{NOISE['megabytes']:.0%} of a size, {NOISE['fps']:.0%} of a time), else *not reproduced*. Where the paper's row "
     f"is behind the other, ours may be {1 / SHARE:g} times as far behind at most (a ratio its square). It *cannot be "
-    f"tested* where there are no records of both with at least {LEAST_STEPS:,} steps and the same scene, steps, seeds and kind of record, "
-    "of times also of one machine with as many threads; the longest count, and shorter ones are shown all the same."
+    f"tested* where there are no records of both with at least {LEAST_STEPS:,} steps and the same scene, steps, seeds "
+    "and kind of record, of times also of one machine with as many threads; the longest count, and shorter ones are "
+    "shown all the same."
 )
 
 
