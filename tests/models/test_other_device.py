@@ -79,9 +79,9 @@ KEPT, KEEPING = DensifySettings(begin=0, stop=0.0, latest=0, reset_every=0), {"g
 
 
 def short_run(method: str, scene: Scene, rasterize: Rasterizer, dropout: float = 0.0) -> Training:
-    """Twelve steps with everything in them: density control, the light field switched on. Whole gradients, and no
-    dropout but where nothing grows: which rows are importance-sampled, and which place a grown row takes, depends on a
-    sum's last bit."""
+    """Twelve steps with everything in them: density control, the light field switched on. Whole gradients, no dropout
+    but where nothing grows, and light-gaussian drops by significance: which rows are importance-sampled, which place a
+    grown row takes, and whose removal changes least, depends on a sum's last bit."""
     whole = {"gradient_share": 1.0}
     settings = COARSE | {
         "steps": STEPS,
@@ -89,6 +89,7 @@ def short_run(method: str, scene: Scene, rasterize: Rasterizer, dropout: float =
         "light": {"ring": {"position_nodes": 32, "view_nodes": 8}} | whole,
         "shader": whole,
         "dropout": dropout,
+        "prune_by": "significance",
         **whole,
     }
     return with_settings(METHODS[method], settings).build(scene, rasterize, seed=0)
