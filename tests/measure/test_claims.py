@@ -171,7 +171,9 @@ def test_runs_of_readme_with_other_settings_are_left_out(tmp_path: Path):
     run["machine"] = {"cpu": "A", "threads": 1, "isa": "avx2", "gpu": None, "memory": 5}
     for name in ("", "-seed1", "-from-hull", "-seed1-slow"):
         (tmp_path / f"readme-chair_400-7000-3dgs{name}.json").write_text(json.dumps(run))
-    found = [r for r in records_in(tmp_path) if r.kind == "readme"]
+    (tmp_path / "readme-toaster-bundled-7000-3dgs.json").write_text(json.dumps(run | {"scene": "toaster"}))
+    *found, bundled = [r for r in records_in(tmp_path) if r.kind == "readme"]
+    assert bundled.scene == "toaster"
     assert [r.file for r in found] == ["readme-chair_400-7000-3dgs-seed1.json", "readme-chair_400-7000-3dgs.json"]
     assert found[0].machine == found[1].machine is not None
     assert joined(found).machine == found[0].machine

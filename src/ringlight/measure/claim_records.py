@@ -87,9 +87,9 @@ def _of_run(kind: str, file: str, data: Mapping[str, Any]) -> list[Record]:
     if "psnr" not in data or "preset" not in data:
         return []
     scene, preset, steps = str(data["scene"]), str(data["preset"]), int(data["iterations"] or 0)
-    usual = re.escape(f"readme-{scene}-{steps}-{preset}") + r"(-seed\d+)?\.json"
+    usual = rf"readme-{re.escape(scene)}(-bundled)?-{steps}-{re.escape(preset)}(-seed\d+)?\.json"
     if kind == "readme" and not re.fullmatch(usual, file):
-        return []  # of other settings than the method's own
+        return []  # what follows the method's name says what was set otherwise
     seconds = data.get("train_cpu_seconds")
     values = {
         "psnr": data["psnr"],
