@@ -3,11 +3,12 @@
 The others go on, and the table says why these are missing: a night of runs does not wait for a slip of the pen.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from ringlight.errors import RecipeError, RinglightError
+from ringlight.errors import RinglightError
 from ringlight.methods.table import method_named
 from ringlight.runs.method_runs import Key, refuse_names
 from ringlight.runs.planned import scenes_named
@@ -42,13 +43,14 @@ def asked_for(scenes: Sequence[Path], methods: Sequence[str], settings: Sequence
     Raises RecipeError for two columns of one name, and the first error where no method or no scene remains.
     """
     refuse_names(methods)
-    columns = {word: error for word in methods if (error := _wrong_method(word)) is not None}
-    rows = {path: wrong for path in scenes if (wrong := _wrong_scene(path)) is not None}
+    presets = {word: word.partition("=")[2] or word for word in methods}
+    columns = {word: wrong for word, preset in presets.items() if (wrong := _wrong(partial(method_named, preset)))}
+    rows = {path: wrong for path in scenes if (wrong := _wrong(partial(scenes_named, [path])))}
     if len(columns) == len(set(methods)):
         raise columns[methods[0]]
     if len(rows) == len(set(scenes)):
         raise rows[scenes[0]]
-    names = {_column(word): str(error) for word, error in columns.items()}
+    names = {_column(word): str(wrong) for word, wrong in columns.items()}
     there = tuple(path for path in scenes if path not in rows)
     taken = scenes_named(there)
     return Asked(
@@ -60,17 +62,10 @@ def asked_for(scenes: Sequence[Path], methods: Sequence[str], settings: Sequence
     )
 
 
-def _wrong_method(word: str) -> RecipeError | None:
+def _wrong(ask: Callable[[], object]) -> RinglightError | None:
+    """What asking raises."""
     try:
-        method_named(word.partition("=")[2] or word)
-    except RecipeError as error:
-        return error
-    return None
-
-
-def _wrong_scene(path: Path) -> RinglightError | None:
-    try:
-        scenes_named([path])
+        ask()
     except RinglightError as error:
         return error
     return None
