@@ -103,6 +103,14 @@ def test_refusals_name_the_remedy_and_write_nothing(
     assert small.read_bytes() == packed
 
 
+def test_what_its_training_packed_is_kept_as_it_is(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    run, small = tmp_path / "run", tmp_path / "small.safetensors"
+    words = (*flags(steps=6, initial_points=400), "--quiet", "--lpips")
+    assert ringlight("train", tiny, "light-gaussian", *words, "--out", run).code == 0
+    refused(ringlight("compress", run, small), 1, run / "model.safetensors", "packed by its training", "keep")
+    assert not small.exists()
+
+
 @pytest.mark.parametrize("method", ["3dgs-dr", "gaussian-shader"])
 def test_axes_that_are_normals_stay_where_they_point(
     method: str, tiny: Path, tmp_path: Path, ringlight: Command

@@ -37,6 +37,14 @@ def test_a_dry_run_lists_and_writes_nothing(tiny: Path, tmp_path: Path, ringligh
     assert not out.exists()
 
 
+def test_a_dry_run_lists_what_is_left_out(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    words = ("table", tiny, "--methods", "3dgs,4dgs", "--seeds", "0,1", "--out", tmp_path / "out", *SETTINGS)
+    listed = json.loads(ringlight(*words, "--dry-run", "--json").out)
+    assert [(run["method"], run["seed"]) for run in listed["runs"]] == [("3dgs", 0), ("3dgs", 1)]
+    assert [(gone["method"], gone["seed"]) for gone in listed["left_out"]] == [("4dgs", 0), ("4dgs", 1)]
+    assert all("4dgs" in gone["reason"] for gone in listed["left_out"])
+
+
 @pytest.mark.parametrize(
     ("words", "names"),
     [
@@ -84,6 +92,15 @@ def test_runs_that_nobody_can_do_are_told_in_the_table(tiny: Path, tmp_path: Pat
     told = "--scheduler nonsense://127.0.0.1:1: is no scheduler's address; give it as tcp://HOST:PORT"
     assert done.err.splitlines() == [f"ringlight: {told}"]
     assert "seed 0 is missing: --scheduler nonsense://127.0.0.1:1: is no scheduler" in (out / "table.md").read_text()
+
+
+def test_a_study_that_nobody_can_do_ends_in_the_same_sentence(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    pytest.importorskip("distributed")
+    words = ("study", "rank", tiny, "--steps", "4", "--seeds", "1", "--out", tmp_path / "out", "--quiet")
+    done = ringlight(*words, "--scheduler", "nonsense://127.0.0.1:1")
+    assert done.code == 1
+    told = "--scheduler nonsense://127.0.0.1:1: is no scheduler's address; give it as tcp://HOST:PORT"
+    assert done.err.splitlines()[0] == f"ringlight: {told}"
 
 
 def test_flags_that_finished_runs_do_not_heed_are_told(tiny: Path, tmp_path: Path, ringlight: Command) -> None:

@@ -94,7 +94,7 @@ def main(arguments: list[str]) -> int:
     for reason in (*there.columns_left_out.values(), *there.rows_left_out.values()):
         sys.stderr.write(f"warning: left out: {reason}\n")
     if asked.dry_run:
-        _list(asked, runs)
+        _list(asked, runs, there.reasons(seeds))
         return 0
     make_folder(out)
     failed = there.reasons(seeds) | _run(asked, runs)
@@ -118,7 +118,7 @@ def _name(key: "Key") -> str:
     return f"{scene}/{method}/seed-{seed}"
 
 
-def _list(asked: TableArguments, runs: "dict[Key, Surveyed]") -> None:
+def _list(asked: TableArguments, runs: "dict[Key, Surveyed]", left_out: "dict[Key, str]") -> None:
     from ringlight.measure.json_record import to_json
     from ringlight.runs.expected_time import core_seconds
     from ringlight.runs.method_runs import expected
@@ -137,7 +137,9 @@ def _list(asked: TableArguments, runs: "dict[Key, Surveyed]") -> None:
             }
             for key, surveyed in runs.items()
         ]
-        sys.stdout.write(to_json({"runs": listed, "core_seconds": seconds, "estimated_by_own_runs": told}))
+        gone = [{"scene": key[0], "method": key[1], "seed": key[2], "reason": why} for key, why in left_out.items()]
+        told_of = {"runs": listed, "left_out": gone, "core_seconds": seconds, "estimated_by_own_runs": told}
+        sys.stdout.write(to_json(told_of))
         return
     width = max(len(str(surveyed.run.folder)) for surveyed in runs.values())
     for surveyed in runs.values():

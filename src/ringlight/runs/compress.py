@@ -13,7 +13,7 @@ from ringlight.core.stages import counted
 from ringlight.core.want import Want
 from ringlight.errors import OutputError, RunError
 from ringlight.files.atomic import refuse_existing
-from ringlight.files.model_file import write_model_file
+from ringlight.files.model_file import read_model_file, write_model_file
 from ringlight.files.pack_axes import pack_with_axes
 from ringlight.files.packed import pack_tensors, unpack_tensors
 from ringlight.measure import metrics
@@ -77,6 +77,8 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     stored, size_before = opened.stored, opened.file.stat().st_size  # before it is replaced, perhaps
     if stored.header.storage:
         raise RunError(f"{opened.file}: is packed already; keep it as it is, or name the model that it was made of")
+    if read_model_file(opened.file).stored.packing:
+        raise RunError(f"{opened.file}: was packed by its training; keep it as it is")
     if scene is not None and not scene.test:
         scene = None
     tensors = stored.model.rendering_tensors() | tensors_from_cameras(stored.cameras)
