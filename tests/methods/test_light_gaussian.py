@@ -57,6 +57,25 @@ def test_phases_scale_with_the_run():
     assert (later.grown, later.recovered, later.prune_steps()[0]) == (0, 6_000, 1)
 
 
+@pytest.mark.parametrize(
+    ("settings", "idle"),
+    [
+        ({}, set()),
+        ({"prune_share": 0.0}, {"prune_by", "prune_rounds"}),
+        ({"codebook_size": 0}, {"codebook_share", "volume_power"}),
+        ({"codebook_share": 0.0}, {"codebook_size", "volume_power"}),
+        ({"codebook_share": 0.0, "prune_by": "significance"}, {"codebook_size"}),
+        (
+            {"codebook_share": 0.0, "prune_by": "significance", "prune_share": 0.0},
+            {"prune_by", "prune_rounds", "codebook_size", "volume_power"},
+        ),
+    ],
+)
+def test_settings_that_decide_nothing_are_named(settings: dict[str, object], idle: set[str]):
+    own = {"prune_by", "prune_rounds", "codebook_share", "codebook_size", "volume_power", "prune_share"}
+    assert recipe(**settings).without_effect().keys() & own == idle
+
+
 def test_the_papers_phases_are_settings():
     found = replace(recipe(), steps=40_000, grow_share=0.75, distill_share=0.5, prune_rounds=1)
     assert (found.grown, found.recovered, found.prune_steps()) == (30_000, 35_000, (30_000,))

@@ -149,6 +149,20 @@ class LightGaussianRecipe(ThreeDGSRecipe):
         grows = self._as_3dgs(self.recovered)
         return grows.ending_with(int(self.most / (1 - self.prune_share))) if self.most else grows
 
+    def without_effect(self) -> dict[str, str]:
+        """See :meth:`SplatRecipe.without_effect`."""
+        idle = {}
+        if not self.prune_share:
+            idle = dict.fromkeys(("prune_by", "prune_rounds"), "prune_share is 0, so that none is dropped")
+        if not self.codebook_share:
+            idle["codebook_size"] = "codebook_share is 0, so that there is no codebook"
+        elif not self.codebook_size:
+            idle["codebook_share"] = "codebook_size is 0, so that there is no codebook"
+        by_significance = self.prune_share and self.prune_by == "significance"
+        if not (by_significance or (self.codebook_share and self.codebook_size)):
+            idle["volume_power"] = "nothing asks for global significance"
+        return super().without_effect() | idle
+
     def never_above(self, most: int) -> "LightGaussianRecipe":
         """See :meth:`SplatRecipe.never_above`."""
         return self.ending_with(max(int(most * (1 - self.prune_share)), 1))
