@@ -128,11 +128,12 @@ def _train_all() -> None:
     from ringlight.volume.tensor_train_field import TensorTrainField
 
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    from small_recipes import COARSE, with_settings
     from tiny_scene import tiny_scene
 
     for preset in (*METHODS.values(), TensorfRecipe(decomposition="cp")):
         scene, rasterize = tiny_scene(views=3, size=24), rasterizer_for("cpu")
-        recipe, _ = preset.settled(scene, rasterize, 0)
+        recipe, _ = with_settings(preset, COARSE).settled(scene, rasterize, 0)  # whole volumes are gigabytes of calls
         recipe = dataclasses.replace(recipe, steps=STEPS)
         training = recipe.build(scene, rasterize, 0)
         for _ in train(training):

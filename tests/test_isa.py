@@ -48,6 +48,19 @@ KERNEL_TESTS = (
     "fit/test_densify.py",
     "test_fuzz_kernels.py",
 )
+OF_MATRIX_PRODUCTS = (
+    "color/test_ring_kernel.py",
+    "color/test_ring_emission.py",
+    "color/test_illuminated.py",
+    "color/test_mirror_channels.py",
+    "fields/test_perceptron_kernel.py",
+    "shade/test_reflection_kernel.py",
+    "volume/test_shading_kernel.py",
+    "models/test_way_back_of_tiles.py",
+    "test_fuzz_kernels.py",
+)
+"""Of these kernels alone there are copies for bfloat16 products (BF16_SOURCES in CMakeLists.txt): where the suite runs
+on such a set, all others are those of AVX-512 already."""
 # Some that must be among them: to leave out the reference's own tests by name once left these out too.
 INDISPENSABLE = (
     "test_equals_the_reference_for_any_number_of_channels[cpu-False-3]",
@@ -77,13 +90,15 @@ def test_the_kernels_equal_their_references(name: str):
         pytest.skip("the whole suite runs on it already")
     if answer(name) != name:
         pytest.skip(answer(name))
-    files = [str(ROOT / "tests" / file) for file in KERNEL_TESTS]
+    shares_the_others = name.startswith("avx512") and _kernels.isa().startswith("avx512")
+    tests = OF_MATRIX_PRODUCTS if shares_the_others else KERNEL_TESTS
+    files = [str(ROOT / "tests" / file) for file in tests]
     options = ("-p", "no:cacheprovider", "-m", "not no_kernel", "-rp")
     done = with_isa(name, "-m", "pytest", *options, *files)
     assert done.returncode == 0, done.stdout[-2000:]
     passed = re.findall(r"^PASSED tests/(.*?)::(.*)", done.stdout, flags=re.MULTILINE)
-    assert {file for file, _ in passed} == set(KERNEL_TESTS)
-    assert {test for _, test in passed} >= set(INDISPENSABLE)
+    assert {file for file, _ in passed} == set(tests)
+    assert shares_the_others or {test for _, test in passed} >= set(INDISPENSABLE)
     assert not any("[reference" in test for _, test in passed)
 
 
@@ -102,6 +117,15 @@ def test_a_set_that_cannot_run_ends_the_command_in_one_sentence():
     assert done.returncode == 1
     assert done.stderr.strip().endswith(UNKNOWN)
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_all_kernels_with_copies_for_matrix_products_are_tested_with_them():
+    if not (ROOT / "CMakeLists.txt").is_file():
+        pytest.skip("needs the source tree")
+    listed = re.search(r"set\(BF16_SOURCES\s+(.*?)\)", (ROOT / "CMakeLists.txt").read_text(), flags=re.DOTALL)
+    assert listed is not None
+    folders = {path.split("/")[1] for path in listed[1].split()}
+    assert folders == {"ring", "reflection", "dense", "illuminated", "volume"}, "name their tests above, then here"
 
 
 @pytest.fixture

@@ -151,8 +151,10 @@ def test_a_training_outlives_its_output(script: str, tiny: Path, trained: dict[s
     assert done.returncode == 0 or "/dev/full" in script
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["info"], ["doctor", "--json"]])
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("words", "unbuffered"),
+    [(["--help"], ""), (["--help"], "1"), (["--version"], ""), (["info"], ""), (["info"], "1"), (["doctor"], "1")],
+)
 def test_a_full_disk_behind_standard_output_is_one_sentence(
     words: list[str], unbuffered: str, trained: dict[str, Path]
 ):
@@ -170,8 +172,18 @@ def test_a_full_disk_behind_standard_output_is_one_sentence(
     assert "No space left" in done.stderr
 
 
-@pytest.mark.parametrize("words", [["--help"], ["info"], ["compare"], ["train", "--help"]])
-@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
+@pytest.mark.parametrize(
+    ("words", "closed"),
+    [
+        (["--help"], ">&-"),
+        (["--help"], ">&- 2>&- <&-"),
+        (["info"], ">&-"),
+        (["info"], "2>&-"),
+        (["info"], ">&- 2>&- <&-"),
+        (["compare"], ">&- 2>&- <&-"),
+        (["train", "--help"], ">&-"),
+    ],
+)
 def test_a_command_whose_output_is_closed_ends_as_if_it_were_not(
     words: list[str], closed: str, trained: dict[str, Path]
 ):
