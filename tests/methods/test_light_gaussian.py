@@ -9,6 +9,7 @@ import torch
 
 from contracts.methods import small
 from ringlight.core.want import Want
+from ringlight.data.batches import ImageBatch
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.files.model_file import read_model_file
@@ -134,6 +135,20 @@ def test_a_run_that_stops_in_any_phase_goes_on_with_the_same_bits(halfway: int):
     ends = [until(training, STEPS).state() for training in (whole, resumed)]
     assert ends[0].keys() == ends[1].keys()
     assert all(torch.equal(ends[0][name], tensor) for name, tensor in ends[1].items())
+
+
+def test_photographs_teach_where_they_were_taken_and_the_teacher_elsewhere():
+    steps = train(training := training_of())
+    for progress in steps:
+        batch = progress.batch
+        assert isinstance(batch, ImageBatch)
+        assert batch.photographed is (progress.step <= RECOVERED or progress.step % 3 == 0)
+        taught = batch.view.image(batch.background).permute(1, 2, 0)
+        if not batch.photographed:
+            taught = teacher_of(training).picture(batch.camera, batch.background).permute(1, 2, 0)
+        assert torch.equal(progress.truth, taught)
+        if progress.step == STEPS - 1:  # after the last the teacher is gone
+            break
 
 
 def test_a_teacher_that_draws_in_between_changes_no_gradient():

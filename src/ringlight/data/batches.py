@@ -24,6 +24,8 @@ class ImageBatch:
     """Whether every step lays this photograph over the same one."""
     left_out: LeftOut | None = None
     """Which Gaussians its prediction goes without."""
+    photographed: bool = True
+    """Whether the photograph was taken by the view's camera."""
 
     @property
     def label(self) -> str:

@@ -21,7 +21,7 @@ class MovedCameras:
     """The batches of ``photographs``; after step ``first``, to step ``last``, two cameras of three are moved.
 
     The offset is normal, with this ``deviation`` along each axis in world units, and depends on (seed, step) alone. A
-    moved batch keeps its photograph, which is of another view: it is for a loss that looks at none.
+    moved batch keeps its photograph, which is of another view, and says so: it is for a loss that looks at none then.
     """
 
     def __init__(self, photographs: ImageBatches, first: int, last: int, deviation: float, seed: int):
@@ -35,7 +35,7 @@ class MovedCameras:
             return batch
         offset = self.deviation * torch.randn(3, generator=generator(self.seed, step, "moved camera"))
         view = replace(batch.view, name=f"{batch.view.name}, moved", camera=moved(batch.camera, offset))
-        return replace(batch, view=view)
+        return replace(batch, view=view, photographed=False)
 
 
 def moved(camera: Camera, offset: Float[Tensor, "3"]) -> Camera:

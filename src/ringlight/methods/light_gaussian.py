@@ -28,7 +28,7 @@ GROWN = 0.5
 """Share of the course of rates before the distillation from which a run takes them that starts from a model: it has
 lost Gaussians, and the others learn anew."""
 
-GROWING_DISTILLED, FINISHED_DISTILLED = 0.12, 0.3
+GROWING_DISTILLED, FINISHED_DISTILLED = 0.12, 0.7
 """Shares of the steps behind the growing: a model that has just been grown recovers the longer
 (docs/methods/light-gaussian.md)."""
 
@@ -59,7 +59,7 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     finished models, or after two thirds of a run. 0 in runs that start --from a model of 3dgs."""
     distill_share: float | None = None
     """Share of the other steps in which harmonics are distilled; those before recover from the loss of Gaussians. By
-    default 0.12 in a run that grows them, 0.3 of a finished model. The paper has 5,000 steps of each, and begins with
+    default 0.12 in a run that grows them, 0.7 of a finished model. The paper has 5,000 steps of each, and begins with
     harmonics that are cut; ours begin with a fit to what they showed."""
     prune_share: float = 0.5
     """Share of the Gaussians that is dropped. About as few as leave a file a twelfth of that of 3dgs; the paper has 0.6

@@ -1,4 +1,4 @@
-"""The loss against a teacher's pictures, where there is a teacher; against photographs before it comes, and after."""
+"""The loss against a teacher's pictures of views that nobody photographed; against photographs elsewhere."""
 
 from ringlight.core.rendering import Rendering
 from ringlight.data.batches import ImageBatch
@@ -10,9 +10,10 @@ from ringlight.models.contract import Model
 
 
 class TeacherPictures:
-    """The terms of ``photographs`` with what the ``teacher`` shows of the batch's camera in place of the photograph.
+    """The terms of ``photographs``; of a batch that was not photographed, while there is a ``teacher``, with what that
+    shows of its camera in place of the photograph.
 
-    Pictures are drawn when they are wanted: most cameras come once.
+    Pictures are drawn when they are wanted: most such cameras come once.
     """
 
     buffers: tuple[str, ...] = ()
@@ -27,7 +28,7 @@ class TeacherPictures:
 
     def compare(self, prediction: Rendering, batch: ImageBatch, model: Model) -> Compared:
         """See :class:`ringlight.fit.losses.contract.Loss`."""
-        if not self.teacher.is_there:
+        if batch.photographed or not self.teacher.is_there:
             return self.photographs.compare(prediction, batch, model)
         target = Target(self.teacher.picture(batch.camera, batch.background))
         value, gradient = photometric_gradient(prediction.color, target, self.photographs.settings)
