@@ -9,6 +9,7 @@ from contracts.methods import small
 from ringlight.core.gradients import COLUMNS
 from ringlight.errors import RecipeError
 from ringlight.fit.train import Training, train
+from ringlight.methods.surface_start import FEWEST_VIEWS
 from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.choose import rasterizer_for
@@ -47,10 +48,33 @@ def test_strengths_and_environment_are_learned():
 
 
 def test_rounds_of_propagation_come_only_if_asked_for():
-    recipe = ThreeDGSDRRecipe(steps=7000)
+    recipe = ThreeDGSDRRecipe(steps=7000, warmup=0.05)
     assert not recipe.propagation.rounds(recipe.first_lit, recipe.steps)
     asked = replace(recipe.propagation, until=0.5)
     assert asked.rounds(recipe.first_lit, recipe.steps) == (1350, 2350, 3350)
+
+
+@pytest.mark.parametrize(("steps", "unlit"), [(10, 1), (1_000, 50), (3_000, 150), (7_000, 150), (30_000, 150)])
+def test_normals_of_a_hull_wait_for_the_reflection_for_150_steps_at_most(steps: int, unlit: int):
+    usual = ThreeDGSDRRecipe(steps=steps)
+    decided = usual.at_length()
+    assert decided.first_lit == usual.first_lit == unlit
+    assert decided.at_length() == decided
+    assert usual.may_settle_on(decided)
+    assert not usual.may_settle_on(replace(decided, warmup=0.3))
+    assert replace(usual, warmup=0.5).at_length().first_lit == steps // 2
+
+
+def test_from_points_that_have_no_normals_they_wait_as_in_the_paper():
+    scene, usual = tiny_scene(views=FEWEST_VIEWS, size=24), ThreeDGSDRRecipe(steps=7_000)
+    few = replace(scene, train=scene.train[:-1])
+    from_points = replace(usual, start=replace(usual.start, points=0))
+    for recipe, photographs, unlit in ((usual, scene, 150), (usual, few, 350), (from_points, scene, 350)):
+        settled, _ = recipe.settled(photographs, rasterizer_for("auto"), 0)
+        assert settled.first_lit == unlit
+        assert recipe.may_settle_on(settled)
+    asked = replace(from_points, warmup=0.02)
+    assert asked.settled(scene, rasterizer_for("auto"), 0)[0].warmup == 0.02
 
 
 @pytest.mark.parametrize("wrong", [{"first_strength": 0.0}, {"first_strength": 1.0}, {"first_texels": -0.1},

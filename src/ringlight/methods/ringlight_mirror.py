@@ -21,6 +21,7 @@ from ringlight.methods.averaging import AVERAGED
 from ringlight.methods.basis_rates import basis_rates
 from ringlight.methods.mirror_bounds import most_gaussians, most_without_hull
 from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.methods.warmup import check_warmup, unlit_share
 from ringlight.shade.reflection_settings import FINE_FROM, FINE_LEVELS, USUAL_LEVELS, ReflectionSettings
 
 if TYPE_CHECKING:
@@ -39,14 +40,9 @@ FAST_STEPS = 7_000
 """Up to which the weights learn fast. Slower ones are worth 2.3 and 0.7 dB on held-out views of chrome and of varnish
 after 30,000 steps, and cost 0.1 and 0.05 after 7,000 (docs/experiments/mirrors.md)."""
 
-WARMUP, MOST_WARMUP_STEPS = 0.05, 150
-"""Share of the steps that show base colours alone, and how many these are at most, of a subject that is cut out. What
-base colours make of a mirror's pictures lies behind its surface, and draws the surface there: on held-out views twelve
-balls lose 0.5 dB with 300 such steps of 3,000, and 1.1 with 700 of 7,000 (docs/experiments/mirrors.md)."""
-
 WARMUP_UNCARVED = 0.1
-"""And where nothing is cut out: there the surface is not known before, and 150 steps of 7,000 cost
-family_24 1.0 dB."""
+"""Share of the steps that show base colours alone where nothing is cut out: there the surface is not known before, and
+150 steps of 7,000 cost family_24 1.0 dB."""
 
 OF_VARYING = ("sh_every", "weights_rate", "basis_rate", "varying_opacity", "opacity_basis_rate")
 """Settings that decide nothing where base colours are constant."""
@@ -149,8 +145,7 @@ class RingLightMirrorRecipe(SplatRecipe):
         check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
         if not 0 <= self.basis_size <= SH_MAX_BASIS:
             raise RecipeError(f"basis_size is {self.basis_size}; give 0 (constant base colours) to {SH_MAX_BASIS}")
-        if self.warmup is not None and not 0 <= self.warmup <= 1:
-            raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
+        check_warmup(self.warmup)
         if not 0 <= self.light_hold < 1:
             raise RecipeError(f"light_hold is {self.light_hold:g}; give a share of the steps, from 0 to below 1")
         for name in ("consistency_stride", "consistency_every"):
@@ -227,10 +222,7 @@ class RingLightMirrorRecipe(SplatRecipe):
     @property
     def unlit_share(self) -> float:
         """Of the steps, those with base colours only: as set, or as suits the run's length."""
-        if self.warmup is not None:
-            return self.warmup
-        # nextafter: no rounding makes a step less of it.
-        return min(WARMUP, math.nextafter(MOST_WARMUP_STEPS / max(self.steps, 1), 1))
+        return unlit_share(self.warmup, self.steps)
 
     @property
     def first_lit(self) -> int:

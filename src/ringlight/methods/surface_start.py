@@ -79,3 +79,9 @@ class SurfaceStart:
             return scene.points
         found = hull_points(scene, self.points, seed) if len(scene.train) >= FEWEST_VIEWS else None
         return own_points(scene) if found is None else found
+
+    def has_normals_of(self, scene: "Scene") -> bool:
+        """Whether :meth:`with_normals_in` may find a hull, whose normals are nearly right from the first step."""
+        from ringlight.data.surface import is_cut_out
+
+        return self.points > 0 and len(scene.train) >= FEWEST_VIEWS and is_cut_out(scene)

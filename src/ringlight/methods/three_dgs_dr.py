@@ -18,6 +18,7 @@ from ringlight.fit.strategies.propagation_settings import PropagationSettings
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.surface_start import SurfaceStart
 from ringlight.methods.three_dgs import COARSE_SHARE, harmonics_rates
+from ringlight.methods.warmup import WARMUP, check_warmup, unlit_share
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from ringlight.core.scene import Scene
     from ringlight.fit.train import Training
     from ringlight.methods.assembly import Course
+    from ringlight.methods.recipe import Recipe
     from ringlight.rasterize.contract import Rasterizer
     from ringlight.shade.contract import Shader
 
@@ -49,8 +51,9 @@ class ThreeDGSDRRecipe(SplatRecipe):
     coarse_steps: int = 700
     """Steps with photographs at a quarter of their size, and as many again at half, as ``3dgs`` has (a tenth of the run
     if that is less); 0 for none, as in 3DGS-DR."""
-    warmup: float = 0.05
-    """Share of the steps with base colours only, before the reflection is switched on. 3DGS-DR: 3,000 of 61,000."""
+    warmup: float | None = None
+    """Share of the steps with base colours only, before the reflection is switched on. By default 0.05, and in runs of
+    more than 3,000 steps that start on the visual hull what makes 150 steps. 3DGS-DR: 3,000 of 61,000."""
     sh_degree: int = 3
     """Degree of the base colours' harmonics, 0 to 3."""
     sh_from: float = 0.0
@@ -104,7 +107,8 @@ class ThreeDGSDRRecipe(SplatRecipe):
         self.check_shares()
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
-        for name in ("warmup", "sh_from", "sh_every"):
+        check_warmup(self.warmup)
+        for name in ("sh_from", "sh_every"):
             if not 0 <= getattr(self, name) <= 1:
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give a share of the steps, from 0 to 1")
         if not 0 < self.first_strength < 1:
@@ -113,12 +117,25 @@ class ThreeDGSDRRecipe(SplatRecipe):
             raise RecipeError(f"first_texels is {self.first_texels:g}; give 0 or more")
         check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})
 
+    def settled(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "tuple[ThreeDGSDRRecipe, None]":
+        """See :meth:`SplatRecipe.settled`; and how long the warm-up is, which normals of a hull do not need."""
+        settled, _ = super().settled(scene, rasterize, seed)
+        if self.warmup is None and not self.start.has_normals_of(scene):
+            settled = replace(settled, warmup=WARMUP)
+        return settled, None
+
+    def may_settle_on(self, other: "Recipe") -> bool:
+        """See :meth:`SplatRecipe.may_settle_on`; with the warm-up of either start."""
+        if self.warmup is None and isinstance(other, ThreeDGSDRRecipe) and other.warmup == WARMUP:
+            other = replace(other, warmup=unlit_share(None, self.steps))
+        return super().may_settle_on(other)
+
     def at_length(self) -> "ThreeDGSDRRecipe":
         """See :meth:`SplatRecipe.at_length`."""
         of_dc, of_rest = harmonics_rates(self.sh_rate, self.sh_rest_rate, self.steps)
         of_strengths = reflection_rate_at(self.reflection_rate, self.steps)
         settled = replace(super().at_length(), sh_rate=of_dc, sh_rest_rate=of_rest)
-        return replace(settled, reflection_rate=of_strengths)
+        return replace(settled, reflection_rate=of_strengths, warmup=unlit_share(self.warmup, self.steps))
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         return self.build_on(self.start.with_normals_in(scene, seed), scene, rasterize, seed)
@@ -133,7 +150,7 @@ class ThreeDGSDRRecipe(SplatRecipe):
     @property
     def first_lit(self) -> int:
         """The last step with base colours only."""
-        return max(int(self.warmup * self.steps), 1)
+        return max(int(unlit_share(self.warmup, self.steps) * self.steps), 1)
 
     @property
     def degrees(self) -> dict[int, int]:
