@@ -56,11 +56,17 @@ OF_MATRIX_PRODUCTS = (
     "fields/test_perceptron_kernel.py",
     "shade/test_reflection_kernel.py",
     "volume/test_shading_kernel.py",
+    "volume/test_native_march.py",
+    "volume/test_gradient_share.py",
+    "models/test_lazy.py",
+    "models/test_picture.py",
+    "models/test_wants.py",
+    "models/test_way_back.py",
     "models/test_way_back_of_tiles.py",
     "test_fuzz_kernels.py",
 )
-"""Of these kernels alone there are copies for bfloat16 products (BF16_SOURCES in CMakeLists.txt): where the suite runs
-on such a set, all others are those of AVX-512 already."""
+"""What calls those kernels of which there are copies for bfloat16 products (BF16_SOURCES in CMakeLists.txt): where the
+suite runs on AVX-512 of any kind, all others are the same."""
 # Some that must be among them: to leave out the reference's own tests by name once left these out too.
 INDISPENSABLE = (
     "test_equals_the_reference_for_any_number_of_channels[cpu-False-3]",
@@ -69,6 +75,7 @@ INDISPENSABLE = (
     "test_lazy_colors_change_no_bit_of_a_step[light0-0.9]",
     "test_kernel_and_reference_equal_torch",
 )
+OF_MATRIX_PRODUCTS_TOO = INDISPENSABLE[3:4]
 
 
 def with_isa(name: str, *command: str) -> subprocess.CompletedProcess[str]:
@@ -98,7 +105,8 @@ def test_the_kernels_equal_their_references(name: str):
     assert done.returncode == 0, done.stdout[-2000:]
     passed = re.findall(r"^PASSED tests/(.*?)::(.*)", done.stdout, flags=re.MULTILINE)
     assert {file for file, _ in passed} == set(tests)
-    assert shares_the_others or {test for _, test in passed} >= set(INDISPENSABLE)
+    wanted = OF_MATRIX_PRODUCTS_TOO if shares_the_others else INDISPENSABLE
+    assert {test for _, test in passed} >= set(wanted)
     assert not any("[reference" in test for _, test in passed)
 
 
@@ -124,8 +132,12 @@ def test_all_kernels_with_copies_for_matrix_products_are_tested_with_them():
         pytest.skip("needs the source tree")
     listed = re.search(r"set\(BF16_SOURCES\s+(.*?)\)", (ROOT / "CMakeLists.txt").read_text(), flags=re.DOTALL)
     assert listed is not None
-    folders = {path.split("/")[1] for path in listed[1].split()}
-    assert folders == {"ring", "reflection", "dense", "illuminated", "volume"}, "name their tests above, then here"
+    known = (
+        "dense/perceptron", "illuminated/illuminated", "illuminated/illuminated_gradient", "reflection/reflection",
+        "reflection/reflection_gradient", "reflection/reflection_tiles", "ring/ring", "ring/ring_gradient",
+        "volume/shade",
+    )  # fmt: skip
+    assert sorted(listed[1].split()) == [f"kernels/{name}.isa.cpp" for name in known], "name their tests above too"
 
 
 @pytest.fixture

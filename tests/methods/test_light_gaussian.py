@@ -1,6 +1,6 @@
 """light-gaussian: its phases, what its models and files hold in each, and a start from 3dgs."""
 
-from dataclasses import replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,6 +20,7 @@ from ringlight.fit.teacher import Teacher
 from ringlight.fit.train import Training, train
 from ringlight.methods.light_gaussian import LightGaussianRecipe
 from ringlight.methods.lightening import as_files_hold
+from ringlight.methods.recipe import recipe_from_dict
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.runs.checkpoints import refuse_misfits
@@ -58,11 +59,20 @@ def test_phases_scale_with_the_run():
     assert (later.grown, later.recovered, later.prune_steps()[0]) == (0, 6_000, 1)
 
 
+@pytest.mark.parametrize(("grow_share", "share", "recovered"), [(0.5, 0.12, 4_700), (0.0, 0.7, 1_500)])
+def test_what_has_just_been_grown_recovers_the_longer(grow_share: float, share: float, recovered: int):
+    found = LightGaussianRecipe(steps=5_000, grow_share=grow_share)
+    assert found.recovered == recovered
+    assert found.at_length().distill_share == share
+    assert found.may_settle_on(found.at_length())
+
+
 @pytest.mark.parametrize(
     ("settings", "idle"),
     [
         ({}, set()),
         ({"prune_share": 0.0}, {"prune_by", "prune_rounds"}),
+        ({"distill_share": 0.0}, {"view_jitter", "photographs_teach"}),
         ({"codebook_size": 0}, {"codebook_share", "volume_power"}),
         ({"codebook_share": 0.0}, {"codebook_size", "volume_power"}),
         ({"codebook_share": 0.0, "prune_by": "significance"}, {"codebook_size"}),
@@ -73,7 +83,7 @@ def test_phases_scale_with_the_run():
     ],
 )
 def test_settings_that_decide_nothing_are_named(settings: dict[str, object], idle: set[str]):
-    own = {"prune_by", "prune_rounds", "codebook_share", "codebook_size", "volume_power", "prune_share"}
+    own = {field.name for field in fields(LightGaussianRecipe)} - {"densify", "average"}
     assert recipe(**settings).without_effect().keys() & own == idle
 
 
@@ -137,18 +147,30 @@ def test_a_run_that_stops_in_any_phase_goes_on_with_the_same_bits(halfway: int):
     assert all(torch.equal(ends[0][name], tensor) for name, tensor in ends[1].items())
 
 
-def test_photographs_teach_where_they_were_taken_and_the_teacher_elsewhere():
-    steps = train(training := training_of())
-    for progress in steps:
-        batch = progress.batch
-        assert isinstance(batch, ImageBatch)
-        assert batch.photographed is (progress.step <= RECOVERED or progress.step % 3 == 0)
-        taught = batch.view.image(batch.background).permute(1, 2, 0)
-        if not batch.photographed:
-            taught = teacher_of(training).picture(batch.camera, batch.background).permute(1, 2, 0)
-        assert torch.equal(progress.truth, taught)
-        if progress.step == STEPS - 1:  # after the last the teacher is gone
+@pytest.mark.parametrize("photographs_teach", [True, False])
+def test_photographs_teach_where_they_were_taken_and_the_teacher_elsewhere(photographs_teach: bool):
+    training = training_of(distill_share=0.75, photographs_teach=photographs_teach)
+    seen = []
+    for progress in train(training):
+        if progress.step == STEPS:  # after the last the teacher is gone
             break
+        batch, distils = progress.batch, progress.step > GROWN + 3
+        assert isinstance(batch, ImageBatch)
+        assert batch.photographed is not (distils and progress.step % 3 != 0)
+        by_teacher = distils and not (batch.photographed and photographs_teach)
+        taught = teacher_of(training).picture(batch.camera, batch.background) if by_teacher else None
+        photograph = batch.view.image(batch.background)
+        assert torch.equal(progress.truth, (photograph if taught is None else taught).permute(1, 2, 0))
+        seen.append((distils, batch.photographed))
+    assert {seen.count((True, True)), seen.count((True, False))} == {2, 6}
+
+
+def test_a_run_of_before_photographs_taught_goes_on_as_it_began():
+    """Its record lacks the setting, and leaves the share to the program."""
+    recorded = asdict(LightGaussianRecipe(steps=5_000, grow_share=0.0))
+    del recorded["photographs_teach"]
+    found = recipe_from_dict(LightGaussianRecipe, recorded, "recipe.json")
+    assert (found.photographs_teach, found.recovered, found.at_length().distill_share) == (False, 3_500, 0.3)
 
 
 def test_a_teacher_that_draws_in_between_changes_no_gradient():

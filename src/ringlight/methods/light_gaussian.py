@@ -32,6 +32,9 @@ GROWING_DISTILLED, FINISHED_DISTILLED = 0.12, 0.7
 """Shares of the steps behind the growing: a model that has just been grown recovers the longer
 (docs/methods/light-gaussian.md)."""
 
+FINISHED_DISTILLED_BY_TEACHER = 0.3
+"""The latter where no photograph teaches meanwhile."""
+
 DISTILLING = Rate(0.5, 0.05)
 """Harmonics that are distilled learn at these shares of 3dgs's first rates, from the first step to the last."""
 
@@ -61,6 +64,9 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     """Share of the other steps in which harmonics are distilled; those before recover from the loss of Gaussians. By
     default 0.12 in a run that grows them, 0.7 of a finished model. The paper has 5,000 steps of each, and begins with
     harmonics that are cut; ours begin with a fit to what they showed."""
+    photographs_teach: bool = later(False, now=True)
+    """Whether photographs teach the harmonics where they were taken, one step in three, and the teacher elsewhere. The
+    paper's teacher does everywhere."""
     prune_share: float = 0.5
     """Share of the Gaussians that is dropped. About as few as leave a file a twelfth of that of 3dgs; the paper has 0.6
     in a run that grows them, 0.66 of a finished model, and loses more."""
@@ -120,10 +126,16 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     @property
     def recovered(self) -> int:
         """The step after which harmonics are distilled."""
-        share = self.distill_share
-        if share is None:
-            share = GROWING_DISTILLED if self.grown else FINISHED_DISTILLED
-        return max(self.grown + round((1 - share) * (self.steps - self.grown)), 1)
+        return max(self.grown + round((1 - self._distilled) * (self.steps - self.grown)), 1)
+
+    @property
+    def _distilled(self) -> float:
+        """The share of the steps behind the growing, as set or as suits what there is at their begin."""
+        if self.distill_share is not None:
+            return self.distill_share
+        if self.grown:
+            return GROWING_DISTILLED
+        return FINISHED_DISTILLED if self.photographs_teach else FINISHED_DISTILLED_BY_TEACHER
 
     def prune_steps(self) -> tuple[int, ...]:
         """The steps after which Gaussians are dropped."""
@@ -137,7 +149,7 @@ class LightGaussianRecipe(ThreeDGSRecipe):
         open_settings = {
             name: getattr(taught, name) for name in ("rates", "densify", "start", "sh_rate", "sh_rest_rate")
         }
-        return replace(self, **open_settings)
+        return replace(self, **open_settings, distill_share=self._distilled)
 
     def _as_3dgs(self, steps: int) -> ThreeDGSRecipe:
         """The same settings as a recipe of 3dgs, so long."""
@@ -161,6 +173,8 @@ class LightGaussianRecipe(ThreeDGSRecipe):
         by_significance = self.prune_share and self.prune_by == "significance"
         if not (by_significance or (self.codebook_share and self.codebook_size)):
             idle["volume_power"] = "nothing asks for global significance"
+        if self.recovered == self.steps:
+            idle |= dict.fromkeys(("view_jitter", "photographs_teach"), "no step distils")
         return super().without_effect() | idle
 
     def never_above(self, most: int) -> "LightGaussianRecipe":

@@ -45,7 +45,7 @@ def lightened(
         growing,
         model=model,
         batches=MovedCameras(growing.batches, recipe.recovered, recipe.steps, jitter, seed),
-        loss=TeacherPictures(PhotographLoss(recipe.loss, rasterize.device), teacher),
+        loss=TeacherPictures(PhotographLoss(recipe.loss, rasterize.device), teacher, not recipe.photographs_teach),
         optimizer=Optimizer(model, recipe.groups(scene), recipe.steps, recipe.visible_only),
         strategies=(*(growing.strategies if recipe.grown else ()), *_lightening(recipe, scene, teacher, seed)),
         steps=recipe.steps,

@@ -28,6 +28,7 @@ from ringlight.fit.rates import (
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, PAPER_CLONE_BELOW, DensifySettings
 from ringlight.methods.averaging import AVERAGED
 from ringlight.methods.splat_recipe import SplatRecipe
+from ringlight.methods.warmup import check_warmup
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -117,8 +118,7 @@ class RingLightRingRecipe(SplatRecipe):
     def __post_init__(self) -> None:
         self.check_shares()
         check_rates(**{name: value for name, value in vars(self).items() if name.endswith(("_rate", "_rate_end"))})
-        if not 0 <= self.warmup <= 1:
-            raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
+        check_warmup(self.warmup)
         if not 0 <= self.mask_penalty < math.inf:
             raise RecipeError(f"mask_penalty is {self.mask_penalty:g}; give 0 (none) or more")
         if not 0 <= self.field_beta2 < 1:

@@ -17,6 +17,7 @@ from ringlight.fit.strategies.densify_settings import DensifySettings
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.surface_start import SurfaceStart
 from ringlight.methods.three_dgs import COARSE_SHARE
+from ringlight.methods.warmup import check_warmup
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -89,8 +90,7 @@ class ThreeIGSRecipe(SplatRecipe):
         self.check_shares()
         if self.coarse_steps < 0:
             raise RecipeError(f"coarse_steps is {self.coarse_steps}; give 0 (none) or more")
-        if not 0 <= self.warmup <= 1:
-            raise RecipeError(f"warmup is {self.warmup:g}; give a share of the steps, from 0 to 1")
+        check_warmup(self.warmup)
         if not 0 < self.gradient_share <= 1:
             raise RecipeError(f"gradient_share is {self.gradient_share:g}; give more than 0, at most 1")
         check_rates(**{name: value or 0.0 for name, value in vars(self).items() if name.endswith("_rate")})

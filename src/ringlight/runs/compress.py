@@ -13,9 +13,10 @@ from ringlight.core.stages import counted
 from ringlight.core.want import Want
 from ringlight.errors import OutputError, RunError
 from ringlight.files.atomic import refuse_existing
-from ringlight.files.model_file import read_model_file, write_model_file
+from ringlight.files.model_file import write_model_file
 from ringlight.files.pack_axes import pack_with_axes
 from ringlight.files.packed import pack_tensors, unpack_tensors
+from ringlight.files.tensor_file import read_metadata
 from ringlight.measure import metrics
 from ringlight.methods.store import CAMERAS_PREFIX, StoredModel, model_of_tensors, tensors_from_cameras
 from ringlight.models.contract import Model
@@ -77,7 +78,7 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     stored, size_before = opened.stored, opened.file.stat().st_size  # before it is replaced, perhaps
     if stored.header.storage:
         raise RunError(f"{opened.file}: is packed already; keep it as it is, or name the model that it was made of")
-    if read_model_file(opened.file).stored.packing:
+    if read_metadata(opened.file).get("packing", "{}") != "{}":
         raise RunError(f"{opened.file}: was packed by its training; keep it as it is")
     if scene is not None and not scene.test:
         scene = None

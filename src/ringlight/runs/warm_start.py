@@ -21,6 +21,8 @@ from ringlight.methods.ringlight import SHADINGS, RingLightRecipe
 from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.store import StoredModel
 from ringlight.methods.table import CHOOSERS, method_of
+from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
+from ringlight.methods.warmup import WARMUP
 from ringlight.models.narrowed_splats import REST
 from ringlight.models.splats import SplatModel
 from ringlight.runs.imported import PLY, model_of_ply
@@ -81,10 +83,13 @@ GROWN_ALREADY = LEARNED_ALREADY | {"grow_share": 0.0}
 
 
 def going_on(recipe: Recipe, start: Start) -> Recipe:
-    """The recipe without what the start has behind it."""
+    """The recipe without what the start has behind it; axes of another method's Gaussians are no normals, and wait for
+    the reflection as those of points do."""
     named: Any = recipe
     known = {field.name for field in fields(named)}
     settings = GROWN_ALREADY if start.stored.header.method in HARMONICS else LEARNED_ALREADY
+    if isinstance(recipe, ThreeDGSDRRecipe) and start.stored.header.method != method_of(recipe):
+        settings = settings | {"warmup": WARMUP if recipe.warmup is None else recipe.warmup}
     return replace(named, **{name: value for name, value in settings.items() if name in known})
 
 

@@ -1,4 +1,4 @@
-"""The loss against a teacher's pictures of views that nobody photographed; against photographs elsewhere."""
+"""The loss against a teacher's pictures where there are no photographs, or where they shall not teach."""
 
 from ringlight.core.rendering import Rendering
 from ringlight.data.batches import ImageBatch
@@ -10,16 +10,16 @@ from ringlight.models.contract import Model
 
 
 class TeacherPictures:
-    """The terms of ``photographs``; of a batch that was not photographed, while there is a ``teacher``, with what that
-    shows of its camera in place of the photograph.
+    """The terms of ``photographs``; of a batch that was not photographed, or, ``everywhere``, of any while there is a
+    ``teacher``, with what that shows of its camera in place of the photograph.
 
     Pictures are drawn when they are wanted: most such cameras come once.
     """
 
     buffers: tuple[str, ...] = ()
 
-    def __init__(self, photographs: PhotographLoss, teacher: Teacher):
-        self.photographs, self.teacher = photographs, teacher
+    def __init__(self, photographs: PhotographLoss, teacher: Teacher, everywhere: bool):
+        self.photographs, self.teacher, self.everywhere = photographs, teacher, everywhere
 
     @property
     def bytes_kept(self) -> int:
@@ -28,8 +28,9 @@ class TeacherPictures:
 
     def compare(self, prediction: Rendering, batch: ImageBatch, model: Model) -> Compared:
         """See :class:`ringlight.fit.losses.contract.Loss`."""
-        if batch.photographed or not self.teacher.is_there:
+        if batch.photographed and not (self.everywhere and self.teacher.is_there):
             return self.photographs.compare(prediction, batch, model)
+        assert self.teacher.is_there, "nobody photographed this view, and there is no teacher"
         target = Target(self.teacher.picture(batch.camera, batch.background))
         value, gradient = photometric_gradient(prediction.color, target, self.photographs.settings)
         return Compared(value, gradient, target.image.permute(1, 2, 0))
