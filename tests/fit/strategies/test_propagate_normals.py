@@ -14,6 +14,7 @@ from ringlight.fit.strategies.propagate_normals import PropagateNormals
 from ringlight.fit.strategies.propagation_settings import PropagationSettings
 from ringlight.fit.train import Training, train
 from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
+from ringlight.methods.warmup import WARMUP
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
 
@@ -76,7 +77,7 @@ def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]):
 
 
 def test_the_papers_warm_up_at_the_papers_length_and_the_degrees_before_or_after_it():
-    recipe = ThreeDGSDRRecipe(steps=61_000)
+    recipe = ThreeDGSDRRecipe(steps=61_000, warmup=WARMUP)  # as from points
     assert abs(recipe.first_lit - 3000) < 100
     assert list(recipe.degrees.values()) == [1, 2, 3]
     assert min(recipe.degrees) < max(recipe.degrees) < recipe.first_lit
