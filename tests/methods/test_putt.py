@@ -82,8 +82,11 @@ def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
     assert recipe_from_dict(PuttRecipe, written).average == 0
 
 
-def test_steps_of_older_recipes_are_not_scaled():
-    written = recipe_to_dict(PuttRecipe())
+def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
+    written = recipe_to_dict(PuttRecipe(scaled=0.6))
+    del written["scaled_after"]
+    older = recipe_from_dict(PuttRecipe, written)
+    assert (older.scaled, older.scaled_after) == (0.6, 0)
     del written["scaled"]
     assert recipe_from_dict(PuttRecipe, written).scaled == 0
 

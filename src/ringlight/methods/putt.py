@@ -129,6 +129,9 @@ class PuttRecipe(VolumeRecipe):
     """How far steps of a core are scaled by what the other cores make of its indices, from 0 (Adam as it is) to below
     1: the share of their Gram matrices beside one whose eigenvalues all are their mean. 0.6 gains on lego_400 and loses
     on chair_400 (docs/methods/putt.md)."""
+    scaled_after: int = later(0, now=PAPER_DOUBLINGS)
+    """Doublings before steps are scaled, or all of them where there are fewer. While the grid is coarse, scaled steps
+    are too short: what lies in the wrong place then stays there."""
     average: float = later(0.0, now=AVERAGED)
     """Share of a run, its last: the kept model is the mean of the models after each of its steps. 0 keeps the last one;
     rates fall to 0.07 then, and to 0.01 over the last fifth."""
@@ -145,6 +148,7 @@ class PuttRecipe(VolumeRecipe):
             hidden=(1, MOST_UNITS),
             coarsest=(SMALLEST_SIDE, LARGEST_SIDE),
             finest=(SMALLEST_SIDE, LARGEST_SIDE),
+            scaled_after=(0, TRAIN_MOST_LEVELS),
         )
         for name in ("coarsest", "finest"):
             side = getattr(self, name)
@@ -246,7 +250,9 @@ class PuttRecipe(VolumeRecipe):
         def maps() -> "dict[str, Scaling]":
             return {f"field.{name}": scaling for name, scaling in field.scalings(self.scaled).items()}
 
-        return (ScaledSteps(optimizer, maps),) if self.scaled else ()
+        begins = (0, *self.refined)
+        begin = begins[min(self.scaled_after, len(begins) - 1)]
+        return (ScaledSteps(optimizer, maps, begin),) if self.scaled else ()
 
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
         return self.model_of(self.coarsest, box, seed)

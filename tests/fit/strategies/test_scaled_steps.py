@@ -1,27 +1,36 @@
 """Steps of tensor trains are scaled by maps that are renewed every so often, kept in a checkpoint, and can be left."""
 
+import dataclasses
+
 import pytest
 import torch
 
 from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.strategies.scaled_steps import RENEWED_EVERY, ScaledSteps
 from ringlight.fit.train import Training, train
+from ringlight.methods.putt import PuttRecipe
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import small
 from tiny_scene import tiny_scene
 
 SCENE = tiny_scene(views=4, size=16)
 STEPS = 26
+CPU = rasterizer_for("cpu")
 
 
 def training_of(**settings: float) -> Training:
-    recipe = small("putt", steps=STEPS, coarsest=4, finest=8, **{"scaled": 0.6, **settings})
-    return recipe.build(SCENE, rasterizer_for("cpu"), 0)
+    recipe = small("putt", steps=STEPS, coarsest=4, finest=8, **{"scaled": 0.6, "scaled_after": 0, **settings})
+    return recipe.build(SCENE, CPU, 0)
+
+
+def scaled_in(training: Training) -> ScaledSteps:
+    [scaled] = [strategy for strategy in training.strategies if isinstance(strategy, ScaledSteps)]
+    return scaled
 
 
 def test_maps_are_of_the_last_renewal_or_refinement():
     training = training_of()
-    [scaled] = [strategy for strategy in training.strategies if isinstance(strategy, ScaledSteps)]
+    scaled = scaled_in(training)
     assert isinstance(scaled, Strategy)
     assert not len(scaled.state()["maps"])
     refined = training.optimizer.model.field.levels
@@ -34,6 +43,19 @@ def test_maps_are_of_the_last_renewal_or_refinement():
         changed += [] if same else [progress.step]
         before, refined = now, levels
     assert len(changed) > 1 + STEPS // RENEWED_EVERY
+
+
+def test_steps_are_scaled_after_the_last_doubling_unless_another_is_asked_for():
+    asked_for = small("putt", steps=STEPS, coarsest=4, finest=16)
+    training = dataclasses.replace(asked_for, scaled_after=PuttRecipe().scaled_after).build(SCENE, CPU, 0)
+    scaled = scaled_in(training)
+    for _ in train(training):
+        assert (len(scaled.state()["maps"]) > 0) == (training.model.field.levels == 4)
+    assert training.model.field.levels == 4
+    begins = [
+        scaled_in(dataclasses.replace(asked_for, scaled_after=after).build(SCENE, CPU, 0)).begin for after in range(4)
+    ]
+    assert begins == [0, *asked_for.refined, scaled.begin]
 
 
 def test_without_a_share_steps_are_those_of_adam_alone():

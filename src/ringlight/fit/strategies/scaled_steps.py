@@ -17,18 +17,18 @@ RENEWED_EVERY = 10
 
 
 class ScaledSteps:
-    """From the second step on. Maps are made anew after every RENEWED_EVERY and after each refinement, which must come
-    before it; ``made`` returns them by parameter name."""
+    """Those after step ``begin``, but never the first. Maps are made anew after every RENEWED_EVERY and after each
+    refinement, which must come before it; ``made`` returns them by parameter name."""
 
     most: int | None = None
 
-    def __init__(self, optimizer: Optimizer, made: Callable[[], Mapping[str, Scaling]]):
-        self.optimizer, self.made = optimizer, made
+    def __init__(self, optimizer: Optimizer, made: Callable[[], Mapping[str, Scaling]], begin: int = 0):
+        self.optimizer, self.made, self.begin = optimizer, made, begin
         self._scalings: Mapping[str, Scaling] = {}
 
     def update(self, step: int, model: nn.Module, optimizer: Optimizer, prediction: Rendering) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
-        if step % RENEWED_EVERY and optimizer.scales:
+        if step < self.begin or (step % RENEWED_EVERY and optimizer.scales):
             return
         self._take(self.made())
 
