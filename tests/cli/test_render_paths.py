@@ -163,6 +163,7 @@ def test_a_film_of_a_nerfstudio_path_is_as_fast_as_the_file_says(
     av = pytest.importorskip("av")
     file = tmp_path / "flight.json"
     file.write_text(json.dumps(path_of_first_test_view(tiny)))
+    refused(ringlight("render", run, "--path", file, "--fps", "12"), 1, "--fps", "give --video")
     for words, rate in (((), 1), (("--fps", "12"), 12)):
         out = tmp_path / str(rate)
         assert ringlight("render", run, "--path", file, "--video", "--out", out, *words).code == 0

@@ -56,6 +56,11 @@ def test_pictures_that_show_nothing_are_refused(options: SceneOptions, words: st
     assert target_size(3, 2, SceneOptions()) == (3, 2)
 
 
+def test_a_bound_that_nobody_gave_is_called_the_default():
+    with pytest.raises(RecipeError, match=r"^--max-width 1600, the default, leaves 1600x2 pixels"):
+        target_size(8000, 12, SceneOptions())
+
+
 def test_pixels_are_those_of_the_file_and_are_kept(tmp_path: Path):
     write_image(tmp_path / "a.png", mode="RGBA")
     photograph = Photograph(tmp_path / "a.png", 16, 12)

@@ -180,6 +180,7 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
     elif asked.path in PATHS:
         film = film_from_training(opened, asked.path, frames)
     else:
+        asked.refuse_fps()
         again = command("render", asked.model, "--path", asked.path, "--scene", "FOLDER")
         moved = scene_was_moved(Path(asked.path), opened, asked.scene, again)
         read = read_nerfstudio_path(Path(asked.path), MOST_FRAMES, moved)

@@ -95,7 +95,12 @@ class RenderArguments:
         self.baseline()  # refused before anything is read
         if self.path != "orbit" and (given := [f"--{name}" for name in OF_ORBITS if getattr(self, name) is not None]):
             raise RecipeError(f"{given[0]} is of an orbit; give --path orbit with it")
-        if self.fps is not None and not self.video and self.path in PATHS:  # key frames take more pictures by it
+        if self.path in PATHS:
+            self.refuse_fps()
+
+    def refuse_fps(self) -> None:
+        """Raise RecipeError for --fps without a film, unless cameras are key frames, which take more pictures by it."""
+        if self.fps is not None and not self.video:
             raise RecipeError("--fps is of a film; give --video with it")
 
     def baseline(self) -> float | None:

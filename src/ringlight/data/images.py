@@ -39,17 +39,19 @@ def target_size(width: int, height: int, options: SceneOptions) -> tuple[int, in
     Raises RecipeError for options that leave fewer pixels than LEAST_SIDE of a side that has them.
     """
     if options.downscale is not None:
-        size, flag = (round(width / options.downscale), round(height / options.downscale)), "--downscale"
-        asked, most = options.downscale, max(1, min(width, height) // LEAST_SIDE)
+        size = (round(width / options.downscale), round(height / options.downscale))
+        asked, most = f"--downscale {options.downscale}", max(1, min(width, height) // LEAST_SIDE)
         remedy = f"give at most {most}" if most > 1 else "leave it out"
     elif width > options.max_width:
-        size, flag = (options.max_width, round(height * options.max_width / width)), "--max-width"
-        asked, remedy = options.max_width, f"give at least {max(LEAST_SIDE, -(-LEAST_SIDE * width // height))}"
+        size = (options.max_width, round(height * options.max_width / width))
+        by_default = ", the default," if options.max_width == SceneOptions.max_width else ""
+        asked = f"--max-width {options.max_width}{by_default}"
+        remedy = f"give at least {max(LEAST_SIDE, -(-LEAST_SIDE * width // height))}"
     else:
         return width, height
     if min(size) < min(LEAST_SIDE, width, height):
         left = f"{size[0]}x{size[1]} pixels of photographs of {width}x{height}"
-        raise RecipeError(f"{flag} {asked} leaves {left}; {remedy}")
+        raise RecipeError(f"{asked} leaves {left}; {remedy}")
     return size
 
 
