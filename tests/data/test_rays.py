@@ -74,3 +74,26 @@ def test_what_is_not_opaque_lies_over_the_background(background: str):
     batch = RayBatches(dataclasses.replace(SCENE, background=background), COUNT, 0).at(4)
     most = batch.colors[(batch.colors == batch.background).all(-1)]
     assert len(most) > COUNT / 4
+
+
+def test_what_was_shown_decides_what_is_drawn_next_and_the_same_for_the_same():
+    one, other, never = (RayBatches(SCENE, COUNT, 0, by_error=0.8) for _ in range(3))
+    for batches in (one, other):
+        colors = batches.at(1).colors
+        batches.learn(torch.where(torch.arange(COUNT)[:, None] % 2 == 0, colors, 1 - colors))
+        batches.learn(torch.rand(COUNT, 3))  # of no lot: forgotten
+    assert torch.equal(one.at(2).rays.directions, other.at(2).rays.directions)
+    assert torch.equal(one.errors.errors, other.errors.errors)
+    assert not torch.equal(one.at(2).rays.directions, never.at(2).rays.directions)
+    assert (one.errors.errors < never.errors.errors).any()
+
+
+def test_rays_that_are_drawn_by_error_are_kept_ones():
+    batches = RayBatches(SCENE, COUNT, 0, by_error=0.5)
+    upwards = batches.looked_at(lambda rays: rays.directions[:, 2] > 0)
+    batches.keep(upwards)
+    assert batches.kept_rays == int(upwards.sum())
+    batch = batches.at(1)
+    assert (batch.rays.directions[:, 2] > 0).all()
+    assert batch.weights.shape == (COUNT,)
+    assert batches.bytes_kept > batches.all_rays * rays.CHANNELS

@@ -74,12 +74,18 @@ def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
     assert PuttRecipe(steps=15_000).averaged_from == 13_501
     assert PuttRecipe(steps=15_000, average=1.0).averaged_from == 2001
     assert PuttRecipe(steps=15_000, average=0.0).averaged_from is None
-    built_for = built(steps=40, average=0.25).strategies[-1]
-    assert isinstance(built_for, AverageAtEnd)
+    strategies = built(steps=40, average=0.25).strategies
+    [built_for] = [strategy for strategy in strategies if isinstance(strategy, AverageAtEnd)]
     assert (built_for.first, built_for.last) == (31, 40)
     written = recipe_to_dict(PuttRecipe())
     del written["average"]
     assert recipe_from_dict(PuttRecipe, written).average == 0
+
+
+def test_rays_of_older_recipes_are_drawn_evenly():
+    written = recipe_to_dict(PuttRecipe())
+    assert written.pop("by_error") > 0
+    assert recipe_from_dict(PuttRecipe, written).by_error == 0
 
 
 def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
@@ -118,6 +124,8 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"size": 12.0, "density_rank": 100}, "size and density_rank are given"),
         ({"gradient_share": float("nan")}, "gradient_share is nan"),
         ({"average": 1.5}, "average is 1.5; give a share"),
+        ({"by_error": 1.0}, "by_error is 1; give 0"),
+        ({"by_error": float("nan")}, "by_error is nan; give 0"),
         ({"scaled": 1.0}, "scaled is 1; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),

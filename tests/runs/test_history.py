@@ -1,6 +1,7 @@
 """A training's curve: a hundred points at most, the same however often it is stopped, and without what was undone."""
 
 import json
+import math
 
 import pytest
 import torch
@@ -155,3 +156,11 @@ def test_damage_is_a_value_error(text: str) -> None:
     with pytest.raises(ValueError, match="history"):
         History(10).go_on_from({"history": text})
     History(10).go_on_from({})
+
+
+def test_pixels_that_were_not_drawn_evenly_count_by_their_weights() -> None:
+    picture, truth = torch.tensor([[0.1] * 3, [0.5] * 3]), torch.zeros(2, 3)
+    shown = Rendering(picture, torch.ones(2, 1), {})
+    history = History(1)
+    history.note(Progress(1, {}, Photograph(), shown, truth, weights=torch.tensor([1.5, 0.5])), 0.1, 1)
+    assert history.points[0].psnr == pytest.approx(-10 * math.log10((1.5 * 0.01 + 0.5 * 0.25) / 2))

@@ -159,7 +159,7 @@ class _Meter:
 
     def line(self, progress: Progress, preview: str, room: int | None) -> str:
         """In at most ``room`` characters, or in full; the last ``preview``, if there is one, before the model."""
-        now = psnr(progress.prediction.color.clamp(0, 1), progress.truth)
+        now = psnr(progress.prediction.color, progress.truth, progress.weights)
         smoothed = SMOOTHING * self.decibels + (1 - SMOOTHING) * now
         self.decibels = smoothed if math.isfinite(self.decibels) else now
         self._time(progress.step, self.session.clock.wall)

@@ -15,6 +15,7 @@ from ringlight.core.directions import normalize
 from ringlight.core.randomness import generator
 from ringlight.core.scene import Scene, View
 from ringlight.core.stages import counted
+from ringlight.data.ray_errors import RayErrors
 
 OPAQUE = 255
 """Alpha of a photograph without a mask."""
@@ -63,11 +64,13 @@ CHOOSING = 4
 
 @dataclass(frozen=True)
 class RayBatch:
-    """R rays of any photographs; ``colors`` are those of their pixels over ``background``, in [0, 1]."""
+    """R rays of any photographs; ``colors`` are those of their pixels over ``background``, in [0, 1]. Rays that were
+    not drawn evenly have ``weights`` in a mean over them."""
 
     rays: Rays
     colors: Float[Tensor, "R 3"]
     background: Float[Tensor, "3"]
+    weights: Float[Tensor, "R"] | None = None
 
     @property
     def label(self) -> str:
@@ -76,13 +79,14 @@ class RayBatch:
 
 
 class RayBatches:
-    """``count`` rays drawn anew at each step, with replacement; a pure function of (seed, step) and of what is kept.
+    """``count`` rays drawn anew at each step, with replacement; a pure function of (seed, step), of what is kept, and,
+    where a share is drawn ``by_error``, of the errors so far.
 
     Up to step ``varied`` photographs with masks lie over a background that is drawn, as with a random one: over black,
     what is black itself, as all but empty space is, would never be missed.
     """
 
-    def __init__(self, scene: Scene, count: int, seed: int, varied: int = 0):
+    def __init__(self, scene: Scene, count: int, seed: int, varied: int = 0, by_error: float = 0.0):
         self.scene, self.count, self.seed = scene, count, seed
         self.varied = varied if all(view.has_alpha for view in scene.train) else 0
         cameras = [view.camera for view in scene.train]
@@ -97,6 +101,9 @@ class RayBatches:
             self._pixels[begin:end] = _pixels(view)
             begin = end
         self._kept: Int[Tensor, "K"] | None = None
+        heights = torch.tensor([camera.height for camera in cameras])
+        self.errors = RayErrors(self._widths, heights, by_error) if by_error else None
+        self._last: tuple[Int[Tensor, "R"], Float[Tensor, "R 3"]] | None = None
 
     @property
     def all_rays(self) -> int:
@@ -106,6 +113,8 @@ class RayBatches:
     @property
     def kept_rays(self) -> int:
         """Those that are drawn from."""
+        if self.errors is not None:
+            return self.errors.kept_rays
         return self.all_rays if self._kept is None else len(self._kept)
 
     @staticmethod
@@ -118,19 +127,34 @@ class RayBatches:
     def bytes_kept(self) -> int:
         """Of pixels, and of the numbers of kept rays."""
         kept = 0 if self._kept is None else self._kept.numel() * self._kept.element_size()
-        return self._pixels.numel() + kept
+        return self._pixels.numel() + kept + (0 if self.errors is None else self.errors.bytes_kept)
 
     def at(self, step: int) -> RayBatch:
         """The batch of ``step`` (1 is the first)."""
         draw = generator(self.seed, step, "rays")
-        index = torch.randint(self.kept_rays, (self.count,), generator=draw)
-        if self._kept is not None:
-            index = self._kept[index].long()
+        index, weights, blocks = self._drawn(draw)
         jitter = torch.rand(self.count, generator=draw)
         background = self._background(step)
         pixels = self._pixels[index].float().div_(OPAQUE)
         colors = torch.lerp(background.expand(self.count, 3), pixels[:, :3], pixels[:, 3:])
-        return RayBatch(self._rays(index, jitter), colors, background)
+        self._last = None if blocks is None else (blocks, colors)
+        return RayBatch(self._rays(index, jitter), colors, background, weights)
+
+    def _drawn(self, draw: torch.Generator) -> tuple[Int[Tensor, "R"], Tensor | None, Tensor | None]:
+        """Numbers of rays, and their weights and blocks."""
+        if self.errors is not None:
+            drawn = self.errors.draw(self.count, draw)
+            return drawn.index, drawn.weights, drawn.blocks
+        index = torch.randint(self.kept_rays, (self.count,), generator=draw)
+        return (index if self._kept is None else self._kept[index].long()), None, None
+
+    def learn(self, colors: Float[Tensor, "R 3"]) -> None:
+        """What was shown of the last lot that was drawn by error; forgotten then."""
+        if self._last is None or self.errors is None:
+            return
+        blocks, truth = self._last
+        self.errors.learn(blocks, (colors.detach().cpu() - truth).square().mean(-1))
+        self._last = None
 
     def looked_at(self, meets: Callable[[Rays], Bool[Tensor, "R"]]) -> Bool[Tensor, "P"]:
         """Of all rays those of which ``meets`` says so; their samples are in the middle of their steps."""
@@ -142,6 +166,9 @@ class RayBatches:
 
     def keep(self, chosen: Bool[Tensor, "P"]) -> None:
         """From now on draw from the ``chosen`` ones of all rays alone."""
+        if self.errors is not None:
+            self.errors.keep(chosen)
+            return
         self._kept = None  # before others are made
         kept = torch.empty(int(chosen.sum()), dtype=_number_type(self.all_rays))
         end = 0

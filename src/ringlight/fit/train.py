@@ -130,6 +130,7 @@ class Training:
 @dataclass(frozen=True)
 class Progress:
     """What happened in one step. ``prediction`` and ``truth`` are what the loss compared, before the update.
+    ``weights`` are those of pixels in it, None where all count alike.
 
     ``fault`` is a sentence on a number that was not finite, ``collapse`` one on a light that collapsed, after which the
     training may have gone back to an earlier step; both are None in nearly all steps.
@@ -142,6 +143,7 @@ class Progress:
     truth: Float[Tensor, "*pixels 3"]
     fault: str | None = None
     collapse: str | None = None
+    weights: Float[Tensor, "*pixels"] | None = None
 
     @property
     def loss(self) -> float:
@@ -175,7 +177,7 @@ def train(training: Training) -> Iterator[Progress]:
             strategy.update(step, model, optimizer, prediction)
         training.step = step
         collapse = training.undo_collapse(compared.value.item())
-        yield Progress(step, losses, batch, prediction, compared.truth, fault, collapse)
+        yield Progress(step, losses, batch, prediction, compared.truth, fault, collapse, compared.weights)
         training.faults.refuse_too_many(fault)
 
 

@@ -29,9 +29,17 @@ def mean_squared_error(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "
     return (image.clamp(0, 1).double() - truth.double()).square().mean().item()
 
 
-def psnr(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "*pixels 3"]) -> float:
-    """Peak signal-to-noise ratio in dB of one image, from the mean over pixels and channels, without rounding."""
-    return _decibel(mean_squared_error(image, truth))
+def psnr(
+    image: Float[Tensor, "*pixels 3"],
+    truth: Float[Tensor, "*pixels 3"],
+    weights: Float[Tensor, "*pixels"] | None = None,
+) -> float:
+    """Peak signal-to-noise ratio in dB of one image, from the mean over pixels and channels, without rounding. Pixels
+    that were not drawn evenly have ``weights`` in it."""
+    if weights is None:
+        return _decibel(mean_squared_error(image, truth))
+    squares = (image.clamp(0, 1).double() - truth.double()).square().mean(-1)
+    return _decibel((squares * weights.to(squares)).mean().item())
 
 
 def psnr_u8(image: Float[Tensor, "*pixels 3"], truth: Float[Tensor, "*pixels 3"]) -> float:

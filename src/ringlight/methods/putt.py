@@ -25,6 +25,7 @@ from ringlight.methods.putt_sizes import (
 )
 from ringlight.methods.volume_recipe import (
     BETAS,
+    BY_ERROR,
     EPSILON,
     MOST_RAYS,
     MOST_UNITS,
@@ -132,6 +133,9 @@ class PuttRecipe(VolumeRecipe):
     scaled_after: int = later(0, now=PAPER_DOUBLINGS)
     """Doublings before steps are scaled, or all of them where there are fewer. While the grid is coarse, scaled steps
     are too short: what lies in the wrong place then stays there."""
+    by_error: float = later(0.0, now=BY_ERROR)
+    """Share of a step's rays that are drawn by the errors of those before them, which are told by blocks of 4 x 4
+    pixels, and weighted so that the loss keeps its mean. 0, as in the papers: all are drawn evenly."""
     average: float = later(0.0, now=AVERAGED)
     """Share of a run, its last: the kept model is the mean of the models after each of its steps. 0 keeps the last one;
     rates fall to 0.07 then, and to 0.01 over the last fifth."""

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 BETAS, EPSILON = (0.9, 0.99), 1e-8
 """Adam's, of TensoRF and of what is built on it."""
 
+BY_ERROR = 0.7
+"""Rays that are wrong by more make a lot's gradient less noisy; a third of them are drawn evenly, so that none counts
+more than three times (docs/methods/putt.md)."""
+
 MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
@@ -52,6 +56,8 @@ class VolumeRecipe(ABC):
     bounds: Bounds | None
     carve: bool
     gradient_share: float
+    by_error: float
+    """Share of the rays that are drawn by error."""
     average: float
     """Share of a run, its last, over whose models the one that is kept is the mean."""
 
@@ -183,6 +189,8 @@ class VolumeRecipe(ABC):
         """Raise RecipeError for what is no share."""
         if not 0 < self.gradient_share <= 1:
             raise RecipeError(f"gradient_share is {self.gradient_share:g}; give more than 0, at most 1")
+        if not 0 <= self.by_error < 1:
+            raise RecipeError(f"by_error is {self.by_error:g}; give 0 (all rays are drawn evenly) to below 1")
         check_average(self.average)
 
     def refuse_bounds(self) -> None:

@@ -13,6 +13,7 @@ from ringlight.fit.losses.rays import RayLoss
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.room import memory_of
 from ringlight.fit.strategies.average_at_end import AverageAtEnd
+from ringlight.fit.strategies.draw_by_error import DrawByError
 from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training
@@ -53,7 +54,8 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
         model.skip_all_but(left)
     model.to(rasterize.device)
     emptied = recipe.emptied
-    batches = RayBatches(scene, recipe.rays, seed, emptied[0] if scene.background == "black" else 0)
+    varied = emptied[0] if scene.background == "black" else 0
+    batches = RayBatches(scene, recipe.rays, seed, varied, recipe.by_error)
     met = batches.looked_at(model.meets_something if carving is not None else lambda rays: meets_box(rays, box))
     if not met.any():
         corners = " ".join(f"{value:.3g}" for value in recipe.bounds)
@@ -72,6 +74,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
             RefineGrid(recipe.refined),
             *recipe.stepped_by(optimizer, model),
             *averages,
+            *(() if batches.errors is None else (DrawByError(batches, batches.errors),)),
         ),
         steps=recipe.steps,
         regularizers=recipe.terms(model),

@@ -32,7 +32,7 @@ class History:
         self._last = progress.step
         left = -progress.step % self.every
         if left < SAMPLED and progress.fault is None:
-            self._sum += psnr(progress.prediction.color, progress.truth)
+            self._sum += psnr(progress.prediction.color, progress.truth, progress.weights)
             self._losses += progress.loss
             self._count += 1
         if left == 0 and self._count:

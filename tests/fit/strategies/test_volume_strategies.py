@@ -1,9 +1,13 @@
 """Empty space is found and the grid refined at the steps that the recipe says, once, with Adam anew, and to the bit."""
 
+from collections.abc import Callable
+
 import pytest
 import torch
 
+from ringlight.data.ray_errors import UNSEEN
 from ringlight.fit.strategies.contract import Strategy
+from ringlight.fit.strategies.draw_by_error import DrawByError
 from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training, train
@@ -72,6 +76,40 @@ def test_a_resumed_run_has_the_same_bits(method: str, after: str):
     assert ends[0].keys() == ends[1].keys()
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[0])
     assert resumed.batches.kept_rays == whole.batches.kept_rays
+
+
+@pytest.mark.parametrize("method", ["tensorf", "putt"])
+def test_errors_are_those_of_the_rays_that_were_drawn(method: str):
+    training = training_of(method)
+    [by_error] = [strategy for strategy in training.strategies if isinstance(strategy, DrawByError)]
+    assert isinstance(by_error, Strategy)
+    shown = 0
+    for progress in train(training):
+        assert progress.weights is not None
+        blocks = (by_error.errors.errors < UNSEEN).sum().item()
+        assert shown < blocks or blocks > 0.9 * len(by_error.errors.errors)
+        shown = blocks
+    whole, even = training_of(method), small(method, steps=STEPS, by_error=0.0).build(SCENE, rasterizer_for("cpu"), 3)
+    assert not any(isinstance(strategy, DrawByError) for strategy in even.strategies)
+    assert even.batches.at(1).weights is None
+    assert whole.batches.at(1).weights is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda errors: errors[1:], "blocks of pixels have errors of float32"),
+        (lambda errors: errors.double(), "not torch.float64"),
+        (lambda errors: errors - 2, "numbers from 0 to 1"),
+        (lambda errors: errors * float("nan"), "numbers from 0 to 1"),
+    ],
+)
+def test_errors_that_photographs_cannot_have_are_refused(change: Callable[[torch.Tensor], torch.Tensor], words: str):
+    training = training_of("tensorf")
+    state = training.state()
+    [name] = [name for name in state if name.endswith(".errors")]
+    with pytest.raises(ValueError, match=words):
+        training.restore(state | {name: change(state[name])})
 
 
 @pytest.mark.parametrize("rays", [0, 8, SCENE_RAYS + 8])

@@ -14,13 +14,15 @@ from ringlight.models.contract import Model
 @dataclass(frozen=True)
 class Compared:
     """Value of the loss, and the gradients with which the way back begins: of the colours, by buffer, and by full
-    parameter name. ``truth`` is what the colours should have been, in [0, 1]."""
+    parameter name. ``truth`` is what the colours should have been, in [0, 1]; ``weights`` is how much pixels count that
+    were drawn with other chances than even ones."""
 
     value: Float[Tensor, ""]
     grad_color: Float[Tensor, "*pixels 3"]
     truth: Float[Tensor, "*pixels 3"]
     grad_buffers: Channels = field(default_factory=dict)
     grad_parameters: Mapping[str, Tensor] = field(default_factory=dict)
+    weights: Float[Tensor, "*pixels"] | None = None
 
 
 @runtime_checkable

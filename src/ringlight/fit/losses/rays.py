@@ -7,7 +7,7 @@ from ringlight.models.contract import Model
 
 
 class RayLoss:
-    """Mean squared error over pixels and channels (Mildenhall et al. 2020)."""
+    """Mean squared error over pixels and channels (Mildenhall et al. 2020), by the rays' weights if they have some."""
 
     buffers: tuple[str, ...] = ()
 
@@ -23,4 +23,7 @@ class RayLoss:
         """See :class:`ringlight.fit.losses.contract.Loss`."""
         truth = batch.colors.to(prediction.color)
         difference = prediction.color - truth
-        return Compared(difference.square().mean(), difference * (2 / difference.numel()), truth)
+        weights = None if batch.weights is None else batch.weights.to(difference)
+        weighted = difference if weights is None else difference * weights[:, None]
+        value = (difference * weighted).mean()
+        return Compared(value, weighted * (2 / difference.numel()), truth, weights=weights)

@@ -1,0 +1,89 @@
+"""Rays are drawn where pictures are wrong, and weighted so that means over them stay what they were."""
+
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ringlight.data.ray_errors import BLOCK, UNSEEN, RayErrors
+
+WIDTHS, HEIGHTS = torch.tensor([9, 4, 6]), torch.tensor([5, 4, 1])
+RAYS = 9 * 5 + 4 * 4 + 6 * 1
+BLOCKS = 3 * 2 + 1 + 2
+MANY = 200_000
+
+
+def drawn(errors: RayErrors, count: int = MANY, seed: int = 0):
+    return errors.draw(count, torch.Generator().manual_seed(seed))
+
+
+def block_of(ray: int) -> int:
+    for first_block, across, first_ray, width in ((0, 3, 0, 9), (6, 1, 45, 4), (7, 2, 61, 6)):
+        if ray < first_ray + width * {9: 5, 4: 4, 6: 1}[width]:
+            row, column = divmod(ray - first_ray, width)
+            return first_block + row // BLOCK * across + column // BLOCK
+    raise AssertionError(ray)
+
+
+def test_a_ray_is_drawn_with_the_block_that_its_pixel_lies_in():
+    found = drawn(RayErrors(WIDTHS, HEIGHTS, 0.5))
+    assert set(found.index.tolist()) == set(range(RAYS))
+    assert found.blocks.tolist() == [block_of(ray) for ray in found.index.tolist()]
+
+
+def test_before_any_error_is_known_all_rays_are_drawn_evenly():
+    found = drawn(RayErrors(WIDTHS, HEIGHTS, 0.7))
+    torch.testing.assert_close(found.weights, torch.ones(MANY), rtol=1e-6, atol=0)
+    counts = torch.bincount(found.index, minlength=RAYS)
+    assert ((counts - MANY / RAYS).abs() < 5 * (MANY / RAYS) ** 0.5).all()
+
+
+@given(
+    kept=st.lists(st.booleans(), min_size=RAYS, max_size=RAYS).filter(any),
+    errors=st.lists(st.floats(0, 1, width=32), min_size=BLOCKS, max_size=BLOCKS),
+    share=st.floats(0.01, 0.95),
+)
+def test_weighted_means_over_drawn_rays_are_those_over_kept_ones(kept: list[bool], errors: list[float], share: float):
+    chosen, values = torch.tensor(kept), torch.arange(RAYS) / RAYS
+    of = RayErrors(WIDTHS, HEIGHTS, share)
+    of.keep(chosen)
+    of.errors = torch.tensor(errors)
+    found = drawn(of, 20_000)
+    assert chosen[found.index].all()
+    assert of.kept_rays == int(chosen.sum())
+    assert found.weights.max() <= (1 + 1e-5) / (1 - share)
+    torch.testing.assert_close(found.weights.mean(), torch.tensor(1.0), rtol=0, atol=0.1)
+    mean = (found.weights * values[found.index]).mean()
+    torch.testing.assert_close(mean, values[chosen].mean(), rtol=0, atol=0.1)
+
+
+def test_a_block_that_is_wrong_by_more_is_drawn_more_often():
+    of = RayErrors(WIDTHS, HEIGHTS, 0.8)
+    of.errors = torch.full((BLOCKS,), 0.01)
+    of.errors[6] = 0.25  # all 16 pixels of the second photograph, five times as wrong as the others
+    share = (drawn(of).blocks == 6).double().mean().item()
+    even = 16 / RAYS
+    by_error = 5 * 16 / (5 * 16 + RAYS - 16)
+    assert abs(share - (0.8 * by_error + 0.2 * even)) < 0.01
+
+
+def test_where_nothing_is_wrong_rays_are_drawn_evenly():
+    of = RayErrors(WIDTHS, HEIGHTS, 0.8)
+    of.errors.zero_()
+    assert torch.equal(drawn(of).weights, torch.ones(MANY))
+
+
+def test_the_first_ray_of_a_block_says_its_error_and_later_ones_change_it():
+    of = RayErrors(WIDTHS, HEIGHTS, 0.5)
+    of.learn(torch.tensor([2, 4, 2]), torch.tensor([0.1, 0.5, 0.3]))
+    torch.testing.assert_close(of.errors[[2, 4]], torch.tensor([0.2, 0.5]))
+    assert (of.errors[[0, 1, 3, 5, 6, 7, 8]] == UNSEEN).all()
+    of.learn(torch.tensor([2, 4, 2]), torch.tensor([0.0, 0.0, 0.0]))
+    torch.testing.assert_close(of.errors[[2, 4]], torch.tensor([0.2 * 0.64, 0.5 * 0.8]))
+
+
+def test_errors_that_are_no_numbers_are_left_out_and_none_is_above_one():
+    of = RayErrors(WIDTHS, HEIGHTS, 0.5)
+    of.learn(torch.tensor([0, 1, 2]), torch.tensor([float("nan"), float("inf"), 0.5]))
+    assert of.errors[:3].tolist() == [UNSEEN, UNSEEN, 0.5]
+    of.learn(torch.tensor([2]), torch.tensor([1e9]))
+    torch.testing.assert_close(of.errors[2], torch.tensor(0.6))
