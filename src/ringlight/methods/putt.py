@@ -82,6 +82,10 @@ ALL_GRADIENTS = 1.0
 SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 """One level for blocks and one for nodes in them; and what kernels take."""
 
+SCALED = 0.6
+"""After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
+0.85 gained nothing (docs/methods/putt.md)."""
+
 COPIES, SCALED_COPIES = 6, 3
 """Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and the mean of models;
 and where steps are scaled, scaled gradients and steps, and the maps that scale them, up to two thirds of one."""
@@ -126,10 +130,9 @@ class PuttRecipe(VolumeRecipe):
     """Learning rate of the network, which falls likewise."""
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
-    scaled: float = later(0.0)
+    scaled: float = later(0.0, now=SCALED)
     """How far steps of a core are scaled by what the other cores make of its indices, from 0 (Adam as it is) to below
-    1: the share of their Gram matrices beside one whose eigenvalues all are their mean. 0.6 gains on lego_400 and loses
-    on chair_400 (docs/methods/putt.md)."""
+    1: the share of their Gram matrices beside one whose eigenvalues all are their mean."""
     scaled_after: int = later(0, now=PAPER_DOUBLINGS)
     """Doublings before steps are scaled, or all of them where there are fewer. While the grid is coarse, scaled steps
     are too short: what lies in the wrong place then stays there."""
