@@ -56,7 +56,7 @@ def test_pictures_that_show_nothing_are_refused(options: SceneOptions, words: st
     assert target_size(3, 2, SceneOptions()) == (3, 2)
 
 
-def test_a_bound_that_nobody_gave_is_called_the_default():
+def test_the_bound_that_is_the_default_is_called_so():
     with pytest.raises(RecipeError, match=r"^--max-width 1600, the default, leaves 1600x2 pixels"):
         target_size(8000, 12, SceneOptions())
 

@@ -66,6 +66,13 @@ def test_a_block_that_is_wrong_by_more_is_drawn_more_often():
     assert abs(share - (0.8 * by_error + 0.2 * even)) < 0.01
 
 
+def test_a_block_that_was_not_seen_is_drawn_as_the_mean_of_the_others():
+    of = RayErrors(WIDTHS, HEIGHTS, 0.8)
+    of.errors[: BLOCKS - 1] = 0.04
+    assert of.errors[-1] == UNSEEN
+    torch.testing.assert_close(drawn(of).weights, torch.ones(MANY), rtol=1e-5, atol=0)
+
+
 def test_where_nothing_is_wrong_rays_are_drawn_evenly():
     of = RayErrors(WIDTHS, HEIGHTS, 0.8)
     of.errors.zero_()

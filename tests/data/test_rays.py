@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from ringlight.data import rays
+from ringlight.data.ray_errors import UNSEEN
 from ringlight.data.rays import RayBatches, rays_of
 from tiny_scene import tiny_scene
 
@@ -80,8 +81,10 @@ def test_what_was_shown_decides_what_is_drawn_next_and_the_same_for_the_same():
     one, other, never = (RayBatches(SCENE, COUNT, 0, by_error=0.8) for _ in range(3))
     for batches in (one, other):
         colors = batches.at(1).colors
-        batches.learn(torch.where(torch.arange(COUNT)[:, None] % 2 == 0, colors, 1 - colors))
-        batches.learn(torch.rand(COUNT, 3))  # of no lot: forgotten
+        batches.learn(1, torch.where(torch.arange(COUNT)[:, None] % 2 == 0, colors, 1 - colors))
+        batches.learn(1, torch.rand(COUNT, 3))  # it was forgotten
+        batches.at(7)
+        batches.learn(6, torch.rand(COUNT, 3))  # of another lot
     assert torch.equal(one.at(2).rays.directions, other.at(2).rays.directions)
     assert torch.equal(one.errors.errors, other.errors.errors)
     assert not torch.equal(one.at(2).rays.directions, never.at(2).rays.directions)
@@ -97,3 +100,23 @@ def test_rays_that_are_drawn_by_error_are_kept_ones():
     assert (batch.rays.directions[:, 2] > 0).all()
     assert batch.weights.shape == (COUNT,)
     assert batches.bytes_kept > batches.all_rays * rays.CHANNELS
+
+
+def test_errors_are_those_of_the_photographs_that_were_wrong():
+    batches = RayBatches(SCENE, COUNT, 0, by_error=0.5)
+    batch = batches.at(1)
+    wrong = SCENE.train[1].camera.position
+    of_it = (batch.rays.origins - wrong).norm(dim=-1) < 1e-6
+    assert 0 < of_it.sum() < COUNT
+    batches.learn(1, torch.where(of_it[:, None], batch.colors + 0.5, batch.colors))
+    errors = batches.errors.errors.view(len(SCENE.train), -1)
+    assert errors[1][errors[1] < UNSEEN].sub(0.25).abs().max() < 1e-6
+    others = errors[[0, *range(2, len(SCENE.train))]]
+    assert not others[others < UNSEEN].any()
+
+
+def test_tables_of_blocks_fit_into_what_is_planned_for():
+    batches = RayBatches(SCENE, COUNT, 0, by_error=0.5)
+    batches.at(1)
+    errors = batches.errors.errors
+    assert batches.bytes_kept + errors.numel() * errors.element_size() <= RayBatches.bytes_of(batches.all_rays)

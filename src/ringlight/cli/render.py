@@ -180,10 +180,10 @@ def _film(asked: RenderArguments, opened: "Opened") -> "tuple[Film, str, float]"
     elif asked.path in PATHS:
         film = film_from_training(opened, asked.path, frames)
     else:
-        asked.refuse_fps()
         again = command("render", asked.model, "--path", asked.path, "--scene", "FOLDER")
         moved = scene_was_moved(Path(asked.path), opened, asked.scene, again)
         read = read_nerfstudio_path(Path(asked.path), MOST_FRAMES, moved)
+        asked.refuse_fps()
         film, fps = film_of_file(read), asked.fps or read.fps or FPS
         if moved is not UNMOVED:
             taken = f"cameras brought back into the scene's world by {Path(asked.path).with_name(FRAME_NAME)}\n"

@@ -99,7 +99,7 @@ class RenderArguments:
             self.refuse_fps()
 
     def refuse_fps(self) -> None:
-        """Raise RecipeError for --fps without a film, unless cameras are key frames, which take more pictures by it."""
+        """Raise RecipeError for --fps without a film. Not asked of key frames, which take more pictures by it."""
         if self.fps is not None and not self.video:
             raise RecipeError("--fps is of a film; give --video with it")
 

@@ -103,7 +103,7 @@ class RayBatches:
         self._kept: Int[Tensor, "K"] | None = None
         heights = torch.tensor([camera.height for camera in cameras])
         self.errors = RayErrors(self._widths, heights, by_error) if by_error else None
-        self._last: tuple[Int[Tensor, "R"], Float[Tensor, "R 3"]] | None = None
+        self._last: tuple[int, Int[Tensor, "R"], Float[Tensor, "R 3"]] | None = None
 
     @property
     def all_rays(self) -> int:
@@ -120,12 +120,13 @@ class RayBatches:
     @staticmethod
     def bytes_of(pixels: int) -> int:
         """The most that photographs of so many pixels take: their channels, and of each ray its number and, while rays
-        are chosen, whether it is drawn, a few times over."""
+        are chosen, whether it is drawn, a few times over. By error, tables of blocks and what a draw makes of them take
+        less than those."""
         return pixels * (CHANNELS + _number_type(pixels).itemsize + CHOOSING)
 
     @property
     def bytes_kept(self) -> int:
-        """Of pixels, and of the numbers of kept rays."""
+        """Of pixels, and of the numbers of kept rays or of which ones blocks have."""
         kept = 0 if self._kept is None else self._kept.numel() * self._kept.element_size()
         return self._pixels.numel() + kept + (0 if self.errors is None else self.errors.bytes_kept)
 
@@ -137,7 +138,7 @@ class RayBatches:
         background = self._background(step)
         pixels = self._pixels[index].float().div_(OPAQUE)
         colors = torch.lerp(background.expand(self.count, 3), pixels[:, :3], pixels[:, 3:])
-        self._last = None if blocks is None else (blocks, colors)
+        self._last = None if blocks is None else (step, blocks, colors)
         return RayBatch(self._rays(index, jitter), colors, background, weights)
 
     def _drawn(self, draw: torch.Generator) -> tuple[Int[Tensor, "R"], Tensor | None, Tensor | None]:
@@ -148,11 +149,11 @@ class RayBatches:
         index = torch.randint(self.kept_rays, (self.count,), generator=draw)
         return (index if self._kept is None else self._kept[index].long()), None, None
 
-    def learn(self, colors: Float[Tensor, "R 3"]) -> None:
-        """What was shown of the last lot that was drawn by error; forgotten then."""
-        if self._last is None or self.errors is None:
+    def learn(self, step: int, colors: Float[Tensor, "R 3"]) -> None:
+        """What was shown of the lot of ``step``, if that is the last one and was drawn by error; forgotten then."""
+        if self._last is None or self.errors is None or self._last[0] != step:
             return
-        blocks, truth = self._last
+        _, blocks, truth = self._last
         self.errors.learn(blocks, (colors.detach().cpu() - truth).square().mean(-1))
         self._last = None
 

@@ -133,9 +133,9 @@ class PuttRecipe(VolumeRecipe):
     scaled: float = later(0.0, now=SCALED)
     """How far steps of a core are scaled by what the other cores make of its indices, from 0 (Adam as it is) to below
     1: the share of their Gram matrices beside one whose eigenvalues all are their mean."""
-    scaled_after: int = later(0, now=PAPER_DOUBLINGS)
-    """Doublings before steps are scaled, or all of them where there are fewer. While the grid is coarse, scaled steps
-    are too short: what lies in the wrong place then stays there."""
+    scaled_after: int = later(0, now=TRAIN_MOST_LEVELS)
+    """Doublings before steps are scaled, or all of them where there are fewer; 0: steps are scaled from the start.
+    While the grid is coarse, scaled steps are too short: what lies in the wrong place then stays there."""
     by_error: float = later(0.0, now=BY_ERROR)
     """Share of a step's rays that are drawn by the errors of those before them, which are told by blocks of 4 x 4
     pixels, and weighted so that the loss keeps its mean. 0, as in the papers: all are drawn evenly."""

@@ -15,7 +15,6 @@ from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, between, check_rates
 from ringlight.methods.volume_recipe import (
     BETAS,
-    BY_ERROR,
     EPSILON,
     MOST_RAYS,
     MOST_UNITS,
@@ -98,7 +97,7 @@ class TensorfRecipe(VolumeRecipe):
     """Weight of the total variation of density's planes. The paper has 0.1, and l1 0, for real photographs."""
     tv_appearance: float = 0.0
     """Weight of the total variation of appearance's planes; 0.01 there."""
-    by_error: float = later(0.0, now=BY_ERROR)
+    by_error: float = later(0.0)
     """Share of a step's rays that are drawn by the errors of those before them, which are told by blocks of 4 x 4
     pixels, and weighted so that the loss keeps its mean. 0, as in the papers: all are drawn evenly."""
     average: float = later(0.0)

@@ -74,7 +74,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
             RefineGrid(recipe.refined),
             *recipe.stepped_by(optimizer, model),
             *averages,
-            *(() if batches.errors is None else (DrawByError(batches, batches.errors),)),
+            *(() if batches.errors is None else (DrawByError(batches),)),
         ),
         steps=recipe.steps,
         regularizers=recipe.terms(model),

@@ -23,6 +23,10 @@ def training_of(**settings: float) -> Training:
     return recipe.build(SCENE, CPU, 0)
 
 
+def begin_of(recipe: PuttRecipe) -> int:
+    return scaled_in(recipe.build(SCENE, CPU, 0)).begin
+
+
 def scaled_in(training: Training) -> ScaledSteps:
     [scaled] = [strategy for strategy in training.strategies if isinstance(strategy, ScaledSteps)]
     return scaled
@@ -52,10 +56,15 @@ def test_steps_are_scaled_after_the_last_doubling_unless_another_is_asked_for():
     for _ in train(training):
         assert (len(scaled.state()["maps"]) > 0) == (training.model.field.levels == 4)
     assert training.model.field.levels == 4
-    begins = [
-        scaled_in(dataclasses.replace(asked_for, scaled_after=after).build(SCENE, CPU, 0)).begin for after in range(4)
-    ]
+    begins = [begin_of(dataclasses.replace(asked_for, scaled_after=after)) for after in range(4)]
     assert begins == [0, *asked_for.refined, scaled.begin]
+
+
+def test_of_any_number_of_doublings_the_last_counts():
+    many = PuttRecipe(steps=3000, coarsest=4, finest=256, bounds=(-1.0, -1.0, -1.0, 1.0, 1.0, 1.0))
+    assert len(many.refined) == 6
+    assert begin_of(many) == max(many.refined)
+    assert begin_of(dataclasses.replace(many, coarsest=16, finest=16)) == 0
 
 
 def test_without_a_share_steps_are_those_of_adam_alone():

@@ -23,7 +23,7 @@ SCENE_RAYS = sum(view.camera.width * view.camera.height for view in SCENE.train)
 def training_of(method: str) -> Training:
     """Its masks say nothing: what is empty, it has to find. It begins dense here and there."""
     settings = {} if method == "tensorf" else {"coarsest": 4, "finest": 16}
-    training = small(method, steps=STEPS, carve=False, **settings).build(SCENE, rasterizer_for("cpu"), 3)
+    training = small(method, steps=STEPS, carve=False, by_error=0.7, **settings).build(SCENE, rasterizer_for("cpu"), 3)
     with torch.no_grad():
         for name, parameter in training.model.named_parameters():
             if name.startswith("field.density_"):

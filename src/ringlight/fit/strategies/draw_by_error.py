@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from ringlight.core.rendering import Rendering
-from ringlight.data.ray_errors import UNSEEN, RayErrors
+from ringlight.data.ray_errors import UNSEEN
 from ringlight.data.rays import RayBatches
 from ringlight.fit.optimizer import Optimizer
 
@@ -16,12 +16,15 @@ class DrawByError:
 
     most: int | None = None
 
-    def __init__(self, batches: RayBatches, errors: RayErrors):
-        self.batches, self.errors = batches, errors
+    def __init__(self, batches: RayBatches):
+        """Raises ValueError for batches that are drawn evenly."""
+        if batches.errors is None:
+            raise ValueError("these rays are all drawn evenly")
+        self.batches, self.errors = batches, batches.errors
 
     def update(self, step: int, model: nn.Module, optimizer: Optimizer, prediction: Rendering) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
-        self.batches.learn(prediction.color)
+        self.batches.learn(step, prediction.color)
 
     def state(self) -> dict[str, Tensor]:
         """Of all blocks of pixels."""
