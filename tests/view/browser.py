@@ -1,12 +1,16 @@
 """A browser as the viewer's server sees it: a websocket that speaks viser's messages."""
 
 import io
+import time
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from ringlight.view.standpoint import Standpoint
+
+PATIENCE = 10
+"""Times a pause between two messages that is waited for."""
 
 
 class Browser:
@@ -59,11 +63,12 @@ class Browser:
         return made[-1]["uuid"]
 
     def listen(self, seconds: float) -> None:
-        """Take what comes until nothing has for so long."""
+        """Take what comes until nothing has for so long, or for PATIENCE times as long: a fast training never pauses."""
         import msgspec
         import zstandard
 
-        while True:
+        end = time.monotonic() + PATIENCE * seconds
+        while time.monotonic() < end:
             try:
                 data = self.socket.recv(timeout=seconds)
             except TimeoutError:
