@@ -63,7 +63,7 @@ class Browser:
         return made[-1]["uuid"]
 
     def listen(self, seconds: float) -> None:
-        """Take what comes until nothing has for so long, or for PATIENCE times as long: a fast training never pauses."""
+        """Take what comes until nothing has for so long, or for PATIENCE times as long: a training may never pause."""
         import msgspec
         import zstandard
 

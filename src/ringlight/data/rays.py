@@ -120,8 +120,8 @@ class RayBatches:
     @staticmethod
     def bytes_of(pixels: int) -> int:
         """The most that photographs of so many pixels take: their channels, and of each ray its number and, while rays
-        are chosen, whether it is drawn, a few times over. By error, tables of blocks and what a draw makes of them take
-        less than those."""
+        are chosen, whether it is drawn, a few times over. Tables of blocks, which draws by error need, take less than
+        those."""
         return pixels * (CHANNELS + _number_type(pixels).itemsize + CHOOSING)
 
     @property
