@@ -205,3 +205,20 @@ def test_damaged_weights_are_fetched_again(
     monkeypatch.setattr(lpips_weights, "fetch_lpips", lambda folder, *_: fetched.append(folder) or [])
     assert ringlight("fetch-lpips").code == 0
     assert fetched == [damaged_weights.parent]
+
+
+def test_settings_that_were_given_stand_in_the_report_and_stay_there(run_folder: Path, tmp_path: Path) -> None:
+    def settings(folder: Path) -> dict[str, str] | None:
+        found: dict[str, str] | None = json.loads((folder / "report.json").read_text())["settings"]
+        return found
+
+    of_training = settings(run_folder)
+    assert of_training is not None
+    assert of_training["steps"] == str(iterations(run_folder))
+    assert "seed" not in of_training
+    (run_folder / "report.json").unlink()
+    assert run_command(["eval", str(run_folder)]) == 0
+    assert settings(run_folder) == of_training
+    alone = shutil.copy(run_folder / "model.safetensors", tmp_path)
+    assert run_command(["eval", str(alone), "--out", str(tmp_path / "alone")]) == 0
+    assert settings(tmp_path / "alone") is None

@@ -69,6 +69,10 @@ class Report:
     """Steps of training that were done."""
     planned: int | None
     """Steps of the whole run; more than ``iterations`` for a run that was stopped."""
+    settings: dict[str, str] | None = None
+    """What of the recipe, and of how the scene was read, is not the default of that version's method: dotted names and
+    values, as the command line has them, "on" and "off" for switches. None where it is not known, as in records of
+    before."""
 
     psnr: float | None
     """dB, mean over images, float. None, as all others of test views, where the scene has none."""

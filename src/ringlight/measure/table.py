@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ringlight.measure.columns import LPIPS_NETS, MISSING, Cell, Heading, Row, cells, columns, lpips
+from ringlight.measure.differing_settings import differing_settings
 from ringlight.measure.report import Report
 
 MIN_NAME_WIDTH = 16
@@ -78,6 +79,7 @@ class ResultsTable:
             for label, report in self.runs
             if report.test_views_trained_on
         ]
+        notes += differing_settings(self.runs)
         notes += [f"{label}: {sentence}." for label, report in self.runs for sentence in report.collapses]
         notes += [f"{label}: {note}" for label, report in self.runs if (note := light_note(report))]
         if self.lpips_notes is not None:

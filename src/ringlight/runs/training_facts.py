@@ -10,6 +10,7 @@ from ringlight.files.tensor_file import read_metadata
 from ringlight.measure.lpips import Net
 from ringlight.measure.machine import source_commit
 from ringlight.measure.report import CurvePoint, read_report
+from ringlight.runs.changed_settings import told
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.history import History
 from ringlight.runs.opened import Opened
@@ -34,6 +35,7 @@ class TrainingFacts:
     seed: int | None = None
     iterations: int | None = None
     planned: int | None = None
+    settings: dict[str, str] | None = None
     train_seconds: float | None = None
     train_cpu_seconds: float | None = None
     saving_seconds: float | None = None
@@ -58,7 +60,7 @@ def known_facts(opened: Opened) -> TrainingFacts:
     if run is None:
         return facts
     record = RunRecord.read(run.path)
-    return replace(facts, seed=record.seed, planned=record.steps, **_costs(run, header.step))
+    return replace(facts, seed=record.seed, planned=record.steps, settings=told(record), **_costs(run, header.step))
 
 
 def _costs(run: RunFolder, step: int) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from ringlight.data.bundled import bundled_scene
 from ringlight.data.options import SceneOptions
 from ringlight.methods.relight_recipe import relight_recipe
 from ringlight.methods.table import METHODS
-from ringlight.pages.report.repeated import Setting, commands, options_changed, settings_changed, written
+from ringlight.pages.report.repeated import commands
+from ringlight.runs.changed_settings import options_changed
 from ringlight.runs.record import RunRecord
 
 RECIPES = {
@@ -69,31 +70,6 @@ def test_how_the_scene_was_read_is_said_too() -> None:
 
 def test_a_bundled_scene_is_called_by_its_name() -> None:
     assert commands(record("3dgs", scene=bundled_scene("toaster")))[0].startswith("ringlight train toaster 3dgs ")
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words", "told"),
-    [
-        ("sh_rate", 0.004, ("--sh-rate", "0.004"), "0.004"),
-        ("shader.levels", (4, 16), ("--shader.levels", "4", "16"), "4 16"),
-        ("visible_only", True, ("--visible-only",), "on"),
-        ("light.clamp_colors", False, ("--light.no-clamp-colors",), "off"),
-        ("rates.hold", None, (), "left open"),
-        ("start", "a b", ("--start", "a b"), "a b"),
-    ],
-)
-def test_a_setting_in_words_of_the_command_line_and_of_the_page(
-    name: str, value: object, words: tuple[str, ...], told: str
-) -> None:
-    assert Setting(name, value, "another").words == words
-    assert written(value) == told
-
-
-def test_nothing_differs_from_itself() -> None:
-    assert settings_changed(record("3dgs", recipe=METHODS["3dgs"])) == []
-    changed = {one.name: one.value for one in settings_changed(record("ringlight-mirror"))}
-    assert changed["shader.levels"] == (4, 16)
-    assert changed["undo_collapse"] is False
 
 
 def test_a_relit_run_is_relit_again() -> None:

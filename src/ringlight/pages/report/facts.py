@@ -9,7 +9,8 @@ from ringlight.measure.report import Report
 from ringlight.pages.markup import Html, element, joined, name
 from ringlight.pages.report.charts import dot
 from ringlight.pages.report.groups import Member
-from ringlight.pages.report.repeated import commands, options_changed, settings_changed, written
+from ringlight.pages.report.repeated import commands
+from ringlight.runs.changed_settings import options_changed, settings_changed, written
 
 
 def run_facts(member: Member, label: str) -> Html:

@@ -1,65 +1,10 @@
-"""How to get the same run again: the settings that are not the method's own, and the command that says them."""
-
-import dataclasses
-from dataclasses import dataclass
-from typing import Any
+"""How to get the same run again: the commands that say its settings."""
 
 from ringlight.core.command_line import command
 from ringlight.data.bundled import BUNDLED, FOLDER
-from ringlight.data.options import SceneOptions
-from ringlight.methods.recipe import Recipe
-from ringlight.methods.table import METHODS, method_of
+from ringlight.runs.changed_settings import method_asked, options_changed, settings_changed
 from ringlight.runs.record import RunRecord
 from ringlight.runs.relight import relights
-
-OPEN = "left open"
-"""A default that the length of the run, or the scene, decides."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """One that differs: its dotted name, its value, and the default of its method."""
-
-    name: str
-    value: Any
-    default: Any
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """Of the command line; none for a value that it cannot say, which leaves a default open."""
-        flag = self.name.replace("_", "-")
-        if self.value is None:
-            return ()
-        if isinstance(self.value, bool):
-            *group, last = flag.split(".")
-            return ("--" + ".".join([*group, last if self.value else f"no-{last}"]),)
-        values = self.value if isinstance(self.value, tuple) else (self.value,)
-        return (f"--{flag}", *map(str, values))
-
-
-def written(value: Any) -> str:
-    """A setting's value for a person."""
-    if value is None:
-        return OPEN
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-
-
-def settings_changed(record: RunRecord) -> list[Setting]:
-    """What of the recipe is not its method's default: by a flag, or because the scene or the length decided it."""
-    return _differences(METHODS[method_asked(record.preset, record.recipe)], record.recipe)
-
-
-def options_changed(record: RunRecord) -> list[Setting]:
-    """How the scene was read, where that is not the default."""
-    return _differences(SceneOptions(), record.options)
-
-
-def method_asked(preset: str, recipe: Recipe) -> str:
-    """The method whose flags can say this recipe: the preset, or what a chooser settled on."""
-    named = METHODS.get(preset)
-    return preset if type(named) is type(recipe) else method_of(recipe)
 
 
 def commands(record: RunRecord) -> list[str]:
@@ -92,15 +37,3 @@ def _scene_named(record: RunRecord) -> str:
     """The folder, or the name of a scene that every installation has."""
     bundled = {FOLDER / name: name for name in BUNDLED}
     return bundled.get(record.scene, str(record.scene))
-
-
-def _differences(default: Any, value: Any, group: str = "") -> list[Setting]:
-    """Field by field of two records of one kind, in their order."""
-    found: list[Setting] = []
-    for field in dataclasses.fields(default):
-        name, before, now = group + field.name, getattr(default, field.name), getattr(value, field.name)
-        if dataclasses.is_dataclass(before) and type(before) is type(now):
-            found += _differences(before, now, f"{name}.")
-        elif before != now:
-            found.append(Setting(name, now, before))
-    return found

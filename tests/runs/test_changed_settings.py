@@ -1,0 +1,47 @@
+"""What a run was given is told by name, and nothing that it was not given."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ringlight.data.options import SceneOptions
+from ringlight.methods.table import METHODS
+from ringlight.runs.changed_settings import Setting, settings_changed, told, written
+from ringlight.runs.record import RunRecord
+
+MIRROR = METHODS["ringlight-mirror"]
+DEFAULTS = RunRecord("ringlight-mirror", MIRROR, Path("/a scene"), SceneOptions(), 3, "auto", "0.1.0")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words", "told"),
+    [
+        ("sh_rate", 0.004, ("--sh-rate", "0.004"), "0.004"),
+        ("shader.levels", (4, 16), ("--shader.levels", "4", "16"), "4 16"),
+        ("visible_only", True, ("--visible-only",), "on"),
+        ("light.clamp_colors", False, ("--light.no-clamp-colors",), "off"),
+        ("rates.hold", None, (), "left open"),
+        ("start", "a b", ("--start", "a b"), "a b"),
+    ],
+)
+def test_a_setting_in_words_of_the_command_line_and_of_the_page(
+    name: str, value: object, words: tuple[str, ...], told: str
+) -> None:
+    assert Setting(name, value, "another").words == words
+    assert written(value) == told
+
+
+def test_nothing_differs_from_itself() -> None:
+    assert settings_changed(DEFAULTS) == []
+    assert told(DEFAULTS) == {}
+
+
+def test_a_report_is_told_of_the_recipe_and_of_how_the_scene_was_read() -> None:
+    recipe = replace(MIRROR, undo_collapse=False, shader=replace(MIRROR.shader, levels=(4, 16)))
+    made = replace(DEFAULTS, recipe=recipe, options=SceneOptions(downscale=2, validate=True))
+    assert told(made) == {"shader.levels": "4 16", "undo_collapse": "off", "downscale": "2", "validate": "on"}
+
+
+def test_what_a_chooser_settled_on_is_held_against_that_method() -> None:
+    assert told(replace(DEFAULTS, preset="ringlight")) == {}
