@@ -42,18 +42,23 @@ def test_before_any_error_is_known_all_rays_are_drawn_evenly():
     errors=st.lists(st.floats(0, 1, width=32), min_size=BLOCKS, max_size=BLOCKS),
     share=st.floats(0.01, 0.95),
 )
-def test_weighted_means_over_drawn_rays_are_those_over_kept_ones(kept: list[bool], errors: list[float], share: float):
-    chosen, values = torch.tensor(kept), torch.arange(RAYS) / RAYS
+def test_a_ray_counts_by_how_much_more_often_an_even_draw_takes_it(kept: list[bool], errors: list[float], share: float):
+    chosen, many = torch.tensor(kept), 20_000
     of = RayErrors(WIDTHS, HEIGHTS, share)
     of.keep(chosen)
     of.errors = torch.tensor(errors)
-    found = drawn(of, 20_000)
+    found = drawn(of, many)
     assert chosen[found.index].all()
     assert of.kept_rays == int(chosen.sum())
     assert found.weights.max() <= (1 + 1e-5) / (1 - share)
-    torch.testing.assert_close(found.weights.mean(), torch.tensor(1.0), rtol=0, atol=0.1)
-    mean = (found.weights * values[found.index]).mean()
-    torch.testing.assert_close(mean, values[chosen].mean(), rtol=0, atol=0.1)
+    rays, first = found.index.unique(return_inverse=True)
+    assert len(torch.stack([first, found.weights], 1).unique(dim=0)) == len(rays)  # a ray has one weight
+    chance = torch.zeros(len(rays)).index_copy_(0, first, 1 / (found.weights * of.kept_rays)).double()
+    times = torch.bincount(first)
+    deviation = (many * chance * (1 - chance)).clamp_min(0).sqrt()
+    assert ((times - many * chance).abs() <= 6 * deviation + 1).all()
+    never = 1 - chance.sum()  # what is left for rays that were not met
+    assert -1e-4 <= never <= (of.kept_rays - len(rays)) * 30 / many + 1e-4
 
 
 def test_a_block_that_is_wrong_by_more_is_drawn_more_often():

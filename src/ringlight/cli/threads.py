@@ -1,5 +1,8 @@
 """How many threads the kernels and torch use, and what the process does with memory."""
 
+import sys
+
+from ringlight.core.words import counted
 from ringlight.errors import BackendError, RecipeError
 
 MOST_THREADS = 1024
@@ -19,6 +22,7 @@ def check_threads(count: int) -> None:
 
 def use_threads(count: int) -> None:
     """``count`` threads for the kernels, 0 for every core, and one for torch; freed arrays are kept for the next step.
+    More threads than cores are told of.
 
     Raises RecipeError as :func:`check_threads`, BackendError where the kernels cannot run: every command that calls
     this needs them, whatever the rasterizer.
@@ -37,3 +41,11 @@ def use_threads(count: int) -> None:
     _kernels.set_threads(count)
     _kernels.keep_freed_memory()
     torch.set_num_threads(TORCH_THREADS)
+    from ringlight.measure.machine import usable_cores
+
+    cores = usable_cores()
+    if count > cores:
+        sys.stderr.write(
+            f"warning: --threads is {count} and this process has {counted(cores, 'core')}, on which threads take "
+            "turns; --threads 0 takes as many as there are cores\n"
+        )
