@@ -58,6 +58,7 @@ def test_json_holds_whole_reports(runs, capsys):
     assert [each["label"] for each in record["runs"]] == ["ringlight-ring", "3dgs"]
     assert all(each["report"]["images"] for each in record["runs"])
     assert record["sheet"].endswith(".png")
+    assert record["differing_settings"] == []
 
 
 def test_markdown_has_every_run(runs, capsys):

@@ -1,9 +1,13 @@
-"""A comparison says in which settings its runs differ, if they are of one method and scene."""
+"""A comparison says in which settings its runs differ, if they are of one preset and scene."""
 
 from samples import sample_report
 
-from ringlight.measure.differing_settings import MOST_TOLD, differing_settings
+from ringlight.measure.differing_settings import LONGEST, MOST_TOLD, differing_settings
 from ringlight.measure.table import ResultsTable
+
+
+def of_two(first, second):
+    return differing_settings([("a", sample_report(settings=first)), ("b", sample_report(settings=second))])
 
 
 def test_values_stand_with_the_runs_that_have_them():
@@ -20,7 +24,7 @@ def test_values_stand_with_the_runs_that_have_them():
     assert ResultsTable(runs).notes()[:2] == lines
 
 
-def test_other_scenes_methods_and_records_of_before_say_nothing():
+def test_other_scenes_methods_presets_and_reports_of_before_say_nothing():
     first = sample_report(settings={"rays": "512"})
     others = [
         sample_report(settings={}, scene="carpaint"),
@@ -33,7 +37,18 @@ def test_other_scenes_methods_and_records_of_before_say_nothing():
 
 
 def test_of_many_the_rest_is_counted():
-    many = {f"setting{index}": "1" for index in range(MOST_TOLD + 2)}
-    lines = differing_settings([("a", sample_report(settings=many)), ("b", sample_report(settings={}))])
-    assert len(lines) == MOST_TOLD + 1
-    assert lines[-1] == "toaster_200: and 2 more settings."
+    for more, words in ((1, "1 more setting"), (2, "2 more settings")):
+        lines = of_two({f"setting{index}": "1" for index in range(MOST_TOLD + more)}, {})
+        assert len(lines) == MOST_TOLD + 1
+        assert lines[-1] == f"toaster_200: and {words}."
+
+
+def test_runs_of_other_commits_may_have_other_defaults():
+    runs = [(commit, sample_report(settings={}, commit=commit)) for commit in ("one", "two")]
+    assert differing_settings(runs) == ("toaster_200: one, two are of different commits, whose defaults may differ.",)
+
+
+def test_what_strangers_wrote_takes_a_line_and_no_more():
+    [line] = of_two({"name\n# a heading": "x" * 1000 + "\n"}, {})
+    assert "\n" not in line
+    assert len(line) < LONGEST + 100

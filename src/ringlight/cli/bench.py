@@ -193,12 +193,13 @@ def main(arguments: list[str]) -> int:
     from ringlight.bench.record import circumstances, result_path, save_result
     from ringlight.bench.tables import tables
     from ringlight.cli.console import Screen
-    from ringlight.cli.threads import use_threads
+    from ringlight.cli.threads import check_threads, use_threads
     from ringlight.measure.json_record import to_json
 
     common = asked.common
     if common.save is not None:
         result_path(common.save)
+    check_threads(common.threads)
     use_threads(common.threads)
     if not isinstance(asked, StepArguments | FpsArguments | PageArguments):
         import torch

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from ringlight import __version__
+from ringlight.core.cores import usable_cores
 from ringlight.core.words import counted
 from ringlight.errors import RinglightError
 
@@ -51,7 +52,7 @@ def findings() -> Iterator[Finding]:
 
 
 def _kernels() -> Finding:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = usable_cores()
     try:
         kernels = importlib.import_module("ringlight._kernels")
         isa = kernels.isa()

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CompareArguments:
-    """Runs side by side: one table, and with --sheet one picture with the views on which they differ most.
+    """Runs side by side: one table, the settings in which runs of one method differ, and with --sheet one picture with
+    the views on which they differ most.
 
     Reads what the run folders hold (report.json, images/), so neither models nor photographs are needed.
     """
@@ -81,13 +82,16 @@ def _ordered(asked: CompareArguments) -> list[Path]:
 
 def _print(asked: CompareArguments, comparison: "Comparison", sheet: Path | None) -> None:
     from ringlight.cli.console import Screen
+    from ringlight.measure.differing_settings import differing_settings
     from ringlight.measure.json_record import to_json
 
     table = comparison.table
     if asked.json:
         runs = [{"label": label, "report": report} for label, report in table.runs]
         written = str(sheet) if sheet else None
+        differing = differing_settings(table.runs)
         record = {"baseline": table.baseline, "runs": runs, "sheet": written, "notes": comparison.notes}
+        record |= {"differing_settings": differing}
         sys.stdout.write(to_json(record))
         return
     if asked.markdown:

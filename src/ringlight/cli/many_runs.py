@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ringlight.cli.main import Stopped
 from ringlight.cli.signals import kept_signals
 from ringlight.cli.threads import MOST_THREADS
+from ringlight.core.cores import usable_cores
 from ringlight.errors import BackendError, RecipeError
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ class Doing:
         """Threads of each of so many: the cores are shared out unless somebody says otherwise; 0 takes a worker's."""
         if self.threads or self.scheduler is not None or not runs:
             return self.threads
-        from ringlight.measure.machine import usable_cores
-
         return min(max(1, usable_cores() // min(self.jobs, runs)), MOST_THREADS)
 
     def place(self) -> "Place":

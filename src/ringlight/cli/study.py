@@ -89,7 +89,7 @@ def main(arguments: list[str]) -> int:
     if asked.steps is not None:
         check_length(asked.steps)
     check_jobs(asked.jobs)
-    check_threads(asked.threads)
+    check_threads(asked.threads, 0 if asked.scheduler else asked.jobs)
     from ringlight.methods.studies import base_of, study_named
 
     variants = _chosen(asked, study_named(asked.what, asked.base, asked.steps))

@@ -76,7 +76,7 @@ def main(arguments: list[str]) -> int:
     check_jobs(asked.jobs)
     if asked.steps is not None:
         check_length(asked.steps)
-    check_threads(asked.threads)
+    check_threads(asked.threads, 0 if asked.scheduler else asked.jobs)
     if asked.options.holdout_every == 0 and asked.options.holdout is None and not asked.options.validate:
         raise RecipeError("a table compares on test views, and --holdout-every 0 leaves none; leave it out")
     from ringlight.runs.folder import make_folder, refuse_file_in_the_way

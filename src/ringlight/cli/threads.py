@@ -2,6 +2,7 @@
 
 import sys
 
+from ringlight.core.cores import usable_cores
 from ringlight.core.words import counted
 from ringlight.errors import BackendError, RecipeError
 
@@ -14,20 +15,29 @@ or adds the parts up (mean): with more than one, bits would depend on ``--thread
 products of tensor trains, which ``core/shared_pieces.py`` shares out."""
 
 
-def check_threads(count: int) -> None:
-    """Raises RecipeError for fewer threads than none, or more than MOST_THREADS; nothing is loaded for it."""
+def check_threads(count: int, jobs: int = 1) -> None:
+    """Says on standard error where ``jobs`` runs side by side want more threads than there are cores; 0 jobs are done
+    elsewhere. Nothing is loaded for it.
+
+    Raises RecipeError for fewer threads than none, or more than MOST_THREADS.
+    """
     if not 0 <= count <= MOST_THREADS:
         raise RecipeError(f"--threads is {count}; give a number of threads up to {MOST_THREADS}, or 0 for every core")
+    cores = usable_cores()
+    if count * jobs > cores:
+        asked = f"{count} for each of {jobs} runs side by side," if jobs > 1 else f"{count}"
+        sys.stderr.write(
+            f"warning: --threads is {asked} and this process has {counted(cores, 'core')}, on which threads take "
+            "turns; --threads 0 shares the cores out\n"
+        )
 
 
 def use_threads(count: int) -> None:
     """``count`` threads for the kernels, 0 for every core, and one for torch; freed arrays are kept for the next step.
-    More threads than cores are told of.
 
-    Raises RecipeError as :func:`check_threads`, BackendError where the kernels cannot run: every command that calls
+    Raises BackendError where the kernels cannot run: every command that calls
     this needs them, whatever the rasterizer.
     """
-    check_threads(count)
     import torch
 
     try:
@@ -41,11 +51,3 @@ def use_threads(count: int) -> None:
     _kernels.set_threads(count)
     _kernels.keep_freed_memory()
     torch.set_num_threads(TORCH_THREADS)
-    from ringlight.measure.machine import usable_cores
-
-    cores = usable_cores()
-    if count > cores:
-        sys.stderr.write(
-            f"warning: --threads is {count} and this process has {counted(cores, 'core')}, on which threads take "
-            "turns; --threads 0 takes as many as there are cores\n"
-        )

@@ -1,6 +1,5 @@
 """The machine a number was measured on, as facts for the record."""
 
-import os
 import platform
 import subprocess
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ import torch
 
 import ringlight
 from ringlight import _kernels
+from ringlight.core.cores import usable_cores
 
 
 @dataclass(frozen=True)
@@ -59,14 +59,6 @@ def _git(root: Path, *arguments: str) -> str | None:
         return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return None
-
-
-def usable_cores() -> int:
-    """Of this process."""
-    # Containers and taskset give a process fewer cores than the machine has.
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _isa() -> str:

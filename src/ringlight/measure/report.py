@@ -70,9 +70,10 @@ class Report:
     planned: int | None
     """Steps of the whole run; more than ``iterations`` for a run that was stopped."""
     settings: dict[str, str] | None = None
-    """What of the recipe, and of how the scene was read, is not the default of that version's method: dotted names and
-    values, as the command line has them, "on" and "off" for switches. None where it is not known, as in records of
-    before."""
+    """What of the training was not the default of the preset, or of the method that this chose, in the version of
+    ``commit``: by a flag, by the scene or by the length of the run. Dotted names and values as text, "on", "off", "left
+    open"; "added" are steps by which the run was extended, "from" is the model that it started from. None in records of
+    before, and for a model without its run."""
 
     psnr: float | None
     """dB, mean over images, float. None, as all others of test views, where the scene has none."""

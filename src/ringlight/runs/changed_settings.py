@@ -2,12 +2,15 @@
 
 import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ringlight.data.options import SceneOptions
 from ringlight.methods.recipe import Recipe
 from ringlight.methods.table import METHODS, method_of
+from ringlight.runs.folder import MODEL_NAME
 from ringlight.runs.record import RunRecord
+from ringlight.runs.starting_points import with_points_of
 
 OPEN = "left open"
 """A default that the length of the run, or the scene, decides."""
@@ -35,11 +38,13 @@ class Setting:
 
 
 def written(value: Any) -> str:
-    """A setting's value for a person."""
+    """A setting's value for a person; a whole number is written alike whether it is kept as a float or not."""
     if value is None:
         return OPEN
     if isinstance(value, bool):
         return "on" if value else "off"
+    if isinstance(value, float) and value.is_integer():
+        return str(value).removesuffix(".0")
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
@@ -49,13 +54,29 @@ def settings_changed(record: RunRecord) -> list[Setting]:
 
 
 def options_changed(record: RunRecord) -> list[Setting]:
-    """How the scene was read, where that is not the default."""
-    return _differences(SceneOptions(), record.options)
+    """How the scene was read for training, where that is not the method's default."""
+    default = METHODS[method_asked(record.preset, record.recipe)]
+    return _differences(with_points_of(default, SceneOptions()), record.options)
 
 
-def told(record: RunRecord) -> dict[str, str]:
-    """Both by name, for a report."""
-    return {one.name: written(one.value) for one in (*settings_changed(record), *options_changed(record))}
+def settings_by_name(record: RunRecord) -> dict[str, str]:
+    """What of a training was no default, for a report: the recipe, how the scene was read, the steps by which it was
+    extended ("added") and the model that it started from ("from"), without the folders above it.
+
+    What only bounds memory is left out.
+    """
+    changed = [*settings_changed(record), *options_changed(record)]
+    found = {one.name: written(one.value) for one in changed if one.name != "photo_memory"}
+    if record.added:
+        found["added"] = " ".join(map(str, record.added))
+    if record.start is not None:
+        found["from"] = _named(Path(record.start))
+    return found
+
+
+def _named(start: Path) -> str:
+    """A run by its folder, another file by its own name."""
+    return start.parent.name if start.name == MODEL_NAME and start.parent.name else start.name
 
 
 def method_asked(preset: str, recipe: Recipe) -> str:

@@ -29,7 +29,7 @@ from ringlight.measure.speed import FrameRate, frames_per_second
 from ringlight.methods.table import method_of
 from ringlight.models.contract import Model
 from ringlight.models.feature_shares import feature_shares
-from ringlight.runs.changed_settings import told
+from ringlight.runs.changed_settings import settings_by_name
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.kept_pictures import KeptPictures
 from ringlight.runs.session import Session
@@ -126,7 +126,7 @@ def measure_session(session: Session, nets: tuple[Net, ...] = ("alex",), tell: T
         seed=session.record.seed,
         iterations=session.training.step,
         planned=session.training.steps,
-        settings=told(session.record),
+        settings=settings_by_name(session.record),
         train_seconds=session.clock.wall,
         train_cpu_seconds=session.clock.cpu,
         saving_seconds=session.clock.saving,

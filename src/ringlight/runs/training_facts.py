@@ -10,7 +10,7 @@ from ringlight.files.tensor_file import read_metadata
 from ringlight.measure.lpips import Net
 from ringlight.measure.machine import source_commit
 from ringlight.measure.report import CurvePoint, read_report
-from ringlight.runs.changed_settings import told
+from ringlight.runs.changed_settings import settings_by_name
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.history import History
 from ringlight.runs.opened import Opened
@@ -60,7 +60,8 @@ def known_facts(opened: Opened) -> TrainingFacts:
     if run is None:
         return facts
     record = RunRecord.read(run.path)
-    return replace(facts, seed=record.seed, planned=record.steps, settings=told(record), **_costs(run, header.step))
+    facts = replace(facts, seed=record.seed, planned=record.steps, settings=settings_by_name(record))
+    return replace(facts, **_costs(run, header.step))
 
 
 def _costs(run: RunFolder, step: int) -> dict[str, Any]:
@@ -68,7 +69,7 @@ def _costs(run: RunFolder, step: int) -> dict[str, Any]:
     with suppress(RunError):
         report = read_report(run.path)
         if report.iterations == step:
-            kept = (*SECONDS, "peak_bytes", "training_bytes", "collapses", "curve", "commit")
+            kept = (*SECONDS, "peak_bytes", "training_bytes", "collapses", "curve", "commit", "settings")
             return {name: getattr(report, name) for name in kept}
     for checkpoint in run.checkpoints:
         with suppress(ModelFileError, KeyError, ValueError):
