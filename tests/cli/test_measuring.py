@@ -208,13 +208,13 @@ def test_damaged_weights_are_fetched_again(
 
 
 def test_settings_that_were_given_stand_in_the_report_and_stay_there(run_folder: Path, tmp_path: Path) -> None:
-    def settings(folder: Path) -> dict[str, str] | None:
-        found: dict[str, str] | None = json.loads((folder / "report.json").read_text())["settings"]
+    def settings(folder: Path) -> dict[str, dict[str, str]] | None:
+        found: dict[str, dict[str, str]] | None = json.loads((folder / "report.json").read_text())["settings"]
         return found
 
     of_training = settings(run_folder)
     assert of_training is not None
-    assert of_training["steps"] == str(iterations(run_folder))
+    assert of_training["steps"] == {"value": str(iterations(run_folder)), "default": "30000"}
     assert "seed" not in of_training
     (run_folder / "report.json").unlink()
     assert run_command(["eval", str(run_folder)]) == 0

@@ -160,7 +160,7 @@ def test_differences_are_only_spoken_of_where_there_are_some():
 
 def test_a_run_that_was_stopped_is_named():
     stopped = sample_report(iterations=177, planned=600, lpips_note="")
-    assert ResultsTable([("a", stopped), ("b", sample_report(planned=3000, lpips_note=""))]).notes() == (
+    assert ResultsTable([("a", stopped), ("b", sample_report(planned=600, lpips_note=""))]).notes() == (
         "a stopped at step 177 of 600.",
     )
 

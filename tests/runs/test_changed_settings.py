@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from ringlight.data.options import SceneOptions
+from ringlight.measure.report import GivenSetting
 from ringlight.methods.table import METHODS
 from ringlight.runs.changed_settings import Setting, settings_by_name, settings_changed, written
 from ringlight.runs.record import RunRecord
@@ -25,6 +26,7 @@ DEFAULTS = RunRecord("ringlight-mirror", MIRROR, Path("/a scene"), SceneOptions(
         ("size", 7.0, ("--size", "7.0"), "7"),
         ("size", 7, ("--size", "7"), "7"),
         ("rates.hold", None, (), "left open"),
+        ("bounds", (-0.66846197, 1.0), ("--bounds", "-0.66846197", "1.0"), "-0.66846 1"),
         ("start", "a b", ("--start", "a b"), "a b"),
     ],
 )
@@ -44,10 +46,10 @@ def test_a_report_is_told_of_the_recipe_and_of_how_the_scene_was_read() -> None:
     recipe = replace(MIRROR, undo_collapse=False, shader=replace(MIRROR.shader, levels=(4, 16)))
     made = replace(DEFAULTS, recipe=recipe, options=SceneOptions(downscale=2, validate=True))
     assert settings_by_name(made) == {
-        "shader.levels": "4 16",
-        "undo_collapse": "off",
-        "downscale": "2",
-        "validate": "on",
+        "shader.levels": GivenSetting("4 16", "left open"),
+        "undo_collapse": GivenSetting("off", "on"),
+        "downscale": GivenSetting("2", "left open"),
+        "validate": GivenSetting("on", "off"),
     }
 
 
@@ -57,8 +59,8 @@ def test_what_a_chooser_settled_on_is_held_against_that_method() -> None:
 
 def test_added_steps_and_the_start_are_told_too() -> None:
     made = replace(DEFAULTS, added=(20, 5), start="/home/me/runs/first/model.safetensors")
-    assert settings_by_name(made) == {"added": "20 5", "from": "first"}
-    assert settings_by_name(replace(DEFAULTS, start="/home/me/bought.ply")) == {"from": "bought.ply"}
+    assert settings_by_name(made) == {"added": GivenSetting("20 5"), "from": GivenSetting("first")}
+    assert settings_by_name(replace(DEFAULTS, start="/home/me/bought.ply")) == {"from": GivenSetting("bought.ply")}
 
 
 @pytest.mark.parametrize("preset", METHODS)

@@ -32,6 +32,15 @@ class ImageScore:
 
 
 @dataclass(frozen=True)
+class GivenSetting:
+    """A setting that is no default, as text: "on", "off" for switches, "left open" for what nothing decided. Without a
+    ``default`` it stands for what most runs have not."""
+
+    value: str
+    default: str | None = None
+
+
+@dataclass(frozen=True)
 class CurvePoint:
     """A training after ``step``: ``seconds`` in steps so far, ``psnr`` in dB over a few training photographs before
     it, ``counted`` of what the model is made of, and the ``loss`` with all its terms over the same photographs, None
@@ -69,11 +78,11 @@ class Report:
     """Steps of training that were done."""
     planned: int | None
     """Steps of the whole run; more than ``iterations`` for a run that was stopped."""
-    settings: dict[str, str] | None = None
+    settings: dict[str, GivenSetting] | None = None
     """What of the training was not the default of the preset, or of the method that this chose, in the version of
-    ``commit``: by a flag, by the scene or by the length of the run. Dotted names and values as text, "on", "off", "left
-    open"; "added" are steps by which the run was extended, "from" is the model that it started from. None in records of
-    before, and for a model without its run."""
+    ``commit``: by a flag, by the scene or by the length of the run. By dotted names; "added" are steps by which the run
+    was extended, "from" is the model that it started from. None in records of before, and for a model without its
+    run."""
 
     psnr: float | None
     """dB, mean over images, float. None, as all others of test views, where the scene has none."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ringlight.data.options import SceneOptions
+from ringlight.measure.report import GivenSetting
 from ringlight.methods.recipe import Recipe
 from ringlight.methods.table import METHODS, method_of
 from ringlight.runs.folder import MODEL_NAME
@@ -45,7 +46,9 @@ def written(value: Any) -> str:
         return "on" if value else "off"
     if isinstance(value, float) and value.is_integer():
         return str(value).removesuffix(".0")
-    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    if isinstance(value, tuple):
+        return " ".join(f"{each:.5g}" if isinstance(each, float) else str(each) for each in value)
+    return str(value)
 
 
 def settings_changed(record: RunRecord) -> list[Setting]:
@@ -59,18 +62,22 @@ def options_changed(record: RunRecord) -> list[Setting]:
     return _differences(with_points_of(default, SceneOptions()), record.options)
 
 
-def settings_by_name(record: RunRecord) -> dict[str, str]:
+def settings_by_name(record: RunRecord) -> dict[str, GivenSetting]:
     """What of a training was no default, for a report: the recipe, how the scene was read, the steps by which it was
     extended ("added") and the model that it started from ("from"), without the folders above it.
 
     What only bounds memory is left out.
     """
     changed = [*settings_changed(record), *options_changed(record)]
-    found = {one.name: written(one.value) for one in changed if one.name != "photo_memory"}
+    found = {
+        one.name: GivenSetting(written(one.value), written(one.default))
+        for one in changed
+        if one.name != "photo_memory"
+    }
     if record.added:
-        found["added"] = " ".join(map(str, record.added))
+        found["added"] = GivenSetting(" ".join(map(str, record.added)))
     if record.start is not None:
-        found["from"] = _named(Path(record.start))
+        found["from"] = GivenSetting(_named(Path(record.start)))
     return found
 
 

@@ -9,7 +9,7 @@ from ringlight.errors import ModelFileError, RunError
 from ringlight.files.tensor_file import read_metadata
 from ringlight.measure.lpips import Net
 from ringlight.measure.machine import source_commit
-from ringlight.measure.report import CurvePoint, read_report
+from ringlight.measure.report import CurvePoint, GivenSetting, read_report
 from ringlight.runs.changed_settings import settings_by_name
 from ringlight.runs.folder import RunFolder
 from ringlight.runs.history import History
@@ -35,7 +35,7 @@ class TrainingFacts:
     seed: int | None = None
     iterations: int | None = None
     planned: int | None = None
-    settings: dict[str, str] | None = None
+    settings: dict[str, GivenSetting] | None = None
     train_seconds: float | None = None
     train_cpu_seconds: float | None = None
     saving_seconds: float | None = None
