@@ -4,7 +4,7 @@ from ringlight.errors import RecipeError
 
 AVERAGED = 0.1
 """Share of a run, its last, whose models are averaged where a method does so by default: a fifth is no better
-(docs/experiments/averaged-models.md, docs/methods/putt.md)."""
+(docs/experiments/averaged-models.md, docs/experiments/putt.md)."""
 
 
 def check_average(average: float) -> None:

@@ -59,7 +59,7 @@ WARM_UP = 100
 
 LAST_RATE = 0.2
 """Share of a learning rate that is left after a whole run, if nothing sets it back. What Adam's steps add to all
-matrices of a product is noise; a mean of models is without it, and rates need to fall less (docs/methods/putt.md)."""
+matrices of a product is noise; a mean of models is without it, and rates need to fall less (docs/experiments/putt.md)."""
 
 SETTLING_RATE, SETTLED_RATE = 0.07, 0.01
 """Where no models are averaged: share of a rate after a run, and after a faster fall over its last fifth, by which that
@@ -71,20 +71,20 @@ PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
 FASTER, FAST = 2.0, 8e-3
 """Times that rate as long as it is no higher than the second; that gained 0.15 dB in 3,000 steps. Of two
 runs of 15,000 the one at less than half of it had 0.36 dB less. In runs of 1,000 steps as fast ones learn less
-(docs/methods/putt.md)."""
+(docs/experiments/putt.md)."""
 
 HIGHEST_RATE = 0.03
 """With twice as much a run of 150 steps on the bundled toaster learned less."""
 
 ALL_GRADIENTS = 1.0
-"""Products of eight matrices feel the noise of drawn gradients (docs/methods/putt.md)."""
+"""Products of eight matrices feel the noise of drawn gradients (docs/experiments/putt.md)."""
 
 SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 """One level for blocks and one for nodes in them; and what kernels take."""
 
 SCALED = 0.6
 """After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
-0.85 gained nothing (docs/methods/putt.md)."""
+0.85 gained nothing (docs/experiments/putt.md)."""
 
 COPIES, SCALED_COPIES = 6, 3
 """Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and the mean of models;
@@ -124,8 +124,8 @@ class PuttRecipe(VolumeRecipe):
     importance, which keeps the mean; 1, as in the papers: all do."""
     rate: float | None = None
     """Learning rate of the trains; it falls to a fifth over a run, and is set back when the grid is refined. By default
-    the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and up to twice that
-    in runs of more than 800 steps; at most 0.03."""
+    the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and twice that as far
+    as 0.008; at most 0.03."""
     network_rate: float = 1e-3
     """Learning rate of the network, which falls likewise."""
     l1: float = 1e-5

@@ -29,7 +29,7 @@ BETAS, EPSILON = (0.9, 0.99), 1e-8
 
 BY_ERROR = 0.7
 """Rays that are wrong by more make a lot's gradient less noisy; three tenths are drawn evenly, so that none counts
-more than 3.4 times (docs/methods/putt.md)."""
+more than 3.4 times (docs/experiments/putt.md)."""
 
 MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
