@@ -59,7 +59,8 @@ WARM_UP = 100
 
 LAST_RATE = 0.2
 """Share of a learning rate that is left after a whole run, if nothing sets it back. What Adam's steps add to all
-matrices of a product is noise; a mean of models is without it, and rates need to fall less (docs/experiments/putt.md)."""
+matrices of a product is noise; a mean of models is without it, and rates need to fall less
+(docs/experiments/putt.md)."""
 
 SETTLING_RATE, SETTLED_RATE = 0.07, 0.01
 """Where no models are averaged: share of a rate after a run, and after a faster fall over its last fifth, by which that
