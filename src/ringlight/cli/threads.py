@@ -35,8 +35,7 @@ def check_threads(count: int, jobs: int = 1) -> None:
 def use_threads(count: int) -> None:
     """``count`` threads for the kernels, 0 for every core, and one for torch; freed arrays are kept for the next step.
 
-    Raises BackendError where the kernels cannot run: every command that calls
-    this needs them, whatever the rasterizer.
+    Raises BackendError where the kernels cannot run: every command that calls this needs them, whatever the rasterizer.
     """
     import torch
 

@@ -53,13 +53,12 @@ def written(value: Any) -> str:
 
 def settings_changed(record: RunRecord) -> list[Setting]:
     """What of the recipe is not its method's default: by a flag, or because the scene or the length decided it."""
-    return _differences(METHODS[method_asked(record.preset, record.recipe)], record.recipe)
+    return _differences(_default(record), record.recipe)
 
 
 def options_changed(record: RunRecord) -> list[Setting]:
     """How the scene was read for training, where that is not the method's default."""
-    default = METHODS[method_asked(record.preset, record.recipe)]
-    return _differences(with_points_of(default, SceneOptions()), record.options)
+    return _differences(with_points_of(_default(record), SceneOptions()), record.options)
 
 
 def settings_by_name(record: RunRecord) -> dict[str, GivenSetting]:
@@ -90,6 +89,10 @@ def method_asked(preset: str, recipe: Recipe) -> str:
     """The method whose flags can say this recipe: the preset, or what a chooser settled on."""
     named = METHODS.get(preset)
     return preset if type(named) is type(recipe) else method_of(recipe)
+
+
+def _default(record: RunRecord) -> Recipe:
+    return METHODS[method_asked(record.preset, record.recipe)]
 
 
 def _differences(default: Any, value: Any, group: str = "") -> list[Setting]:
