@@ -10,6 +10,7 @@ from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.train import train
 from ringlight.methods.putt import PuttRecipe
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
+from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import small
 from spoiled_volumes import assert_refused_without_its_end
@@ -80,6 +81,52 @@ def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
     written = recipe_to_dict(PuttRecipe())
     del written["average"]
     assert recipe_from_dict(PuttRecipe, written).average == 0
+
+
+@pytest.mark.parametrize(
+    ("lengths", "sides"),
+    [
+        ((1.0, 1.0, 1.0), (16, 16, 16)),
+        ((1.0, 1.4, 1.2), (16, 16, 16)),
+        ((1.0, 1.6, 1.2), (16, 32, 16)),
+        ((9.0, 1.0, 1.6), (32, 16, 32)),
+    ],
+)
+def test_long_axes_of_its_box_have_twice_the_nodes(lengths: tuple[float, ...], sides: tuple[int, ...], tmp_path):
+    bounds = (0.0, 0.0, 0.0, *lengths)
+    recipe = small("putt", steps=40, coarsest=4, finest=16, bounds=bounds)
+    training = recipe.build(SCENE, rasterizer_for("cpu"), 3)
+    assert training.model.field.sides == tuple(side // 4 for side in sides)
+    for _ in train(training):
+        pass
+    assert training.model.field.sides == sides
+    assert sum(p.numel() for p in training.model.field.parameters() if p.shape != (1, 8, 1)) <= recipe.numbers_at(
+        training.model.box, 16
+    )
+    header = model_header("putt", recipe, 40, scene_facts(SCENE))
+    save_model(tmp_path / "model.safetensors", training.model, header, ())
+    read = load_model(tmp_path / "model.safetensors", rasterizer_for("cpu")).model
+    camera = SCENE.test[0].camera
+    shown, again = (model.render(camera, SCENE.background_color, Want.EXACT).color for model in (training.model, read))
+    assert torch.equal(shown, again)
+    assert recipe.in_words(16) == ("16 cubed" if len(set(sides)) == 1 else " x ".join(map(str, sides)))
+
+
+def test_older_recipes_have_as_many_nodes_along_each_axis():
+    written = recipe_to_dict(PuttRecipe(bounds=(0.0, 0.0, 0.0, 1.0, 2.0, 1.0)))
+    assert recipe_from_dict(PuttRecipe, written).long_axes == (1,)
+    del written["even_voxels"]
+    assert recipe_from_dict(PuttRecipe, written).long_axes == ()
+
+
+@pytest.mark.parametrize("size", [7.0, 12.0])
+@pytest.mark.parametrize("bounds", [(0.0, 0.0, 0.0, 1.0, 2.0, 1.0), (0.0, 0.0, 0.0, 2.0, 2.0, 1.0)])
+def test_a_size_is_that_of_a_grid_with_long_axes_too(bounds, size: float):
+    recipe = PuttRecipe(size=size, bounds=bounds)
+    with torch.device("meta"):
+        model = recipe.model_of(256, torch.tensor([bounds[:3], bounds[3:]]))
+    taken = sum(p.numel() * p.element_size() for p in model.parameters()) + 160**3 // 8
+    assert 0.9 * size * 1e6 < taken <= size * 1e6
 
 
 def test_rays_of_older_recipes_are_drawn_evenly():

@@ -17,8 +17,17 @@ from volume.trains import drawn_cores, smooth_grid
 SAME = {"rtol": 1e-9, "atol": 1e-9}
 
 
-def all_nodes(side: int) -> torch.Tensor:
-    return torch.tensor(list(itertools.product(range(side), repeat=3)))
+OF_FIRST = some.sampled_from([8, 4, 2])
+"""Octants of the first core."""
+
+
+def all_nodes(*sides: int) -> torch.Tensor:
+    return torch.tensor(list(itertools.product(*map(range, sides))))
+
+
+def sides_of(levels: int, first: int) -> tuple[int, int, int]:
+    x, y, z = (2 ** (levels - (axis < shorter)) for axis, shorter in ((a, {8: 0, 4: 1, 2: 2}[first]) for a in range(3)))
+    return x, y, z
 
 
 def interpolated(grid: torch.Tensor, axis: int) -> torch.Tensor:
@@ -27,11 +36,11 @@ def interpolated(grid: torch.Tensor, axis: int) -> torch.Tensor:
     return torch.stack([grid, (grid + after) / 2], axis + 1).flatten(axis, axis + 1)
 
 
-@given(some.integers(1, 3), some.integers(1, 3), some.integers(1, 30))
+@given(some.integers(1, 3), some.integers(1, 3), some.integers(1, 30), OF_FIRST)
 @settings(deadline=None)
-def test_entries_are_products_of_a_matrix_of_each_core(payload: int, levels: int, most: int):
-    cores = drawn_cores(payload, levels, most)
-    nodes = all_nodes(2**levels)
+def test_entries_are_products_of_a_matrix_of_each_core(payload: int, levels: int, most: int, first: int):
+    cores = drawn_cores(payload, levels, most, first=first)
+    nodes = all_nodes(*sides_of(levels, first))
     expected = []
     for node in nodes.tolist():
         product = torch.eye(payload, dtype=torch.float64)
@@ -44,23 +53,27 @@ def test_entries_are_products_of_a_matrix_of_each_core(payload: int, levels: int
     paths = octant_path(nodes, levels)
     torch.testing.assert_close(gathered(cores, paths), expected, **SAME)
     torch.testing.assert_close(contracted(cores).T[paths], expected, **SAME)
+    assert contracted(cores).shape[1] == len(nodes) == paths.max() + 1
 
 
 def test_ranks_are_trapezoids_and_numbers_those_of_the_paper():
     assert ranks_of(1, 8, 200) == (1, 8, 64, 200, 200, 200, 64, 8, 1)
     assert ranks_of(27, 8, 280) == (27, 216, 280, 280, 280, 280, 64, 8, 1)
     assert 3.3e6 < numbers_of(1, 8, 200) + numbers_of(27, 8, 280) < 3.5e6
+    assert ranks_of(27, 9, 280, 2) == (27, 54, 280, 280, 280, 280, 280, 64, 8, 1)
+    for first in (8, 4, 2):
+        assert numbers_of(3, 4, 30, first) == sum(core.numel() for core in drawn_cores(3, 4, 30, first=first))
 
 
-@given(some.integers(1, 3), some.integers(1, 3), some.integers(1, 20), some.integers(0, 99))
-@settings(deadline=None, max_examples=25)
-def test_prolongation_is_linear_interpolation_of_the_grid(payload: int, levels: int, most: int, seed: int):
-    cores = drawn_cores(payload, levels, most, seed)
+@given(some.integers(1, 3), some.integers(1, 3), some.integers(1, 20), some.integers(0, 99), OF_FIRST)
+@settings(deadline=None, max_examples=40)
+def test_prolongation_is_linear_interpolation_of_the_grid(payload: int, levels: int, most: int, seed: int, first: int):
+    cores = drawn_cores(payload, levels, most, seed, first=first)
     grid = grid_of(cores)
     for axis in range(3):
         cores, grid = along_axis(cores, axis), interpolated(grid, axis)
     torch.testing.assert_close(grid_of(cores), grid, **SAME)
-    whole, lost = prolonged(drawn_cores(payload, levels, most, seed), most=10**6)
+    whole, lost = prolonged(drawn_cores(payload, levels, most, seed, first=first), most=10**6)
     torch.testing.assert_close(grid_of(whole), grid, **SAME)
     assert lost < 1e-6
 
@@ -104,7 +117,7 @@ def test_what_prolongation_loses_is_no_more_than_it_says(most: int):
 def full_train(grid: torch.Tensor) -> list[torch.Tensor]:
     """The cores of a grid of eight nodes a side: the last ones pick its entries."""
     entries = grid.new_empty(512, grid.shape[-1])
-    nodes = all_nodes(8)
+    nodes = all_nodes(8, 8, 8)
     entries[octant_path(nodes, 3)] = grid.flatten(0, 2)
     eye = torch.eye(8, dtype=grid.dtype)
     first = entries.T.reshape(-1, 8, 64).contiguous()

@@ -74,6 +74,41 @@ def test_values_are_those_of_the_grid_linear_between_its_nodes():
     torch.testing.assert_close(from_grid(cores, places), expected, **SAME)
 
 
+@given(some.integers(1, 3), some.integers(3, 4), some.integers(1, 60), some.sampled_from([4, 2]), some.data())
+@settings(deadline=None, max_examples=25)
+def test_all_ways_agree_where_some_axes_have_half_the_nodes(payload: int, levels: int, count: int, first: int, data):
+    """In the half of the cube, or the quarter, in which all points lie then."""
+    blocks = data.draw(some.integers(1, levels - 1))
+    cores = drawn_cores(payload, levels, 20, first=first)
+    side = 2**levels
+    last = torch.tensor([{4: side, 2: side}[first], {4: 2 * side, 2: side}[first], 2 * side]) / 2 - 1
+
+    def inside(way):
+        return lambda of, places: way(of, torch.minimum(places.clamp_min(0), last.to(places) / side))
+
+    expected = with_gradients(inside(by_single_entries), cores, count)
+    for way in (from_grid, lambda *of: from_blocks(*of, blocks), lambda *of: from_points(*of, blocks)):
+        for one, other in zip(with_gradients(inside(way), cores, count), expected, strict=True):
+            torch.testing.assert_close(one, other, **SAME)
+        leaves = [core.float().requires_grad_() for core in cores]  # by the kernels
+        torch.testing.assert_close(
+            inside(way)(leaves, points(count).float()).double(), expected[0], rtol=1e-3, atol=1e-3
+        )
+
+
+@pytest.mark.parametrize("long", [(), (0,), (1,), (2,), (0, 1), (0, 2), (1, 2)])
+def test_a_field_is_linear_between_nodes_of_as_many_along_each_axis_as_it_says(long: tuple[int, ...]):
+    field = TensorTrainField(4 if long else 3, 5, (30, 40), 5, torch.Generator().manual_seed(0), long).double()
+    assert field.sides == tuple(16 if axis in long else 8 for axis in range(3))
+    nodes = [torch.arange(side, dtype=torch.float64) / side for side in field.sides]
+    grid = field.appearance(torch.stack(torch.meshgrid(*nodes, indexing="ij"), -1).view(-1, 3)).view(*field.sides, 5)
+    assert len(grid.flatten(0, 2).unique(dim=0)) == len(nodes[0]) * len(nodes[1]) * len(nodes[2])
+    padded = torch.nn.functional.pad(grid.permute(3, 0, 1, 2)[None], [0, 1] * 3, mode="replicate")
+    places = points(300).clamp(0, 1)
+    expected = torch.nn.functional.grid_sample(padded, (2 * places - 1).flip(1)[None, None, None], align_corners=True)
+    torch.testing.assert_close(field.appearance(points(300)), expected[0, :, 0, 0].T, **SAME)
+
+
 @pytest.mark.parametrize("payload", [1, 3])
 def test_a_doubled_train_shows_the_same(payload: int):
     drawn = torch.Generator().manual_seed(0)

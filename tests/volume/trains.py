@@ -4,17 +4,19 @@ from itertools import pairwise
 
 import torch
 
-from ringlight.volume.tt_ranks import ranks_of
+from ringlight.volume.tt_ranks import OCTANTS, ranks_of
 
 
-def drawn_cores(payload: int, levels: int, most: int, seed: int = 0, dtype: torch.dtype = torch.float64):
+def drawn_cores(
+    payload: int, levels: int, most: int, seed: int = 0, dtype: torch.dtype = torch.float64, first: int = OCTANTS
+):
     """Independent normal numbers, so scaled that the entries' variance is one."""
-    ranks = ranks_of(payload, levels, most)
+    ranks = ranks_of(payload, levels, most, first)
     drawn = torch.Generator().manual_seed(seed)
     cores = []
     for k, (left, right) in enumerate(pairwise(ranks)):
-        scale = left**-0.5 if k else 1.0
-        cores.append(scale * torch.randn(left, 8, right, generator=drawn, dtype=dtype))
+        scale, octants = (left**-0.5, OCTANTS) if k else (1.0, first)
+        cores.append(scale * torch.randn(left, octants, right, generator=drawn, dtype=dtype))
     return cores
 
 

@@ -33,6 +33,7 @@ from ringlight.methods.volume_recipe import (
     VolumeRecipe,
     on_device,
 )
+from ringlight.volume.tt_ranks import AXES
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -83,6 +84,9 @@ ALL_GRADIENTS = 1.0
 SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 """One level for blocks and one for nodes in them; and what kernels take."""
 
+LONG = 1.5
+"""Times the box's shortest side: an axis from there on is nearer to twice as long than to as long."""
+
 SCALED = 0.6
 """After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
 0.85 gained nothing (docs/experiments/putt.md)."""
@@ -114,7 +118,10 @@ class PuttRecipe(VolumeRecipe):
     coarsest: int = 16
     """Nodes along each axis at the start, a power of two."""
     finest: int = 256
-    """Nodes along each axis at the end, a power of two."""
+    """Nodes along each axis at the end, a power of two; along long ones twice as many."""
+    even_voxels: bool = later(False, now=True)
+    """Axes along which the box is at least one and a half times as long as along its shortest have twice as many nodes.
+    In the paper all have the same."""
     bounds: Bounds | None = None
     """Lowest and highest corner of the box that the volume covers, world units: x y z x y z. By default that of the
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
@@ -197,7 +204,15 @@ class PuttRecipe(VolumeRecipe):
     @property
     def _sizes(self) -> TrainSizes:
         """At the end."""
-        return TrainSizes(self.features, self.hidden, levels_of(self.finest))
+        return TrainSizes(self.features, self.hidden, levels_of(self.finest), len(self.long_axes))
+
+    @property
+    def long_axes(self) -> tuple[int, ...]:
+        """Those with twice the nodes, of x, y and z as 0, 1 and 2; none while the box is not known."""
+        if self.bounds is None or not self.even_voxels or levels_of(self.finest) == TRAIN_MOST_LEVELS:
+            return ()
+        lengths = [high - low for low, high in zip(self.bounds[:3], self.bounds[3:], strict=True)]
+        return tuple(axis for axis, length in enumerate(lengths) if length >= LONG * min(lengths))
 
     @property
     def emptied(self) -> tuple[int, ...]:
@@ -208,7 +223,7 @@ class PuttRecipe(VolumeRecipe):
         first, last = levels_of(self.coarsest), levels_of(self.finest)
         times = last - first
         at = self.at_share(REFINED[max(PAPER_DOUBLINGS - times, 0) :][:times])
-        return {step: float(8 ** (first + 1 + k)) for k, step in enumerate(at)}
+        return {step: float(8 ** (first + 1 + k) << len(self.long_axes)) for k, step in enumerate(at)}
 
     @property
     def final_side(self) -> int:
@@ -218,6 +233,13 @@ class PuttRecipe(VolumeRecipe):
     def smaller_sides(self) -> tuple[int, ...]:
         return tuple(1 << level for level in range(levels_of(self.finest), levels_of(self.coarsest) - 1, -1))
 
+    def finer(self, nodes: tuple[int, int, int]) -> float:
+        return self.finest / min(nodes)
+
+    def in_words(self, side: int) -> str:
+        sides = [side << (axis in self.long_axes) for axis in range(AXES)]
+        return " x ".join(map(str, sides)) if self.long_axes else super().in_words(side)
+
     def remedy(self, side: int) -> str:
         return f"give --finest {side} or less, or smaller ranks"
 
@@ -226,13 +248,13 @@ class PuttRecipe(VolumeRecipe):
         return "give a smaller --density-rank and --appearance-rank, or a smaller --coarsest and --finest"
 
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
-        levels = levels_of(side)
+        levels, long = levels_of(side), len(self.long_axes)
         # Entries of all blocks and their gradients; matrices of blocks, theirs, and two copies in order, since threads
         # share them out.
-        entries = 2 * 8**levels
-        matrices = 4 * 8 ** (levels // 2) * self.features * self.ranks[1]
+        entries = 2 * 8**levels << long
+        matrices = 4 * (8 ** (levels // 2) << long) * self.features * self.ranks[1]
         copies = COPIES + (SCALED_COPIES if self.scaled else 0)
-        return copies * numbers_of_both(self.features, levels, self.ranks) + entries + matrices
+        return copies * numbers_of_both(self.features, levels, self.ranks, long) + entries + matrices
 
     @property
     def first_rate(self) -> float:
@@ -266,14 +288,15 @@ class PuttRecipe(VolumeRecipe):
         return self.model_of(self.coarsest, box, seed)
 
     def model_of(self, side: int, box: "Float[Tensor, '2 3']", seed: int = 0) -> "VolumeModel":
-        """With so many nodes along each axis, drawn by ``seed``."""
+        """With so many nodes along each axis that is not long, drawn by ``seed``."""
         from ringlight.core.randomness import generator
         from ringlight.volume.model import VolumeModel
         from ringlight.volume.shading import FeatureShading
         from ringlight.volume.tensor_train_field import TensorTrainField
 
         drawn = generator(seed, 0, "volume")
-        field = TensorTrainField(levels_of(side), levels_of(self.finest), self.ranks, self.features, drawn)
+        levels, deepest = (levels_of(nodes) + bool(self.long_axes) for nodes in (side, self.finest))
+        field = TensorTrainField(levels, deepest, self.ranks, self.features, drawn, self.long_axes)
         return VolumeModel(field, FeatureShading(self.features, self.hidden, drawn), box)
 
     def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
@@ -281,14 +304,16 @@ class PuttRecipe(VolumeRecipe):
 
         def cores() -> list[str]:
             """Of the levels that are reached."""
-            return [f"field.density_train.cores.{k}" for k in range(levels_of(model.field.sides[0]))]
+            field = cast("TensorTrainField", model.field)
+            return [f"field.density_train.cores.{k}" for k in range(field.levels)]
 
         return {"l1": FactorSize(cores, self.l1, self.l1, until=0)} if self.l1 else {}
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "PuttRecipe":
         """With a model of the resolution, and of the bits of what is not empty, that a file has."""
-        ranks = [shapes.get(f"field.density_train.cores.{k}", (1,)) for k in range(levels_of(self.finest))]
-        levels = 1 + sum(bool(shape) and shape[0] > 1 for shape in ranks[1:])
+        more = int(bool(self.long_axes))
+        ranks = [shapes.get(f"field.density_train.cores.{k}", (1,)) for k in range(levels_of(self.finest) + more)]
+        levels = 1 - more + sum(bool(shape) and shape[0] > 1 for shape in ranks[1:])
         bits = shapes.get("occupied", ())
         if levels < levels_of(SMALLEST_SIDE) or len(bits) != 3:
             return self

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ringlight.core.kernel_limits import VOLUME_CELLS_A_BYTE, VOLUME_FREQUENCIES, VOLUME_MOST_CELLS
 from ringlight.core.words import MEGABYTE
-from ringlight.volume.tt_ranks import numbers_of
+from ringlight.volume.tt_ranks import OCTANTS, numbers_of
 
 PAPER_RANKS = (200, 280)
 """Of density and appearance."""
@@ -24,17 +24,19 @@ FLOAT_BYTES = 4
 
 @dataclass(frozen=True)
 class TrainSizes:
-    """Of a finished model whose network has so many inputs and units."""
+    """Of a finished model whose network has so many inputs and units. The grid has 2 to the power of ``levels`` nodes
+    along each axis, and twice as many along ``long`` ones."""
 
     features: int
     hidden: int
     levels: int
+    long: int = 0
 
     def bytes_of(self, ranks: tuple[int, int]) -> int:
         """With bits for all cells."""
         inputs = (1 + 2 * VOLUME_FREQUENCIES) * (self.features + 3)
         network = (inputs + self.hidden + 2) * self.hidden + 3 * (self.hidden + 1)
-        trains = numbers_of_both(self.features, self.levels, ranks)
+        trains = numbers_of_both(self.features, self.levels, ranks, self.long)
         return FLOAT_BYTES * (network + trains) + min(1 << self.levels, VOLUME_MOST_CELLS) ** 3 // VOLUME_CELLS_A_BYTE
 
     @property
@@ -59,9 +61,10 @@ def in_proportion(appearance: int) -> tuple[int, int]:
     return max(steps, 1) * RANK_STEP, appearance
 
 
-def numbers_of_both(features: int, levels: int, ranks: tuple[int, int]) -> int:
+def numbers_of_both(features: int, levels: int, ranks: tuple[int, int], long: int = 0) -> int:
     """Of both trains."""
-    return numbers_of(1, levels, ranks[0]) + numbers_of(features, levels, ranks[1])
+    all_levels, first = (levels + 1, 1 << long) if long else (levels, OCTANTS)
+    return numbers_of(1, all_levels, ranks[0], first) + numbers_of(features, all_levels, ranks[1], first)
 
 
 def levels_of(side: int) -> int:

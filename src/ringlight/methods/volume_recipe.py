@@ -76,6 +76,14 @@ class VolumeRecipe(ABC):
     def final_side(self) -> int:
         """Of a cube with as many voxels as the grid at the end."""
 
+    def finer(self, nodes: tuple[int, int, int]) -> float:
+        """How many times as fine the grid at the end is as one of so many nodes."""
+        return self.final_side / math.prod(nodes) ** (1 / 3)
+
+    def in_words(self, side: int) -> str:
+        """A grid of such a side."""
+        return f"{side} cubed"
+
     @property
     @abstractmethod
     def smaller_sides(self) -> tuple[int, ...]:

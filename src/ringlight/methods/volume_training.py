@@ -103,8 +103,9 @@ def refuse_too_large(recipe: VolumeRecipe, box: torch.Tensor, memory: int) -> No
         return
     fits = next((side for side in recipe.smaller_sides if bytes_of(side) <= memory), None)
     raise RecipeError(
-        f"a grid of {side} cubed takes {bytes_of(side) / MEGABYTE:,.0f} MB while it trains, and {SHARE:.0%} of this "
-        f"device's memory is {memory / MEGABYTE:,.0f} MB; {recipe.lighter if fits is None else recipe.remedy(fits)}"
+        f"a grid of {recipe.in_words(side)} takes {bytes_of(side) / MEGABYTE:,.0f} MB while it trains, and {SHARE:.0%} "
+        f"of this device's memory is {memory / MEGABYTE:,.0f} MB; "
+        f"{recipe.lighter if fits is None else recipe.remedy(fits)}"
     )
 
 
@@ -113,11 +114,11 @@ def refuse_too_many_rays(recipe: VolumeRecipe, model: VolumeModel, memory: int) 
 
     Counted are those of rays through the whole box: what is empty is not known yet. ``model`` is as it is at the start.
     """
-    finer = recipe.final_side / math.prod(model.nodes) ** (1 / 3)
-    of_ray = math.ceil(model.space().most * finer)
+    of_ray = math.ceil(model.space().most * recipe.finer(model.nodes))
     most = min(memory // (SAMPLE_BYTES * of_ray), MOST_SAMPLES // of_ray)
     if recipe.rays > max(most, 1):
         raise RecipeError(
-            f"rays is {recipe.rays}; each has up to {of_ray:,} samples in a grid of {recipe.final_side} cubed, and "
-            f"{max(most, 1)} rays are the most that fit; give as many or fewer"
+            f"rays is {recipe.rays}; each has up to {of_ray:,} samples in a grid of "
+            f"{recipe.in_words(recipe.final_side)}, and {max(most, 1)} rays are the most that fit; give as many or "
+            "fewer"
         )

@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.volume.tensor_train import Cores
-from ringlight.volume.tt_ranks import AXES, OCTANTS
+from ringlight.volume.tensor_train import Cores, axes_of
+from ringlight.volume.tt_ranks import AXES
 from ringlight.volume.tt_rounding import rounded
 
 STAYS, MOVES, LAST = range(3)
@@ -40,10 +40,12 @@ def along_axis(cores: Cores, axis: int) -> list[Tensor]:
     return [*wide, finest]
 
 
-def _with_states(core: Float[Tensor, "r 8 s"], axis: int) -> Float[Tensor, "T r 8 s T"]:
-    """By the state to the left and to the right: those on the right say what a core does with its bit."""
+def _with_states(core: Float[Tensor, "r o s"], axis: int) -> Float[Tensor, "T r o s T"]:
+    """By the state to the left and to the right: those on the right say what a core does with its bit, if any."""
+    if axis not in axes_of(core):
+        return core[None, ..., None] * torch.eye(STATES).to(core)[:, None, None, None]
     place = 1 << (AXES - 1 - axis)
-    octants = torch.arange(OCTANTS, device=core.device)
+    octants = torch.arange(core.shape[1], device=core.device)
     is_one = (octants & place > 0).to(core)[:, None]
     flipped = core[:, octants ^ place]
     wide = core.new_zeros(STATES, *core.shape, STATES)

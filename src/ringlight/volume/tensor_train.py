@@ -14,7 +14,8 @@ from ringlight.volume.tt_ranks import AXES, OCTANTS
 
 Cores = Sequence[Float[Tensor, "_ _ _"]]
 """[left rank, octants, right rank] of each, from the coarsest level to the finest; the first one's left rank is the
-payload's width, the last one's right rank 1. A core's octant is 4 x + 2 y + z for the bits of its level."""
+payload's width, the last one's right rank 1. A core's octant is 4 x + 2 y + z for the bits of its level. Where the
+first has four octants the grid has half the nodes along x, and where it has two, along y also."""
 
 
 def spread_bits(side: int) -> Int[Tensor, "S"]:
@@ -57,12 +58,17 @@ def contracted(cores: Cores) -> Float[Tensor, "C M"]:
     return product(first.flatten(0, 1), suffixes(cores[half:])).view(len(first), -1)
 
 
-def grid_of(cores: Cores) -> Float[Tensor, "S S S C"]:
+def axes_of(core: Float[Tensor, "_ _ _"]) -> range:
+    """Those of which a core holds a bit: the last ones."""
+    return range(AXES - (core.shape[1].bit_length() - 1), AXES)
+
+
+def grid_of(cores: Cores) -> Float[Tensor, "X Y Z C"]:
     """Every entry, by x, y and z."""
-    levels, width = len(cores), len(cores[0])
-    axes = [1 + AXES * level + axis for axis in range(AXES) for level in range(levels)]
-    dense = contracted(cores).view(width, *[2] * (AXES * levels)).permute(*axes, 0)
-    return dense.reshape(*[1 << levels] * AXES, width)
+    bits = [(axis, level) for level, core in enumerate(cores) for axis in axes_of(core)]
+    order = sorted(range(len(bits)), key=bits.__getitem__)
+    dense = contracted(cores).view(-1, *[2] * len(bits)).permute(*(1 + k for k in order), 0)
+    return dense.reshape(*(1 << sum(axis in axes_of(core) for core in cores) for axis in range(AXES)), len(cores[0]))
 
 
 def gathered(cores: Cores, paths: Int[Tensor, "N"]) -> Float[Tensor, "N C"]:
@@ -70,5 +76,5 @@ def gathered(cores: Cores, paths: Int[Tensor, "N"]) -> Float[Tensor, "N C"]:
     row = torch.ones(len(paths), 1, 1).to(cores[0])
     for level, core in enumerate(reversed(list(cores))):
         octant = (paths >> (AXES * level)) & (OCTANTS - 1)
-        row = core.transpose(0, 1)[octant] @ row
+        row = core.transpose(0, 1)[octant & (core.shape[1] - 1)] @ row
     return row[..., 0]

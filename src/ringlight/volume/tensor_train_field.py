@@ -10,7 +10,7 @@ from ringlight.volume.contract import Sides
 from ringlight.volume.halves import multiplies_halves
 from ringlight.volume.prolongation import prolonged
 from ringlight.volume.shading import FeatureShading
-from ringlight.volume.tt_ranks import AXES, OCTANTS, ranks_of
+from ringlight.volume.tt_ranks import AXES, OCTANTS, modes_of, ranks_of
 from ringlight.volume.tt_sampling import from_blocks, from_grid, from_points
 from ringlight.volume.tt_scaling import Scaling, scalings
 
@@ -28,16 +28,18 @@ LEVELS_OF_BLOCKS = 6
 
 
 class TensorTrain(nn.Module):
-    """``cores.k`` [r 8 s]: one for each level that there may be. Those of levels that are not reached yet are ones, of
-    shape [1 8 1]: what a node has, all within it have."""
+    """``cores.k`` [r 8 s]: one for each level that there may be; the first one has ``first`` octants, perhaps 4 or 2.
+    Those of levels that are not reached yet are ones, of shape [1 8 1]: what a node has, all within it have."""
 
-    def __init__(self, payload: int, levels: int, deepest: int, most: int, generator: torch.Generator):
+    def __init__(
+        self, payload: int, levels: int, deepest: int, most: int, generator: torch.Generator, first: int = OCTANTS
+    ):
         super().__init__()
         self.payload, self.most = payload, most
-        ranks = ranks_of(payload, levels, most)
+        ranks = ranks_of(payload, levels, most, first)
         self.cores = nn.ParameterList()
-        for k in range(levels):
-            core = torch.empty(ranks[k], OCTANTS, ranks[k + 1]).normal_(0, 1, generator=generator)
+        for k, mode in enumerate(modes_of(levels, first)):
+            core = torch.empty(ranks[k], mode, ranks[k + 1]).normal_(0, 1, generator=generator)
             # Sums over a left rank keep the entries' variance; the payload is no sum.
             self.cores.append(nn.Parameter(core * FIRST_DEVIATION ** (1 / levels) * (ranks[k] ** -0.5 if k else 1.0)))
         self.cores.extend([nn.Parameter(torch.ones(1, OCTANTS, 1)) for _ in range(levels, deepest)])
@@ -61,13 +63,28 @@ class TensorTrain(nn.Module):
 
 
 class TensorTrainField(nn.Module):
-    """A scalar train of density, and one of appearance that carries ``features`` in its first core."""
+    """A scalar train of density, and one of appearance that carries ``features`` in its first core.
 
-    def __init__(self, levels: int, deepest: int, ranks: tuple[int, int], features: int, generator: torch.Generator):
+    ``levels`` of ``deepest`` are reached. One or two ``long`` axes, of x, y and z as 0, 1 and 2, have twice the nodes
+    of the others; the first core holds their first bits alone. To the trains they are the last axes of a cube, and all
+    points lie in a half or a quarter of it.
+    """
+
+    def __init__(
+        self,
+        levels: int,
+        deepest: int,
+        ranks: tuple[int, int],
+        features: int,
+        generator: torch.Generator,
+        long: tuple[int, ...] = (),
+    ):
         super().__init__()
         self._made = (deepest, ranks, features)
-        self.density_train = TensorTrain(1, levels, deepest, ranks[0], generator)
-        self.appearance_train = TensorTrain(features, levels, deepest, ranks[1], generator)
+        self.long = long
+        first = 1 << len(long) if long else OCTANTS
+        self.density_train = TensorTrain(1, levels, deepest, ranks[0], generator, first)
+        self.appearance_train = TensorTrain(features, levels, deepest, ranks[1], generator, first)
 
     @property
     def levels(self) -> int:
@@ -77,8 +94,7 @@ class TensorTrainField(nn.Module):
     @property
     def sides(self) -> Sides:
         """Nodes along x, y and z."""
-        side = 1 << self.levels
-        return side, side, side
+        return self._sides_at(self.levels)
 
     @property
     def intervals(self) -> Sides:
@@ -87,11 +103,11 @@ class TensorTrainField(nn.Module):
 
     def density(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
-        return sampled(self.density_train, points)[:, 0]
+        return sampled(self.density_train, self._in_cube(points))[:, 0]
 
     def appearance(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N F"]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
-        return sampled(self.appearance_train, points)
+        return sampled(self.appearance_train, self._in_cube(points))
 
     def kernels(self, shading: FeatureShading) -> None:
         """None: what is fast about it, torch asks for (``tt_bags``, ``tt_blocks``)."""
@@ -106,14 +122,15 @@ class TensorTrainField(nn.Module):
     def outline(self, sides: Sides) -> dict[str, Tensor]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
         deepest, ranks, features = self._made
-        levels = _levels_of(sides)
-        return dict(TensorTrainField(levels, deepest, ranks, features, torch.Generator()).named_parameters())
+        levels = self._levels_of(sides)
+        return dict(TensorTrainField(levels, deepest, ranks, features, torch.Generator(), self.long).named_parameters())
 
     def fitting(self, box: Float[Tensor, "2 3"], voxels: float | int) -> Sides:
         """A power of two along each axis, whatever the box."""
         deepest, _, _ = self._made
-        side = 1 << min(max(round(math.log2(voxels) / AXES), FEWEST_LEVELS), deepest)
-        return side, side, side
+        more = bool(self.long)
+        levels = more + max(round((math.log2(voxels) - len(self.long)) / AXES), FEWEST_LEVELS)
+        return self._sides_at(min(levels, deepest))
 
     def cuttable(self, first: Sides, last: Sides) -> tuple[Sides, Sides]:
         """All of it."""
@@ -122,12 +139,34 @@ class TensorTrainField(nn.Module):
 
     def resize(self, sides: Sides) -> None:
         """See :class:`ringlight.volume.contract.VolumeField`."""
-        for _ in range(self.levels, _levels_of(sides)):
+        for _ in range(self.levels, self._levels_of(sides)):
             self.density_train.deepen()
             self.appearance_train.deepen()
 
     def crop(self, first: Sides, last: Sides) -> None:
         """Nothing: see :meth:`cuttable`."""
+
+    def _in_cube(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
+        """As the trains see them."""
+        if not self.long:
+            return points
+        order = sorted(range(AXES), key=lambda axis: (axis in self.long, axis))
+        sides = torch.tensor([self.sides[axis] for axis in order]).to(points)
+        side = sides.max()
+        # Behind the last node there is its value; in the cube there would be another.
+        return torch.minimum(points[:, order] * (sides / side), torch.where(sides < side, (sides - 1) / side, 1))
+
+    def _sides_at(self, levels: int) -> Sides:
+        x, y, z = (1 << (levels - (bool(self.long) and axis not in self.long)) for axis in range(AXES))
+        return x, y, z
+
+    def _levels_of(self, sides: Sides) -> int:
+        """Raises ValueError for sides that these trains do not have."""
+        levels = max(max(sides) - 1, 1).bit_length()
+        if sides != self._sides_at(levels):
+            twice = f", twice as many along {' and '.join('xyz'[axis] for axis in self.long)}" if self.long else ""
+            raise ValueError(f"a tensor train has a power of two of nodes along each axis{twice}, not {sides}")
+        return levels
 
 
 def sampled(train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
@@ -137,18 +176,12 @@ def sampled(train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "
     cores = train.reached
     if points.is_cpu and points.dtype == torch.float32 and multiplies_halves():
         cores = [core.bfloat16() for core in cores]
-    if len(cores) <= LEVELS_OF_GRID:
+    more = int(cores[0].shape[1] < OCTANTS)
+    levels = len(cores) - more  # a core of fewer octants has too few entries to count
+    if levels <= LEVELS_OF_GRID:
         return from_grid(cores, points)
     # Blocks of one number an entry may be smaller: their matrices cost next to nothing.
     if train.payload == 1:
-        return from_blocks(cores, points, (len(cores) + 1) // 2)
-    way = from_blocks if len(cores) <= LEVELS_OF_BLOCKS else from_points
-    return way(cores, points, len(cores) // 2)
-
-
-def _levels_of(sides: Sides) -> int:
-    """Raises ValueError for sides that no train has."""
-    levels = max(sides[0] - 1, 1).bit_length()
-    if sides != (1 << levels,) * AXES:
-        raise ValueError(f"a tensor train has a power of two of nodes along each axis, not {sides}")
-    return levels
+        return from_blocks(cores, points, more + (levels + 1) // 2)
+    way = from_blocks if levels <= LEVELS_OF_BLOCKS else from_points
+    return way(cores, points, more + levels // 2)

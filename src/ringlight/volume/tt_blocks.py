@@ -44,10 +44,12 @@ class Parts:
     bags: Bags
 
 
-def whole(levels: int, device: torch.device) -> Blocks:
-    """One block."""
-    zero = torch.zeros(1, dtype=torch.int32, device=device)
-    return Blocks(levels, 0, zero, zero)
+def whole(levels: int, device: torch.device, first_mode: int = OCTANTS) -> Blocks:
+    """One block of all entries, where the first core has so many octants; or one of each of these."""
+    paths = torch.arange(first_mode if first_mode < OCTANTS else 1, dtype=torch.int32, device=device)
+    levels_apart = int(first_mode < OCTANTS)
+    octants = torch.arange(OCTANTS**levels_apart, dtype=torch.int32, device=device)
+    return Blocks(levels, levels_apart, paths, octants & (first_mode - 1))
 
 
 def blocks_of(points: Float[Tensor, "N 3"], levels: int, first: int) -> Blocks:

@@ -18,7 +18,8 @@ from ringlight.volume.tt_ranks import AXES, OCTANTS
 def some_prefixes(cores: Cores, paths: Int[Tensor, "B"]) -> Float[Tensor, "B C s"]:
     """Products of the matrices along these paths, which rise, through all of these cores."""
     if len(cores) == 1:
-        return cores[0][:, paths.long()].transpose(0, 1)
+        # Of axes without a bit here a node behind the last one may be asked for, whose share is zero.
+        return cores[0][:, paths.long() & (cores[0].shape[1] - 1)].transpose(0, 1)
     parents, place = torch.unique_consecutive(paths >> AXES, return_inverse=True)
     found: Tensor = _Children.apply(some_prefixes(cores[:-1], parents), cores[-1], place, paths & (OCTANTS - 1))
     return found

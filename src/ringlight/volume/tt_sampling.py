@@ -5,6 +5,9 @@ All three give the same numbers, of the points' type; cores may be of a shorter 
 ``from_blocks`` contracts the first cores for the blocks of nodes that have a point in them, and all entries of these.
 ``from_points`` never writes entries down: what the last cores make of a point's corners is interpolated first, and
 meets the matrix of the first ones after that.
+
+The box is a cube here, of as many nodes along each axis. Where the first core has four octants, or two, points are in
+the lower half of it along x, or x and y, and no further than the last node there.
 """
 
 from jaxtyping import Float
@@ -20,7 +23,8 @@ from ringlight.volume.tt_products import part_products
 
 def from_grid(cores: Cores, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N C"]:
     """By all entries of the grid."""
-    return bag_sums(contracted(cores).T.to(points.dtype), corner_bags(points, whole(len(cores), points.device)))
+    entries = whole(len(cores), points.device, cores[0].shape[1])
+    return bag_sums(contracted(cores).T.to(points.dtype), corner_bags(points, entries))
 
 
 def from_blocks(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float[Tensor, "N C"]:

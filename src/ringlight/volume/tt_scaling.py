@@ -26,7 +26,7 @@ class Scaling:
     left: Float[Tensor, "r r"] | None
     right: Float[Tensor, "s s"] | None
 
-    def __call__(self, core: Float[Tensor, "r 8 s"]) -> Float[Tensor, "r 8 s"]:
+    def __call__(self, core: Float[Tensor, "r o s"]) -> Float[Tensor, "r o s"]:
         """A gradient in these bases, or a step from them: the map is its own transpose."""
         if self.left is not None:
             core = by_columns(self.left, core.flatten(1)).view_as(core)
