@@ -16,12 +16,13 @@ from ringlight.volume.shading import FeatureShading, waves
 HALVES = _kernels.isa() in ("avx512_bf16", "avx512_amx")
 """Whether products are of bfloat16 where that is asked for."""
 
-EXACT, ROUNDED = 2e-5, 1e-2
+EXACT, ROUNDED = 2e-5, 3e-3
 """Differences of gradients as shares of what they add up. A product of bfloat16 rounds a sum that lies between two
 numbers up or down by its order, and what follows with it."""
 
-KINK = 1e-5
-"""A unit this near to zero is on or off by the order of a sum; such samples get no gradient here."""
+KINK, ROUNDED_KINK = 1e-5, 1e-3
+"""A unit this near to zero is on or off by the order of a sum; such samples get no gradient here. The second is behind
+units that are rounded up or down by it."""
 
 
 class _RoundedLinear(torch.autograd.Function):
@@ -54,14 +55,14 @@ def by_torch(shading: FeatureShading, features: Tensor, directions: Tensor, halv
     return _RoundedLinear.apply(rows, last.weight, last.bias).sigmoid()
 
 
-def at_kinks(shading: FeatureShading, features: Tensor, directions: Tensor) -> Tensor:
+def at_kinks(shading: FeatureShading, features: Tensor, directions: Tensor, halves: bool) -> Tensor:
     """Which samples have a unit that is neither on nor off."""
     rows = torch.cat([features, directions, waves(features), waves(directions)], -1)
     layers = [layer for layer in shading.network if isinstance(layer, torch.nn.Linear)]
     found = torch.zeros(len(rows), dtype=torch.bool)
-    for layer in layers[:-1]:
-        rows = layer(rows)
-        found |= (rows.abs() < KINK).any(1)
+    for layer, kink in zip(layers[:-1], (KINK, ROUNDED_KINK if halves else KINK), strict=True):
+        rows = (rounded(rows) @ rounded(layer.weight).T + layer.bias) if halves else layer(rows)
+        found |= (rows.abs() < kink).any(1)
         rows = rows.relu()
     return found
 
@@ -92,7 +93,7 @@ def compared(widths: tuple[int, int], count: int, seed: int, halves: bool) -> tu
     _kernels.volume_shade(seen.detach(), network, rays, directions, halves, colors)
     expected = by_torch(shading, seen, directions[rays.long()], halves and HALVES)
     grad_colors = torch.randn(count, 3, generator=drawn)
-    grad_colors[at_kinks(shading, seen.detach(), directions[rays.long()])] = 0
+    grad_colors[at_kinks(shading, seen.detach(), directions[rays.long()], halves and HALVES)] = 0
     wanted = torch.autograd.grad((expected * grad_colors).sum(), [seen, *shading.parameters()])
     found = [torch.full_like(gradient, float("nan")) for gradient in wanted]
     _kernels.volume_shade_gradient(seen.detach(), network, rays, directions, halves, grad_colors, found[0], found[1:])
