@@ -176,12 +176,13 @@ def sampled(train: TensorTrain, points: Float[Tensor, "N 3"]) -> Float[Tensor, "
     cores = train.reached
     if points.is_cpu and points.dtype == torch.float32 and multiplies_halves():
         cores = [core.bfloat16() for core in cores]
-    more = int(cores[0].shape[1] < OCTANTS)
-    levels = len(cores) - more  # a core of fewer octants has too few entries to count
-    if levels <= LEVELS_OF_GRID:
+    entries = math.prod(core.shape[1] for core in cores)
+    if entries <= OCTANTS**LEVELS_OF_GRID:
         return from_grid(cores, points)
+    few = int(cores[0].shape[1] < OCTANTS)  # such a first core is one more beside those of the levels
+    levels = len(cores) - few
     # Blocks of one number an entry may be smaller: their matrices cost next to nothing.
     if train.payload == 1:
-        return from_blocks(cores, points, more + (levels + 1) // 2)
-    way = from_blocks if levels <= LEVELS_OF_BLOCKS else from_points
-    return way(cores, points, more + levels // 2)
+        return from_blocks(cores, points, few + (levels + 1) // 2)
+    way = from_blocks if entries <= OCTANTS**LEVELS_OF_BLOCKS else from_points
+    return way(cores, points, few + levels // 2)
