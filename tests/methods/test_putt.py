@@ -1,17 +1,21 @@
 """putt: sizes that decide ranks, grids that double, and settings that cannot be."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from ringlight.core.want import Want
-from ringlight.errors import RecipeError
+from ringlight.errors import ModelFileError, RecipeError
 from ringlight.fit import room
 from ringlight.fit.strategies.average_at_end import AverageAtEnd
 from ringlight.fit.train import train
 from ringlight.methods.putt import PuttRecipe
+from ringlight.methods.putt_sizes import numbers_of_both
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.volume.occupancy import cells_of
 from small_recipes import small
 from spoiled_volumes import assert_refused_without_its_end
 from tiny_scene import tiny_scene
@@ -100,9 +104,9 @@ def test_long_axes_of_its_box_have_twice_the_nodes(lengths: tuple[float, ...], s
     for _ in train(training):
         pass
     assert training.model.field.sides == sides
-    assert sum(p.numel() for p in training.model.field.parameters() if p.shape != (1, 8, 1)) <= recipe.numbers_at(
-        training.model.box, 16
-    )
+    cores = [p for p in training.model.field.parameters() if p.shape != (1, 8, 1)]
+    numbers = numbers_of_both(recipe.features, 4, recipe.ranks, len(recipe.long_axes))
+    assert sum(core.numel() for core in cores) == numbers
     header = model_header("putt", recipe, 40, scene_facts(SCENE))
     save_model(tmp_path / "model.safetensors", training.model, header, ())
     read = load_model(tmp_path / "model.safetensors", rasterizer_for("cpu")).model
@@ -119,14 +123,61 @@ def test_older_recipes_have_as_many_nodes_along_each_axis():
     assert recipe_from_dict(PuttRecipe, written).long_axes == ()
 
 
-@pytest.mark.parametrize("size", [7.0, 12.0])
-@pytest.mark.parametrize("bounds", [(0.0, 0.0, 0.0, 1.0, 2.0, 1.0), (0.0, 0.0, 0.0, 2.0, 2.0, 1.0)])
-def test_a_size_is_that_of_a_grid_with_long_axes_too(bounds, size: float):
-    recipe = PuttRecipe(size=size, bounds=bounds)
+ONE_LONG, TWO_LONG = (0.0, 0.0, 0.0, 1.0, 2.0, 1.0), (0.0, 0.0, 0.0, 1.5, 1.5, 1.0)
+
+
+@pytest.mark.parametrize(("finest", "size"), [(64, 2.0), (64, 4.0), (128, 2.99), (128, 7.0), (256, 7.0), (256, 12.0)])
+@pytest.mark.parametrize("bounds", [ONE_LONG, TWO_LONG])
+def test_a_size_is_that_of_a_grid_with_long_axes_too(bounds, finest: int, size: float):
+    """With bits for all cells."""
+    recipe, box = PuttRecipe(size=size, finest=finest, bounds=bounds), torch.tensor([bounds[:3], bounds[3:]])
     with torch.device("meta"):
-        model = recipe.model_of(256, torch.tensor([bounds[:3], bounds[3:]]))
-    taken = sum(p.numel() * p.element_size() for p in model.parameters()) + 160**3 // 8
-    assert 0.9 * size * 1e6 < taken <= size * 1e6
+        model = recipe.model_of(finest, box)
+    x, y, z = cells_of(box, recipe.longest_side)
+    taken = sum(p.numel() * p.element_size() for p in model.parameters()) + x * y * z // 8
+    assert 0.8 * size * 1e6 < taken <= size * 1e6
+
+
+def test_a_run_goes_on_as_the_recipe_that_it_settled_on():
+    settled = PuttRecipe(size=12.0, bounds=TWO_LONG)
+    assert PuttRecipe(size=12.0).may_settle_on(settled)
+    assert not PuttRecipe(size=12.0, bounds=ONE_LONG).may_settle_on(settled)
+    too_large_for_a_cube = PuttRecipe(size=153.13, bounds=TWO_LONG)
+    assert not PuttRecipe().may_settle_on(too_large_for_a_cube)
+
+
+def test_axes_do_not_get_more_nodes_than_there_may_be(monkeypatch: pytest.MonkeyPatch):
+    largest = PuttRecipe(finest=1024, bounds=TWO_LONG)
+    assert largest.long_axes == ()
+    assert largest.in_words(1024) == "1024 cubed"
+    assert PuttRecipe(finest=512, bounds=TWO_LONG).in_words(512) == "1024 x 1024 x 512"
+    box = torch.tensor([TWO_LONG[:3], TWO_LONG[3:]])
+    assert largest.numbers_at(box, 512) == PuttRecipe(finest=512, bounds=TWO_LONG).numbers_at(box, 512)
+    monkeypatch.setattr(room, "machine_memory", lambda: 6_000_000_000)
+    with pytest.raises(RecipeError, match="give --finest 256 or less"):
+        built(finest=1024, bounds=TWO_LONG)
+    with pytest.raises(RecipeError, match="a grid of 1024 x 1024 x 512 takes"):
+        built(finest=512, bounds=TWO_LONG)
+
+
+def test_sizes_that_long_axes_leave_no_room_for_are_refused():
+    least = PuttRecipe(size=4.0, finest=64)._sizes.range[0]
+    with pytest.raises(RecipeError, match="trains of 64 x 128 x 64 and their network take"):
+        replace(PuttRecipe(size=least, finest=64), bounds=ONE_LONG)
+
+
+@pytest.mark.parametrize("axes", [[2, 2], [3, 1], [1, 0]])
+def test_a_file_says_which_axes_are_long(axes: list[int], tmp_path):
+    recipe = small("putt", steps=4, coarsest=4, finest=16, bounds=TWO_LONG)
+    model = recipe.build(SCENE, rasterizer_for("cpu"), 3).model
+    path = tmp_path / "model.safetensors"
+    for told in (recipe, replace(recipe, bounds=None)):  # before its first doubling; of a recipe that was not settled
+        save_model(path, model, model_header("putt", told, 4, scene_facts(SCENE)), ())
+        assert load_model(path, rasterizer_for("cpu")).model.field.sides == (8, 8, 4)
+    model.field.long_axes = torch.tensor(axes, dtype=torch.uint8)
+    save_model(path, model, model_header("putt", recipe, 4, scene_facts(SCENE)), ())
+    with pytest.raises(ModelFileError, match="axes are 0, 1 and 2"):
+        load_model(path, rasterizer_for("cpu"))
 
 
 def test_rays_of_older_recipes_are_drawn_evenly():

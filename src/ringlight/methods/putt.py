@@ -14,6 +14,7 @@ from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
 from ringlight.methods.averaging import AVERAGED
+from ringlight.methods.long_axes import grid_in_words, long_axes
 from ringlight.methods.putt_sizes import (
     FEWEST_RANKS,
     MOST_RANKS,
@@ -84,9 +85,6 @@ ALL_GRADIENTS = 1.0
 SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 """One level for blocks and one for nodes in them; and what kernels take."""
 
-LONG = 1.5
-"""Times the box's shortest side: an axis from there on is nearer to twice as long than to as long."""
-
 SCALED = 0.6
 """After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
 0.85 gained nothing (docs/experiments/putt.md)."""
@@ -116,12 +114,12 @@ class PuttRecipe(VolumeRecipe):
     hidden: int = 128
     """Units of both hidden layers."""
     coarsest: int = 16
-    """Nodes along each axis at the start, a power of two."""
+    """Nodes along each axis at the start, a power of two; along long ones twice as many."""
     finest: int = 256
     """Nodes along each axis at the end, a power of two; along long ones twice as many."""
     even_voxels: bool = later(False, now=True)
-    """Axes along which the box is at least one and a half times as long as along its shortest have twice as many nodes.
-    In the paper all have the same."""
+    """Axes along which the box is at least one and a half times as long as along its shortest have twice as many nodes,
+    if those are at most 1,024. In the paper all axes have the same."""
     bounds: Bounds | None = None
     """Lowest and highest corner of the box that the volume covers, world units: x y z x y z. By default that of the
     masks, or of an even background, or of the points, or what all cameras look at; the run says which."""
@@ -190,8 +188,8 @@ class PuttRecipe(VolumeRecipe):
         least, most = self._sizes.range
         if not least <= self.size <= most:
             raise RecipeError(
-                f"size is {self.size:g}; trains of {self.finest} cubed and their network take {least:g} to {most:g} "
-                f"megabytes; give one of these, such as {min(PAPER_SIZES[1], most):g}"
+                f"size is {self.size:g}; trains of {self.in_words(self.finest)} and their network take {least:g} to "
+                f"{most:g} megabytes; give one of these, such as {min(PAPER_SIZES[1], most):g}"
             )
 
     @property
@@ -209,10 +207,13 @@ class PuttRecipe(VolumeRecipe):
     @property
     def long_axes(self) -> tuple[int, ...]:
         """Those with twice the nodes, of x, y and z as 0, 1 and 2; none while the box is not known."""
-        if self.bounds is None or not self.even_voxels or levels_of(self.finest) == TRAIN_MOST_LEVELS:
+        return self._long_axes_up_to(self.finest)
+
+    def _long_axes_up_to(self, finest: int) -> tuple[int, ...]:
+        """Of a recipe with another ``finest``."""
+        if self.bounds is None or not self.even_voxels or finest == LARGEST_SIDE:
             return ()
-        lengths = [high - low for low, high in zip(self.bounds[:3], self.bounds[3:], strict=True)]
-        return tuple(axis for axis, length in enumerate(lengths) if length >= LONG * min(lengths))
+        return long_axes(self.bounds)
 
     @property
     def emptied(self) -> tuple[int, ...]:
@@ -237,8 +238,11 @@ class PuttRecipe(VolumeRecipe):
         return self.finest / min(nodes)
 
     def in_words(self, side: int) -> str:
-        sides = [side << (axis in self.long_axes) for axis in range(AXES)]
-        return " x ".join(map(str, sides)) if self.long_axes else super().in_words(side)
+        return grid_in_words(side, self._long_axes_up_to(side))
+
+    @property
+    def longest_side(self) -> int:
+        return self.finest << bool(self.long_axes)
 
     def remedy(self, side: int) -> str:
         return f"give --finest {side} or less, or smaller ranks"
@@ -248,7 +252,7 @@ class PuttRecipe(VolumeRecipe):
         return "give a smaller --density-rank and --appearance-rank, or a smaller --coarsest and --finest"
 
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
-        levels, long = levels_of(side), len(self.long_axes)
+        levels, long = levels_of(side), len(self._long_axes_up_to(side))
         # Entries of all blocks and their gradients; matrices of blocks, theirs, and two copies in order, since threads
         # share them out.
         entries = 2 * 8**levels << long
@@ -311,13 +315,16 @@ class PuttRecipe(VolumeRecipe):
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "PuttRecipe":
         """With a model of the resolution, and of the bits of what is not empty, that a file has."""
-        more = int(bool(self.long_axes))
+        long = (*shapes.get("field.long_axes", ()), 0)[0]
+        if long >= AXES:
+            return self
+        more = int(long > 0)
         ranks = [shapes.get(f"field.density_train.cores.{k}", (1,)) for k in range(levels_of(self.finest) + more)]
         levels = 1 - more + sum(bool(shape) and shape[0] > 1 for shape in ranks[1:])
         bits = shapes.get("occupied", ())
         if levels < levels_of(SMALLEST_SIDE) or len(bits) != 3:
             return self
-        return _Stored(**vars(self), side=1 << levels, bits=(bits[0], bits[1], bits[2]))
+        return _Stored(**vars(self), side=1 << levels, bits=(bits[0], bits[1], bits[2]), long=long)
 
 
 @dataclass(frozen=True)
@@ -326,6 +333,12 @@ class _Stored(PuttRecipe):
 
     side: int = 4
     bits: tuple[int, int, int] = (1, 1, 1)
+    long: int = 0
+
+    @property
+    def long_axes(self) -> tuple[int, ...]:
+        """As many as it has; which they are its file says."""
+        return tuple(range(self.long))
 
     def model(self, box: "Float[Tensor, '2 3']", rasterize: "Rasterizer") -> "VolumeModel":
         import torch

@@ -37,7 +37,8 @@ class TrainSizes:
         inputs = (1 + 2 * VOLUME_FREQUENCIES) * (self.features + 3)
         network = (inputs + self.hidden + 2) * self.hidden + 3 * (self.hidden + 1)
         trains = numbers_of_both(self.features, self.levels, ranks, self.long)
-        return FLOAT_BYTES * (network + trains) + min(1 << self.levels, VOLUME_MOST_CELLS) ** 3 // VOLUME_CELLS_A_BYTE
+        longest = 1 << (self.levels + (self.long > 0))
+        return FLOAT_BYTES * (network + trains) + min(longest, VOLUME_MOST_CELLS) ** 3 // VOLUME_CELLS_A_BYTE
 
     @property
     def range(self) -> tuple[float, float]:

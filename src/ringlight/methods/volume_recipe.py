@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Mapping
-from dataclasses import Field, replace
+from dataclasses import Field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from ringlight.errors import RecipeError
@@ -74,7 +74,12 @@ class VolumeRecipe(ABC):
     @property
     @abstractmethod
     def final_side(self) -> int:
-        """Of a cube with as many voxels as the grid at the end."""
+        """Of the grid at the end, as it is asked for."""
+
+    @property
+    def longest_side(self) -> int:
+        """Nodes along the axis with the most at the end, or about as many."""
+        return self.final_side
 
     def finer(self, nodes: tuple[int, int, int]) -> float:
         """How many times as fine the grid at the end is as one of so many nodes."""
@@ -161,9 +166,11 @@ class VolumeRecipe(ABC):
 
     def may_settle_on(self, other: "Recipe") -> bool:
         """Whether it is this one, with a box where this one has none."""
-        if self.bounds is None and isinstance(other, type(self)):
-            other = replace(other, bounds=None)
-        return self == other
+        if self.bounds is not None or not isinstance(other, type(self)):
+            return self == other
+        return all(
+            getattr(self, each.name) == getattr(other, each.name) for each in fields(self) if each.name != "bounds"
+        )
 
     def build(self, scene: "Scene", rasterize: "Rasterizer", seed: int) -> "Training":
         from ringlight.methods.volume_training import volume_training

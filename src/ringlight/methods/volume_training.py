@@ -48,7 +48,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     model = recipe.first_model(box, seed)
     refuse_too_many_rays(recipe, model, memory)
     model.gradient_share = recipe.gradient_share
-    left = carved(subject_masks(scene)[0], box, recipe.final_side) if recipe.carve else None
+    left = carved(subject_masks(scene)[0], box, recipe.longest_side) if recipe.carve else None
     carving = None if left is None else limit_of(box, left)
     if left is not None:
         model.skip_all_but(left)

@@ -18,13 +18,13 @@ FIRST_DEVIATION = 0.1
 """Standard deviation of a grid's entries at the start."""
 
 LEVELS_OF_GRID = 5
-"""Up to this resolution, 32 cubed, all entries are contracted (docs/methods/putt.md, as are the others)."""
+"""Up to as many entries as 32 cubed has all are contracted (docs/methods/putt.md, as are the others)."""
 
 FEWEST_LEVELS = 2
 """One for blocks and one for nodes in them."""
 
 LEVELS_OF_BLOCKS = 6
-"""Of appearance: up to this resolution, 64 cubed, entries of blocks are written down."""
+"""Of appearance: up to as many entries as 64 cubed has those of blocks are written down."""
 
 
 class TensorTrain(nn.Module):
@@ -46,7 +46,7 @@ class TensorTrain(nn.Module):
 
     @property
     def levels(self) -> int:
-        """Of its resolution: 2 to this power nodes along each axis."""
+        """Of its resolution: 2 to this power nodes along the axes with the most."""
         return 1 + sum(core.shape[0] > 1 for core in list(self.cores)[1:])
 
     @property
@@ -70,6 +70,8 @@ class TensorTrainField(nn.Module):
     points lie in a half or a quarter of it.
     """
 
+    long_axes: Tensor
+
     def __init__(
         self,
         levels: int,
@@ -81,10 +83,16 @@ class TensorTrainField(nn.Module):
     ):
         super().__init__()
         self._made = (deepest, ranks, features)
-        self.long = long
+        if long:
+            self.register_buffer("long_axes", torch.tensor(long, dtype=torch.uint8))
         first = 1 << len(long) if long else OCTANTS
         self.density_train = TensorTrain(1, levels, deepest, ranks[0], generator, first)
         self.appearance_train = TensorTrain(features, levels, deepest, ranks[1], generator, first)
+
+    @property
+    def long(self) -> tuple[int, ...]:
+        """Axes with twice the nodes."""
+        return tuple(self.long_axes.tolist()) if "long_axes" in self._buffers else ()
 
     @property
     def levels(self) -> int:
@@ -122,11 +130,13 @@ class TensorTrainField(nn.Module):
     def outline(self, sides: Sides) -> dict[str, Tensor]:
         """See :class:`ringlight.volume.contract.VolumeField`."""
         deepest, ranks, features = self._made
+        if list(self.long) != sorted({axis for axis in self.long if axis < AXES}):
+            raise ValueError(f"tensor 'field.long_axes' is {list(self.long)}; axes are 0, 1 and 2, in order")
         levels = self._levels_of(sides)
         return dict(TensorTrainField(levels, deepest, ranks, features, torch.Generator(), self.long).named_parameters())
 
     def fitting(self, box: Float[Tensor, "2 3"], voxels: float | int) -> Sides:
-        """A power of two along each axis, whatever the box."""
+        """A power of two along each axis, twice as many along long ones, whatever the box."""
         deepest, _, _ = self._made
         more = bool(self.long)
         levels = more + max(round((math.log2(voxels) - len(self.long)) / AXES), FEWEST_LEVELS)

@@ -45,11 +45,13 @@ class Parts:
 
 
 def whole(levels: int, device: torch.device, first_mode: int = OCTANTS) -> Blocks:
-    """One block of all entries, where the first core has so many octants; or one of each of these."""
-    paths = torch.arange(first_mode if first_mode < OCTANTS else 1, dtype=torch.int32, device=device)
-    levels_apart = int(first_mode < OCTANTS)
-    octants = torch.arange(OCTANTS**levels_apart, dtype=torch.int32, device=device)
-    return Blocks(levels, levels_apart, paths, octants & (first_mode - 1))
+    """All entries: one block, or where the first core has fewer octants one of each of these, touched or not."""
+    if first_mode == OCTANTS:
+        zero = torch.zeros(1, dtype=torch.int32, device=device)
+        return Blocks(levels, 0, zero, zero)
+    octants = torch.arange(OCTANTS, dtype=torch.int32, device=device)
+    # A node behind the last one of an axis without a bit here may be asked for; its share is zero.
+    return Blocks(levels, 1, octants[:first_mode], octants & (first_mode - 1))
 
 
 def blocks_of(points: Float[Tensor, "N 3"], levels: int, first: int) -> Blocks:
