@@ -3,7 +3,7 @@
 from ringlight.methods.volume_recipe import Bounds
 
 LONG = 1.5
-"""Times the box's shortest side: an axis from there on is nearer to twice as long than to as long."""
+"""Times the box's shortest side: the middle between as long and twice as long."""
 
 
 def long_axes(bounds: Bounds) -> tuple[int, ...]:
