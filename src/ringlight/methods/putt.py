@@ -6,7 +6,7 @@ Representations, ICML 2024. The numbers are those of its published settings. Wha
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from ringlight.core.kernel_limits import TRAIN_MOST_LEVELS
@@ -15,6 +15,7 @@ from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, check_rates
 from ringlight.methods.averaging import AVERAGED
 from ringlight.methods.long_axes import grid_in_words, long_axes
+from ringlight.methods.putt_rates import LAST_RATE, SETTLED_RATE, SETTLING_RATE, trains_rate
 from ringlight.methods.putt_sizes import (
     FEWEST_RANKS,
     MOST_RANKS,
@@ -22,7 +23,6 @@ from ringlight.methods.putt_sizes import (
     PAPER_SIZES,
     TrainSizes,
     levels_of,
-    numbers_of_both,
 )
 from ringlight.methods.volume_recipe import (
     BETAS,
@@ -59,26 +59,6 @@ EMPTIED = (2000, 4000)
 WARM_UP = 100
 """Steps of such a run over which the trains' rate rises."""
 
-LAST_RATE = 0.2
-"""Share of a learning rate that is left after a whole run, if nothing sets it back. What Adam's steps add to all
-matrices of a product is noise; a mean of models is without it, and rates need to fall less
-(docs/experiments/putt.md)."""
-
-SETTLING_RATE, SETTLED_RATE = 0.07, 0.01
-"""Where no models are averaged: share of a rate after a run, and after a faster fall over its last fifth, by which that
-noise settles."""
-
-PAPER_STEPS, PAPER_RATE = 80_000, 8e-4
-"""Length of the paper's run, and its rate of the trains. Shorter runs with that rate hardly begin to learn."""
-
-FASTER, FAST = 2.0, 8e-3
-"""Times that rate as long as it is no higher than the second; that gained 0.15 dB in 3,000 steps. Of two
-runs of 15,000 the one at less than half of it had 0.36 dB less. In runs of 1,000 steps as fast ones learn less
-(docs/experiments/putt.md)."""
-
-HIGHEST_RATE = 0.03
-"""With twice as much a run of 150 steps on the bundled toaster learned less."""
-
 ALL_GRADIENTS = 1.0
 """Products of eight matrices feel the noise of drawn gradients (docs/experiments/putt.md)."""
 
@@ -88,10 +68,6 @@ SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 SCALED = 0.6
 """After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
 0.85 gained nothing (docs/experiments/putt.md)."""
-
-COPIES, SCALED_COPIES = 6, 3
-"""Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and the mean of models;
-and where steps are scaled, scaled gradients and steps, and the maps that scale them, up to two thirds of one."""
 
 
 @dataclass(frozen=True)
@@ -252,21 +228,13 @@ class PuttRecipe(VolumeRecipe):
         return "give a smaller --density-rank and --appearance-rank, or a smaller --coarsest and --finest"
 
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
-        levels, long = levels_of(side), len(self._long_axes_up_to(side))
-        # Entries of all blocks and their gradients; matrices of blocks, theirs, and two copies in order, since threads
-        # share them out.
-        entries = 2 * 8**levels << long
-        matrices = 4 * (8 ** (levels // 2) << long) * self.features * self.ranks[1]
-        copies = COPIES + (SCALED_COPIES if self.scaled else 0)
-        return copies * numbers_of_both(self.features, levels, self.ranks, long) + entries + matrices
+        sizes = replace(self._sizes, levels=levels_of(side), long=len(self._long_axes_up_to(side)))
+        return sizes.numbers_in_training(self.ranks, bool(self.scaled))
 
     @property
     def first_rate(self) -> float:
         """Of the trains."""
-        if self.rate is not None:
-            return self.rate
-        rate = PAPER_RATE * (PAPER_STEPS / max(self.steps, 1)) ** 0.5
-        return min(max(min(FASTER * rate, FAST), rate), HIGHEST_RATE)
+        return trains_rate(self.steps) if self.rate is None else self.rate
 
     def groups(self) -> dict[str, Adam]:
         """Adam's, by parameter name."""

@@ -21,6 +21,10 @@ RANK_STEP = 8
 
 FLOAT_BYTES = 4
 
+COPIES, SCALED_COPIES = 6, 3
+"""Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and the mean of models;
+and where steps are scaled, scaled gradients and steps, and the maps that scale them, up to two thirds of one."""
+
 
 @dataclass(frozen=True)
 class TrainSizes:
@@ -39,6 +43,15 @@ class TrainSizes:
         trains = numbers_of_both(self.features, self.levels, ranks, self.long)
         longest = 1 << (self.levels + (self.long > 0))
         return FLOAT_BYTES * (network + trains) + min(longest, VOLUME_MOST_CELLS) ** 3 // VOLUME_CELLS_A_BYTE
+
+    def numbers_in_training(self, ranks: tuple[int, int], scaled: bool) -> int:
+        """Roughly how many a training keeps, with steps that are ``scaled`` or not."""
+        # Entries of all blocks and their gradients; matrices of blocks, theirs, and two copies in order, since threads
+        # share them out.
+        entries = 2 * 8**self.levels << self.long
+        matrices = 4 * (8 ** (self.levels // 2) << self.long) * self.features * ranks[1]
+        copies = COPIES + (SCALED_COPIES if scaled else 0)
+        return copies * numbers_of_both(self.features, self.levels, ranks, self.long) + entries + matrices
 
     @property
     def range(self) -> tuple[float, float]:
