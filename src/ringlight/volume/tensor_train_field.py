@@ -158,16 +158,18 @@ class TensorTrainField(nn.Module):
 
     def _in_cube(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """As the trains see them."""
-        if not self.long:
+        long = self.long
+        if not long:
             return points
-        order = sorted(range(AXES), key=lambda axis: (axis in self.long, axis))
-        sides = torch.tensor([self.sides[axis] for axis in order]).to(points)
-        side = sides.max()
+        order = [*(axis for axis in range(AXES) if axis not in long), *long]
+        side = 1 << self.levels
         # Behind the last node there is its value; in the cube there would be another.
-        return torch.minimum(points[:, order] * (sides / side), torch.where(sides < side, (sides - 1) / side, 1))
+        share, last = ([1 if axis in long else value for axis in order] for value in (0.5, 0.5 - 1 / side))
+        return torch.minimum(points[:, order] * torch.tensor(share).to(points), torch.tensor(last).to(points))
 
     def _sides_at(self, levels: int) -> Sides:
-        x, y, z = (1 << (levels - (bool(self.long) and axis not in self.long)) for axis in range(AXES))
+        long = self.long
+        x, y, z = (1 << (levels - (bool(long) and axis not in long)) for axis in range(AXES))
         return x, y, z
 
     def _levels_of(self, sides: Sides) -> int:
