@@ -94,8 +94,7 @@ def compared(widths: tuple[int, int], count: int, seed: int, halves: bool) -> tu
     _kernels.volume_shade(seen.detach(), network, rays, directions, halves, colors)
     expected = by_torch(shading, seen, directions[rays.long()], halves and HALVES)
     grad_colors = torch.randn(count, 3, generator=drawn)
-    left_out = at_kinks(shading, seen.detach(), directions[rays.long()], halves and HALVES)
-    grad_colors[left_out] = 0
+    grad_colors[at_kinks(shading, seen.detach(), directions[rays.long()], halves and HALVES)] = 0
     wanted = torch.autograd.grad((expected * grad_colors).sum(), [seen, *shading.parameters()])
     found = [torch.full_like(gradient, float("nan")) for gradient in wanted]
     _kernels.volume_shade_gradient(seen.detach(), network, rays, directions, halves, grad_colors, found[0], found[1:])

@@ -26,8 +26,8 @@ def all_nodes(*sides: int) -> torch.Tensor:
 
 
 def sides_of(levels: int, first: int) -> tuple[int, int, int]:
-    x, y, z = (2 ** (levels - (axis < shorter)) for axis, shorter in ((a, {8: 0, 4: 1, 2: 2}[first]) for a in range(3)))
-    return x, y, z
+    long, short = 2**levels, 2 ** (levels - 1)
+    return {8: (long, long, long), 4: (short, long, long), 2: (short, short, long)}[first]
 
 
 def interpolated(grid: torch.Tensor, axis: int) -> torch.Tensor:
