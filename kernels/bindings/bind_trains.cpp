@@ -1,5 +1,6 @@
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
 #include <tuple>
 #include <vector>
 
@@ -80,8 +81,10 @@ void parts(const Points& places, const Levels& levels, const Slots& slots, Ends 
 TrainBags<const std::int32_t, const float> bags_from(const Bags& bags, std::size_t count, std::size_t rows) {
   const auto& [index, shares] = bags;
   require(index.shape(0) == count && shares.shape(0) == count, "trains: a bag for each sum");
+  std::uint32_t highest = 0;  // of numbers as they are without a sign; no early end, so that lanes share the loop
   for (std::size_t i = 0; i < index.size(); i++)
-    require(index.data()[i] >= 0 && static_cast<std::size_t>(index.data()[i]) < rows, "trains: a row is out of range");
+    highest = std::max(highest, static_cast<std::uint32_t>(index.data()[i]));
+  require(!index.size() || (highest >> 31 == 0 && highest < rows), "trains: a row is out of range");
   return {index.data(), shares.data()};
 }
 

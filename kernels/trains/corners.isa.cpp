@@ -60,8 +60,13 @@ int bits_within(const TrainPoints& points) { return 3 * (points.levels - points.
 
 void train_touch(const TrainPoints& points, std::int8_t* touched) {
   const int bits = bits_within(points);
-  for (std::size_t number = 0; number < points.count; number++)
-    Ends(points, number).each_block(bits, [=](std::uint32_t block) { touched[block] = 1; });
+  parallel_ranges(points.count, POINTS, [=](std::size_t begin, std::size_t end) {
+    for (std::size_t number = begin; number < end; number++)
+      Ends(points, number).each_block(bits, [=](std::uint32_t block) {
+        // Whoever is first: all write the same.
+        __atomic_store_n(touched + block, std::int8_t{1}, __ATOMIC_RELAXED);
+      });
+  });
 }
 
 void train_corners(const TrainPoints& points, const std::int32_t* slots, const TrainBags<std::int32_t, float>& bags) {

@@ -70,7 +70,7 @@ class ShownSamples:
 
     def some(self, rows: Int32[Tensor, "C"]) -> "ShownSamples":
         """Those of these numbers."""
-        return ShownSamples(self.samples[rows], self.rays[rows])
+        return ShownSamples(self.samples.index_select(0, rows), self.rays.index_select(0, rows))
 
 
 @runtime_checkable
@@ -168,7 +168,7 @@ def drawn_rows(gradient: Float[Tensor, "N C"], share: float) -> tuple[Int32[Tens
     rows, weights = torch.empty(len(gradient), dtype=torch.int32), torch.empty(len(gradient))
     count = _kernels.volume_draw(gradient, share, rows, weights)
     rows = rows[:count]
-    return rows, gradient[rows] * weights[:count, None]
+    return rows, gradient.index_select(0, rows) * weights[:count, None]
 
 
 def native_rays(rays: Rays) -> tuple[Tensor, Tensor, Tensor]:

@@ -161,11 +161,10 @@ class TensorTrainField(nn.Module):
         long = self.long
         if not long:
             return points
-        order = [*(axis for axis in range(AXES) if axis not in long), *long]
-        side = 1 << self.levels
         # Behind the last node there is its value; in the cube there would be another.
-        share, last = ([1 if axis in long else value for axis in order] for value in (0.5, 0.5 - 1 / side))
-        return torch.minimum(points[:, order] * torch.tensor(share).to(points), torch.tensor(last).to(points))
+        last = 0.5 - 1 / (1 << self.levels)
+        lower = [(points[:, axis] * 0.5).clamp_max(last) for axis in range(AXES) if axis not in long]
+        return torch.stack([*lower, *(points[:, axis].clamp_max(1) for axis in long)], 1)
 
     def _sides_at(self, levels: int) -> Sides:
         long = self.long

@@ -37,7 +37,7 @@ class TorchSource:
         )
 
     def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
-        self.features = self._asked("appearance", through.places[shown.samples.long()])
+        self.features = self._asked("appearance", through.places.index_select(0, shown.samples))
         self.rays, self.directions = shown.rays, through.rays.directions.contiguous()
         colors = torch.empty(len(shown.samples), 3)
         _kernels.volume_shade(self.features, *self._seen_along(self.rays), colors)
@@ -49,12 +49,16 @@ class TorchSource:
 
     def color_gradients(self, rows: Int32[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
-        of_rows = torch.empty(len(rows), self.features.shape[1])
+        features, rays, every = self.features, self.rays, len(rows) == len(self.features)
+        if not every:
+            features, rays = features.index_select(0, rows), rays.index_select(0, rows)
+        grad_features = torch.empty_like(features)
         _kernels.volume_shade_gradient(
-            self.features[rows], *self._seen_along(self.rays[rows]), grad_colors, of_rows, list(found.values())
+            features, *self._seen_along(rays), grad_colors, grad_features, list(found.values())
         )
-        features = torch.zeros_like(self.features).index_copy_(0, rows.long(), of_rows)
-        return found | self.ways_back["appearance"].backward({"appearance": features})
+        if not every:
+            grad_features = torch.zeros_like(self.features).index_copy_(0, rows.long(), grad_features)
+        return found | self.ways_back["appearance"].backward({"appearance": grad_features})
 
     def _seen_along(self, rays: Int[Tensor, "C"]) -> tuple[list[Tensor], Tensor, Tensor, bool]:
         return list(self.network.values()), rays, self.directions, halves.multiplies_halves()

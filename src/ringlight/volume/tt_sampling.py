@@ -34,7 +34,7 @@ def from_blocks(cores: Cores, points: Float[Tensor, "N 3"], first: int) -> Float
     blocks = blocks_of(points, len(cores), first)
     before, after = some_prefixes(cores[:first], blocks.paths), suffixes(cores[first:])
     width = before.shape[1]
-    entries = product(before.flatten(0, 1), after).to(points.dtype)
+    entries = product(before.flatten(0, 1), after, points.dtype)
     rows = entries.view(len(before), width, -1).transpose(1, 2).reshape(-1, width)
     return bag_sums(rows, corner_bags(points, blocks))
 
