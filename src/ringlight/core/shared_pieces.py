@@ -28,7 +28,7 @@ def each_of(pieces: Sequence[Callable[[], Found]], device: torch.device) -> Iter
     """
     threads = _kernels.threads()
     shares = device.type == "cpu" and min(threads, len(pieces)) > 1
-    pool = _pool(threads, torch.get_num_threads()) if shares else None
+    pool = _pool(threads, torch.get_num_threads(), "pieces") if shares else None
     done = functools.partial(_done, torch.is_inference_mode_enabled())
     if pool is None:
         yield from map(done, pieces)
@@ -51,16 +51,31 @@ def do_all(pieces: Sequence[Callable[[], object]], device: torch.device) -> None
         pass
 
 
+def both(one: Callable[[], Found], other: Callable[[], Found], device: torch.device) -> tuple[Found, Found]:
+    """What the two return; at once where there are threads, so that what one does alone goes on beside the other's
+    pieces. They may ask for pieces, not for two of their own. Both have ended when an error leaves this."""
+    shares = device.type == "cpu" and _kernels.threads() > 1
+    pool = _pool(1, torch.get_num_threads(), "beside") if shares else None
+    if pool is None:
+        return one(), other()
+    begun = pool.submit(_done, torch.is_inference_mode_enabled(), other)
+    try:
+        found = one()
+    finally:
+        wait([begun])
+    return found, begun.result()
+
+
 def _done(inference: bool, piece: Callable[[], Found]) -> Found:
     with torch.inference_mode(inference), torch.no_grad():  # each thread has switches of its own
         return piece()
 
 
-@functools.lru_cache(maxsize=1)
-def _pool(threads: int, torch_threads: int) -> ThreadPoolExecutor | None:
+@functools.lru_cache(maxsize=2)
+def _pool(threads: int, torch_threads: int, name: str) -> ThreadPoolExecutor | None:
     """With all its threads; None where the system does not give them."""
     # A new thread of torch has all cores until it is asked how many it has: then it takes what the others have.
-    pool = ThreadPoolExecutor(threads, "pieces", initializer=torch.get_num_threads)
+    pool = ThreadPoolExecutor(threads, name, initializer=torch.get_num_threads)
     started = threading.Barrier(threads)
     try:
         for begun in [pool.submit(started.wait) for _ in range(threads)]:

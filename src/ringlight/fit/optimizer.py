@@ -6,6 +6,7 @@ parameter without its moments is the classic bug of this field.
 
 from collections.abc import Callable, Iterator, Mapping
 from fnmatch import fnmatchcase
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -16,6 +17,7 @@ from torch import Tensor, nn
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS, Gradient, Gradients, dense
 from ringlight.core.rendering import Footprint
+from ringlight.core.shared_pieces import each_of
 from ringlight.errors import RecipeError
 from ringlight.fit.adam import Update, adam_
 from ringlight.fit.faults import bad_gradient
@@ -59,7 +61,9 @@ class Optimizer:
         used: dict[str, Gradient] = {}
         columns: list[Update] = []
         shared: list[Update] = []
-        scaled: list[tuple[Tensor, Tensor, Callable[[Tensor], Tensor]]] = []
+        scaled: dict[str, Tensor] = {}
+        seen = self._through_maps({n: dense(found) for n in self._scalings if (found := gradients.get(n)) is not None})
+        moved = {name: torch.zeros_like(gradient) for name, gradient in seen.items()}
         for name, parameter in self._parameters():
             gradient = gradients.get(name)
             if gradient is None:
@@ -67,18 +71,17 @@ class Optimizer:
             group = self.groups[name]
             self._updates[name] += 1
             adam_step = (self.rate(name, step), *group.betas, group.epsilon, self._updates[name])
-            scaling = self._scalings.get(name)
-            if scaling is None:
-                update = Update(parameter, gradient, self._mean[name], self._square[name], adam_step)
+            if name in seen:
+                scaled[name] = parameter
+                value, gradient = moved[name], seen[name]
             else:
-                moved = torch.zeros_like(parameter)
-                update = Update(moved, scaling(dense(gradient)), self._mean[name], self._square[name], adam_step)
-                scaled.append((parameter, moved, scaling))
+                value = parameter
+            update = Update(value, gradient, self._mean[name], self._square[name], adam_step)
             (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
             used[name] = gradient
         left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)
-        for parameter, moved, scaling in scaled:
-            parameter += scaling(moved)
+        for name, change in self._through_maps(moved).items():
+            scaled[name] += change
         return None if left == 0 else bad_gradient(used, left)
 
     def rate(self, name: str, step: int) -> float:
@@ -98,7 +101,7 @@ class Optimizer:
     def scale(self, scalings: Mapping[str, Callable[[Tensor], Tensor]]) -> None:
         """From now on Adam sees gradients of these parameters, no columns, through a linear map that is its own
         transpose, and its steps go through it too; moments are of what it sees. What is mixed with a gradient that is
-        not finite is not moved either.
+        not finite is not moved either. Threads share the maps, which may not ask for pieces of their own.
 
         Not part of :meth:`state`, as :meth:`slow` is not.
         """
@@ -180,6 +183,13 @@ class Optimizer:
             self._mean[name] = state[f"mean.{name}"].to(device, copy=True)
             self._square[name] = state[f"square.{name}"].to(device, copy=True)
         self._updates = dict(zip(self._updates, state["updates"].tolist(), strict=True))
+
+    def _through_maps(self, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Each by its own map, some at once."""
+        if not tensors:
+            return {}
+        pieces = [partial(self._scalings[name], tensor) for name, tensor in tensors.items()]
+        return dict(zip(tensors, each_of(pieces, next(iter(tensors.values())).device), strict=True))
 
     def _parameters(self) -> Iterator[tuple[str, Tensor]]:
         """What the model holds under each name now. Raises KeyError for a name that it has lost."""

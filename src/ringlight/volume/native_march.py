@@ -15,6 +15,7 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.core.gradients import Gradients
 from ringlight.core.rendering import Rendering
+from ringlight.core.shared_pieces import both
 from ringlight.data.rays import Rays
 from ringlight.volume.contract import VolumeField
 from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
@@ -156,10 +157,19 @@ class Marched:
             of.offsets, self.shown_offsets, list(of.samples), SHOWN_WEIGHT, self.colors, self.background,
             grad_color.contiguous(), of_alpha, of_depth, grad_colors, grad_density,
         )  # fmt: skip
-        gradients = Gradients()
         rows, of_rows = drawn_rows(grad_density[:, None], self.share)
-        gradients.add_all(self.source.density_gradients(rows, of_rows[:, 0]))
-        gradients.add_all(self.source.color_gradients(*drawn_rows(grad_colors, self.share)))
+        of_colors = drawn_rows(grad_colors, self.share)
+
+        def go_back_density() -> Mapping[str, Tensor]:
+            return self.source.density_gradients(rows, of_rows[:, 0])
+
+        def go_back_color() -> Mapping[str, Tensor]:
+            return self.source.color_gradients(*of_colors)
+
+        ways = both(go_back_density, go_back_color, of.alpha.device)
+        gradients = Gradients()
+        for named in ways:
+            gradients.add_all(named)
         return gradients
 
 

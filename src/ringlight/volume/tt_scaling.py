@@ -29,8 +29,8 @@ class Scaling:
     def __call__(self, core: Float[Tensor, "r o s"]) -> Float[Tensor, "r o s"]:
         """A gradient in these bases, or a step from them: the map is its own transpose."""
         if self.left is not None:
-            core = by_columns(self.left, core.flatten(1)).view_as(core)
-        return core if self.right is None else by_rows(core.flatten(0, 1), self.right).view_as(core)
+            core = (self.left @ core.flatten(1)).view_as(core)
+        return core if self.right is None else (core.flatten(0, 1) @ self.right).view_as(core)
 
 
 @torch.no_grad()
