@@ -9,7 +9,7 @@ import torch
 
 from ringlight import _kernels
 from ringlight.core import shared_pieces
-from ringlight.core.shared_pieces import do_all, each_of
+from ringlight.core.shared_pieces import both, do_all, each_of
 
 CPU = torch.device("cpu")
 pytestmark = pytest.mark.usefixtures("all_cores_afterwards")
@@ -87,9 +87,6 @@ def test_what_one_raises_is_raised_and_none_goes_on(threads: int):
     _kernels.set_threads(threads)
     running = []
 
-    def fails() -> None:
-        raise MemoryError("not enough")
-
     def takes_long() -> None:
         running.append(True)
         threading.Event().wait(0.2)
@@ -126,3 +123,58 @@ def test_a_forked_child_has_threads_of_its_own():
         signal.alarm(20)
         os._exit(0 if list(each_of(pieces, CPU)) == [3.0] * 5 else 1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def fails() -> None:
+    raise MemoryError("not enough")
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_both_return_what_they_find_and_each_may_ask_for_pieces(threads: int):
+    _kernels.set_threads(threads)
+    one, other = both(*(lambda n=n: list(each_of([lambda k=k: n * k for k in range(20)], CPU)) for n in (2, 3)), CPU)
+    assert one == [2 * k for k in range(20)]
+    assert other == [3 * k for k in range(20)]
+
+
+def test_two_are_at_once_where_there_are_threads():
+    _kernels.set_threads(2)
+    together = threading.Barrier(2, timeout=20)
+    found = both(
+        lambda: (together.wait(), threading.get_ident()), lambda: (together.wait(), threading.get_ident()), CPU
+    )
+    assert len({thread for _, thread in found}) == 2
+    assert found[0][1] == threading.get_ident()
+
+
+@pytest.mark.parametrize(("threads", "device"), [(1, CPU), (3, torch.device("meta"))])
+def test_the_caller_does_one_after_the_other_with_one_thread_or_elsewhere(threads: int, device: torch.device):
+    _kernels.set_threads(threads)
+    order = []
+    both(lambda: order.append((0, threading.get_ident())), lambda: order.append((1, threading.get_ident())), device)
+    assert order == [(0, threading.get_ident()), (1, threading.get_ident())]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("first", [False, True])
+def test_what_one_of_two_raises_is_raised_when_the_other_has_ended(threads: int, first: bool):
+    _kernels.set_threads(threads)
+    running = []
+
+    def takes_long() -> None:
+        running.append(True)
+        threading.Event().wait(0.2)
+        running.pop()
+
+    pair = (fails, takes_long) if first else (takes_long, fails)
+    with pytest.raises(MemoryError, match="not enough"):
+        both(*pair, CPU)
+    assert not running
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_both_have_the_callers_inference_mode(threads: int):
+    _kernels.set_threads(threads)
+    with torch.inference_mode():
+        assert both(torch.is_inference_mode_enabled, torch.is_inference_mode_enabled, CPU) == (True, True)
+    assert both(torch.is_inference_mode_enabled, torch.is_inference_mode_enabled, CPU) == (False, False)

@@ -32,6 +32,21 @@ def test_they_are_torchs_products(count: int, columns: int, dtype: torch.dtype, 
         torch.testing.assert_close(one.double(), other.double(), **tolerance)
 
 
+@pytest.mark.parametrize("device", ["cpu", "meta"])
+def test_what_is_found_may_be_of_another_type(device: str):
+    rows, matrix = (drawn(*shape, dtype=torch.bfloat16).to(device) for shape in ((PIECE + 9, 24), (24, 30)))
+    rows, matrix = (factor.detach().requires_grad_() for factor in (rows, matrix))
+    found = product(rows, matrix, torch.float32)
+    assert found.dtype == torch.float32
+    gradients = torch.autograd.grad(found, [rows, matrix], torch.ones_like(found))
+    assert all(gradient.dtype == torch.bfloat16 for gradient in gradients)
+    if device == "cpu":
+        plain = product(rows, matrix)
+        assert torch.equal(found, plain.float())
+        of_plain = torch.autograd.grad(plain, [rows, matrix], torch.ones_like(plain))
+        assert all(torch.equal(one, other) for one, other in zip(gradients, of_plain, strict=True))
+
+
 @pytest.mark.parametrize(("wanted", "made"), [(0, ["by_rows"]), (1, ["by_columns"])])
 def test_only_the_gradient_that_is_wanted_is_made(wanted: int, made: list[str], monkeypatch: pytest.MonkeyPatch):
     pair, calls = [drawn(700, 8).detach(), drawn(8, 700).detach()], []

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 class FactoredSource:
     """A :class:`ringlight.volume.native_march.FieldSource`."""
 
+    ways_back_at_once = False
+
     def __init__(self, field: "FactoredField", shading: FeatureShading):
         self.field = field
         self.network = {"field.basis": field.basis, **named_layers(shading)}

@@ -76,7 +76,10 @@ class ShownSamples:
 
 @runtime_checkable
 class FieldSource(Protocol):
-    """A field for one lot of rays. The methods but the first are called in this order, the last two at most once."""
+    """A field for one lot of rays. The methods but the first are called in this order, the last two at most once; these
+    may be called at once, by two threads, if much of each is done by one thread alone: ``ways_back_at_once``."""
+
+    ways_back_at_once: bool
 
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """What softplus makes density of, without a graph."""
@@ -166,9 +169,10 @@ class Marched:
         def go_back_color() -> Mapping[str, Tensor]:
             return self.source.color_gradients(*of_colors)
 
-        ways = both(go_back_density, go_back_color, of.alpha.device)
+        device, at_once = of.alpha.device, self.source.ways_back_at_once
+        pair = go_back_density, go_back_color
         gradients = Gradients()
-        for named in ways:
+        for named in both(*pair, device) if at_once else (go_back() for go_back in pair):
             gradients.add_all(named)
         return gradients
 

@@ -17,6 +17,8 @@ from ringlight.volume.shading import FeatureShading, named_layers
 class TorchSource:
     """A :class:`ringlight.volume.native_march.FieldSource`. The graph of each half lasts until its way back."""
 
+    ways_back_at_once = True
+
     def __init__(self, field: VolumeField, shading: FeatureShading, with_way_back: bool):
         self.field, self.with_way_back = field, with_way_back
         self.ways_back: dict[str, ByAutograd] = {}
