@@ -50,6 +50,21 @@ def test_backgrounds_may_vary_at_first():
     assert not RayBatches(dataclasses.replace(scene, train=opaque), COUNT, 0, varied=3).at(3).background.any()
 
 
+@pytest.mark.parametrize("masked", [True, False])
+def test_rays_of_the_subject_are_those_of_its_masks_or_of_other_colours_than_the_background(masked: bool):
+    views = []
+    for view in SCENE.train:
+        pixels = view.load()
+        if not masked:
+            pixels = (view.image(SCENE.background_color).permute(1, 2, 0) * 255).round().byte().numpy()
+        views.append(dataclasses.replace(view, has_alpha=masked, load=lambda pixels=pixels: pixels))
+    found = RayBatches(dataclasses.replace(SCENE, train=tuple(views)), COUNT, 0).shows_subject()
+    alpha = torch.cat([torch.from_numpy(view.load())[..., 3].flatten() for view in SCENE.train])
+    assert not found[alpha == 0].any()
+    share = found[alpha == 255].float().mean()
+    assert share == 1 if masked else share > 0.8
+
+
 def test_only_kept_rays_are_drawn():
     batches = RayBatches(SCENE, COUNT, 0)
     upwards = batches.looked_at(lambda rays: rays.directions[:, 2] > 0)

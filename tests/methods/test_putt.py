@@ -14,6 +14,7 @@ from ringlight.methods.putt import PuttRecipe
 from ringlight.methods.putt_sizes import numbers_of_both
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts
+from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.volume.occupancy import cells_of
 from small_recipes import small
@@ -43,7 +44,7 @@ def test_its_ranks_are_the_papers_or_what_megabytes_hold():
 def test_its_grid_doubles_to_the_side_that_it_says():
     recipe = PuttRecipe(steps=30_000)
     assert recipe.refined == {250: 32.0**3, 500: 64.0**3, 2000: 128.0**3, 4000: 256.0**3}
-    assert recipe.emptied == (2000, 4000)
+    assert recipe.emptied == (8000, 12_000)
     assert list(PuttRecipe(steps=30_000, finest=64).refined) == [2000, 4000]
     training = built(steps=40, coarsest=4, finest=16)
     sides = []
@@ -77,7 +78,7 @@ def test_its_rate_rises_at_first_is_set_back_and_settles_where_no_models_are_ave
 
 def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
     assert PuttRecipe(steps=15_000).averaged_from == 13_501
-    assert PuttRecipe(steps=15_000, average=1.0).averaged_from == 2001
+    assert PuttRecipe(steps=15_000, average=1.0).averaged_from == 6001
     assert PuttRecipe(steps=15_000, average=0.0).averaged_from is None
     strategies = built(steps=40, average=0.25).strategies
     [built_for] = [strategy for strategy in strategies if isinstance(strategy, AverageAtEnd)]
@@ -186,6 +187,13 @@ def test_rays_of_older_recipes_are_drawn_evenly():
     assert recipe_from_dict(PuttRecipe, written).by_error == 0
 
 
+@pytest.mark.parametrize("steps", [50, 3000, 4444, 15_000])
+def test_older_recipes_find_empty_space_as_early_as_tensorf(steps: int):
+    written = recipe_to_dict(PuttRecipe(steps=steps))
+    del written["empty_at"]
+    assert recipe_from_dict(PuttRecipe, written).emptied == TensorfRecipe(steps=steps).emptied
+
+
 def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
     written = recipe_to_dict(PuttRecipe(scaled=0.6))
     del written["scaled_after"]
@@ -225,6 +233,10 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"by_error": 1.0}, "by_error is 1; give 0"),
         ({"by_error": float("nan")}, "by_error is nan; give 0"),
         ({"scaled": 1.0}, "scaled is 1; give 0"),
+        ({"empty_at": (0.4, 0.2)}, "empty_at is 0.4 0.2; give two shares of a run that rise"),
+        ({"empty_at": (0.0, 0.2)}, "empty_at is 0 0.2"),
+        ({"empty_at": (0.2, 1.0)}, "empty_at is 0.2 1"),
+        ({"empty_at": (0.2, float("nan"))}, "empty_at is 0.2 nan"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),

@@ -20,6 +20,9 @@ from ringlight.data.ray_errors import RayErrors
 OPAQUE = 255
 """Alpha of a photograph without a mask."""
 
+NOT_BACKGROUND = 0.1
+"""Difference of a colour of [0, 1] in any channel from an even background that noise and blur do not make."""
+
 LOOKED_AT_ONCE = 1 << 20
 """Rays that are asked about together where all are: some 30 MB."""
 
@@ -162,8 +165,26 @@ class RayBatches:
         found = torch.empty(self.all_rays, dtype=torch.bool)
         for begin in range(0, self.all_rays, LOOKED_AT_ONCE):
             index = torch.arange(begin, min(begin + LOOKED_AT_ONCE, self.all_rays))
-            found[begin : begin + len(index)] = meets(self._rays(index, torch.full((len(index),), MIDDLE)))
+            found[begin : begin + len(index)] = meets(self.through(index))
         return found
+
+    def shows_subject(self) -> Bool[Tensor, "P"]:
+        """Of all rays those of pixels that show more than the background: the mask is opaque there, or, in photographs
+        without one, the colour is not that of the scene's background."""
+        found = torch.empty(self.all_rays, dtype=torch.bool)
+        masked, background = all(view.has_alpha for view in self.scene.train), self.scene.background_color
+        for begin in range(0, self.all_rays, LOOKED_AT_ONCE):
+            pixels = self._pixels[begin : begin + LOOKED_AT_ONCE]
+            if masked:
+                found[begin : begin + len(pixels)] = pixels[:, 3] == OPAQUE
+            else:
+                apart = (pixels[:, :3].float() / OPAQUE - background).abs().amax(-1)
+                found[begin : begin + len(pixels)] = apart > NOT_BACKGROUND
+        return found
+
+    def through(self, index: Int[Tensor, "R"]) -> Rays:
+        """Rays by their numbers; their samples are in the middle of their steps."""
+        return self._rays(index, torch.full((len(index),), MIDDLE))
 
     def keep(self, chosen: Bool[Tensor, "P"]) -> None:
         """From now on draw from the ``chosen`` ones of all rays alone."""

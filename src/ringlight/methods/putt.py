@@ -53,8 +53,9 @@ REFINED = (250, 500, 2000, 4000, 6000, 8000, 10_000, 12_000)
 
 PAPER_DOUBLINGS = 4
 
-EMPTIED = (2000, 4000)
-"""Steps of such a run after which empty space is found."""
+EMPTY_AT, EARLY = (4 / 15, 2 / 5), (1 / 15, 2 / 15)
+"""Shares of a run after which empty space is found: once what the last doubling shows is learned, since what is not
+learned yet looks empty (docs/experiments/putt.md); and as early as TensoRF finds it."""
 
 WARM_UP = 100
 """Steps of such a run over which the trains' rate rises."""
@@ -104,6 +105,9 @@ class PuttRecipe(VolumeRecipe):
     gradient_share: float = ALL_GRADIENTS
     """At most this share of a step's samples that have a gradient hand it on, of density and of colour each, drawn by
     importance, which keeps the mean; 1, as in the papers: all do."""
+    empty_at: tuple[float, float] = later(EARLY, now=EMPTY_AT)
+    """Shares of a run after which empty space is found: after the first, cells that are all but empty are skipped, and
+    after the second so are rays that meet no others."""
     rate: float | None = None
     """Learning rate of the trains; it falls to a fifth over a run, and is set back when the grid is refined. By default
     the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and twice that as far
@@ -151,6 +155,9 @@ class PuttRecipe(VolumeRecipe):
             raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
         self.refuse_bounds()
         self.refuse_shares()
+        if not 0 < self.empty_at[0] < self.empty_at[1] < 1:
+            first, second = (f"{share:g}" for share in self.empty_at)
+            raise RecipeError(f"empty_at is {first} {second}; give two shares of a run that rise, such as 0.27 0.4")
         if not 0 <= self.scaled < 1:
             raise RecipeError(f"scaled is {self.scaled:g}; give 0 (Adam as it is) to below 1")
         self._refuse_size()
@@ -193,7 +200,7 @@ class PuttRecipe(VolumeRecipe):
 
     @property
     def emptied(self) -> tuple[int, ...]:
-        return tuple(dict.fromkeys(self.at_share(EMPTIED)))
+        return tuple(dict.fromkeys(self.at_share(tuple(self.paper_steps * share for share in self.empty_at))))
 
     @property
     def refined(self) -> dict[int, float]:

@@ -129,7 +129,7 @@ class VolumeRecipe(ABC):
         reshaped = max((*self.emptied, *self.refined), default=0)
         return first_averaged(self.average, self.steps, reshaped)
 
-    def at_share(self, steps: tuple[int, ...]) -> tuple[int, ...]:
+    def at_share(self, steps: tuple[float, ...]) -> tuple[int, ...]:
         """Steps of the paper's run as steps of this one."""
         return tuple(max(round(step * self.steps / self.paper_steps), 1) for step in steps)
 

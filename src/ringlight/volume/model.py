@@ -1,7 +1,7 @@
 """A volume as a model: a field of density and appearance, a network that makes colour, and what is empty."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import torch
 import torch.nn.functional
@@ -22,7 +22,17 @@ from ringlight.volume.grids import nodes_around
 from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
 from ringlight.volume.marching import Space
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
-from ringlight.volume.occupancy import Carving, box_of, cells_of, centers, everything, is_occupied, packed, widened
+from ringlight.volume.occupancy import (
+    Carving,
+    box_of,
+    cells_of,
+    centers,
+    everything,
+    is_occupied,
+    packed,
+    unpacked,
+    widened,
+)
 from ringlight.volume.pictures import BUFFERS, against_slopes, picture, surface_layers
 from ringlight.volume.shading import FeatureShading
 from ringlight.volume.torch_march import rendered_in_torch
@@ -218,6 +228,19 @@ class VolumeModel(nn.Module):
             return self.box.clone()
         self.skip_all_but(wide)
         return box_of(wide, self.box)
+
+    @torch.no_grad()
+    def skip_less(self, lots: Iterable[Float[Tensor, "N 3"]], carving: Carving) -> Float[Tensor, "2 3"]:
+        """Cells around these places, of the box's [0, 1]^3, are not empty after all, but for what ``carving`` does not
+        leave. Of the cells that the last :meth:`find_empty` looked at; returns its box with them."""
+        occupied = unpacked(self.occupied)
+        x, y, z = occupied.shape
+        back, counts = torch.zeros_like(occupied), torch.tensor((x, y, z), device=self.box.device)
+        for places in lots:
+            back[torch.minimum((places * counts).long().clamp_min(0), counts - 1).unbind(-1)] = True
+        occupied |= widened(back) & carving.met_by(self.box, (x, y, z)).to(back.device)
+        self.skip_all_but(occupied)
+        return box_of(occupied, self.box)
 
     @torch.no_grad()
     def shrink(self, box: Float[Tensor, "2 3"]) -> bool:

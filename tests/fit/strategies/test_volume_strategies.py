@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 import torch
 
+from ringlight.core.rendering import Rendering
 from ringlight.data.ray_errors import UNSEEN
 from ringlight.fit.strategies.contract import Strategy
 from ringlight.fit.strategies.draw_by_error import DrawByError
@@ -12,11 +13,15 @@ from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training, train
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.volume.model import VolumeModel
+from ringlight.volume.occupancy import unpacked
 from small_recipes import small
 from tiny_scene import tiny_scene
 
 SCENE = tiny_scene(views=6, size=20)
+WITH_MASKS = tiny_scene(views=12, size=48)
 STEPS = 60
+NOTHING = Rendering(torch.zeros(1, 3), torch.zeros(1, 1))
 SCENE_RAYS = sum(view.camera.width * view.camera.height for view in SCENE.train)
 
 
@@ -76,6 +81,31 @@ def test_a_resumed_run_has_the_same_bits(method: str, after: str):
     assert ends[0].keys() == ends[1].keys()
     assert all(torch.equal(ends[0][name], ends[1][name]) for name in ends[0])
     assert resumed.batches.kept_rays == whole.batches.kept_rays
+
+
+@pytest.mark.parametrize("method", ["tensorf", "putt"])
+def test_what_is_not_learned_yet_is_not_taken_for_empty(method: str, monkeypatch: pytest.MonkeyPatch):
+    """Of the subject one half is, and of the other nothing."""
+
+    def half(model: VolumeModel, places: torch.Tensor) -> torch.Tensor:
+        return torch.where(places[:, 0] < 0.5, 1e3, 0.0)
+
+    monkeypatch.setattr(VolumeModel, "density_values", half)
+    lost = []
+    for masks_count in (True, False):
+        training = small(method, steps=STEPS, carve=True).build(WITH_MASKS, rasterizer_for("cpu"), 0)
+        empty, _ = strategies_of(training)
+        if not masks_count:
+            empty = EmptySpace(training.batches, empty.steps)
+        model, batches = training.model, training.batches
+        met = batches.shows_subject() & batches.looked_at(model.meets_something)
+        cells = unpacked(model.occupied).sum()
+        empty.update(empty.steps[0], model, training.optimizer, NOTHING)
+        lost.append(int((met & ~batches.looked_at(model.meets_something)).sum()))
+        assert met.any()
+        assert not masks_count or unpacked(model.occupied).sum() < 1.5 * cells
+    assert lost[0] == 0
+    assert lost[1] > 100
 
 
 @pytest.mark.parametrize("method", ["tensorf", "putt"])

@@ -11,6 +11,8 @@ from torch import Tensor
 from ringlight.core.rendering import Rendering
 from ringlight.data.rays import RayBatches
 from ringlight.fit.optimizer import Optimizer
+from ringlight.volume.looked_for import AT_ONCE
+from ringlight.volume.marching import samples_of
 from ringlight.volume.model import VolumeModel
 from ringlight.volume.occupancy import BITS, Carving, packed, unpacked
 
@@ -18,7 +20,11 @@ from ringlight.volume.occupancy import BITS, Carving, packed, unpacked
 class EmptySpace:
     """After each of ``steps`` empty cells are found, with all that ``carving`` does not leave. After the first the grid
     is cut to the box of the others, and Adam begins anew; after the second only rays that meet one of the others are
-    drawn."""
+    drawn.
+
+    Where there is a ``carving``, cells along rays of the subject that would meet nothing any more are left as they
+    were: what is not learned yet looks empty, and what rays skip is never learned.
+    """
 
     most = None
 
@@ -30,7 +36,13 @@ class EmptySpace:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
         if step not in self.steps:
             return
+        before = model.space()
         box = model.find_empty(self.carving)
+        if self.carving is not None:
+            lost = (self.batches.shows_subject() & ~self.batches.looked_at(model.meets_something)).nonzero()[:, 0]
+            if len(lost):
+                rays = (self.batches.through(part).to(model.device) for part in lost.split(AT_ONCE))
+                box = model.skip_less((samples_of(part, before).places for part in rays), self.carving)
         if step == self.steps[0] and model.shrink(box):
             optimizer.begin_anew()
         if step == self.steps[-1] and len(self.steps) > 1:
