@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+from functools import partial
 
 import pytest
 import torch
@@ -82,16 +83,21 @@ def test_on_another_device_the_caller_does_all():
     assert list(each_of([threading.get_ident] * 6, torch.device("meta"))) == [threading.get_ident()] * 6
 
 
+def fails() -> None:
+    raise MemoryError("not enough")
+
+
+def take_long(running: list[bool]) -> None:
+    running.append(True)
+    threading.Event().wait(0.2)
+    running.pop()
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_one_raises_is_raised_and_none_goes_on(threads: int):
     _kernels.set_threads(threads)
-    running = []
-
-    def takes_long() -> None:
-        running.append(True)
-        threading.Event().wait(0.2)
-        running.pop()
-
+    running: list[bool] = []
+    takes_long = partial(take_long, running)
     with pytest.raises(MemoryError, match="not enough"):
         do_all([takes_long, fails, takes_long, takes_long], CPU)
     assert not running
@@ -125,10 +131,6 @@ def test_a_forked_child_has_threads_of_its_own():
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
-def fails() -> None:
-    raise MemoryError("not enough")
-
-
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_both_return_what_they_find_and_each_may_ask_for_pieces(threads: int):
     _kernels.set_threads(threads)
@@ -159,13 +161,8 @@ def test_the_caller_does_one_after_the_other_with_one_thread_or_elsewhere(thread
 @pytest.mark.parametrize("first", [False, True])
 def test_what_one_of_two_raises_is_raised_when_the_other_has_ended(threads: int, first: bool):
     _kernels.set_threads(threads)
-    running = []
-
-    def takes_long() -> None:
-        running.append(True)
-        threading.Event().wait(0.2)
-        running.pop()
-
+    running: list[bool] = []
+    takes_long = partial(take_long, running)
     pair = (fails, takes_long) if first else (takes_long, fails)
     with pytest.raises(MemoryError, match="not enough"):
         both(*pair, CPU)
