@@ -38,7 +38,8 @@ class EmptySpace:
             return
         before = model.space()
         box = model.find_empty(self.carving)
-        if self.carving is not None:
+        # Where all is empty it found nothing, and the cells may be of an older box.
+        if self.carving is not None and model.occupied is not before.occupied:
             lost = (self.batches.shows_subject() & ~self.batches.looked_at(model.meets_something)).nonzero()[:, 0]
             if len(lost):
                 rays = (self.batches.through(part).to(model.device) for part in lost.split(AT_ONCE))
