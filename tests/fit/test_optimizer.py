@@ -183,6 +183,43 @@ def test_a_scaled_parameter_goes_as_one_in_other_bases_would():
     assert not optimizer.scales
 
 
+def direction_of(mean: torch.Tensor) -> torch.Tensor:
+    """Of one size."""
+    return mean / mean.norm()
+
+
+def test_a_directed_parameter_goes_along_what_is_made_of_its_mean_in_other_bases():
+    model = Table()
+    scale = torch.tensor([[2.0, 0.5], [0.5, 1.0]])
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    optimizer.scale({"shared.weight": lambda rows: rows @ scale}, direction_of)
+    expected, mean, bias = model.shared.weight.detach().clone(), torch.zeros(2, 2), model.shared.bias.detach().clone()
+    for step in (1, 2, 3):
+        gradient = torch.randn(2, 2, generator=torch.Generator().manual_seed(step))
+        assert optimizer.step(step, Gradients({"shared.weight": gradient})) is None
+        mean = mean.lerp(gradient @ scale, 1 - GROUP.betas[0])
+        expected -= 0.01 * direction_of(mean) @ scale
+    torch.testing.assert_close(model.shared.weight.detach(), expected)
+    torch.testing.assert_close(optimizer.state()["mean.shared.weight"], mean)
+    assert torch.equal(model.shared.bias, bias)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_a_directed_parameter_stays_where_any_of_its_gradient_is_not_finite(bad: float):
+    model = Table()
+    optimizer = Optimizer(model, {"*": GROUP}, steps=10)
+    optimizer.scale({"shared.weight": torch.clone, "shared.bias": torch.clone}, direction_of)
+    before = model.shared.weight.detach().clone(), model.shared.bias.detach().clone()
+    weight = torch.ones(2, 2)
+    weight[1, 0] = bad
+    fault = optimizer.step(1, Gradients({"shared.weight": weight, "shared.bias": torch.ones(2)}))
+    assert fault is not None
+    assert "shared.weight" in fault
+    assert torch.equal(model.shared.weight, before[0])
+    assert not torch.equal(model.shared.bias, before[1])
+    assert not optimizer.state()["mean.shared.weight"].any()
+
+
 def test_moments_are_forgotten_where_training_begins_anew():
     model = Table()
     optimizer = Optimizer(model, {"*": GROUP}, steps=10)

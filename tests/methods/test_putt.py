@@ -203,6 +203,12 @@ def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
     assert recipe_from_dict(PuttRecipe, written).scaled == 0
 
 
+def test_steps_of_older_recipes_are_adams():
+    written = recipe_to_dict(PuttRecipe())
+    assert written.pop("orthogonal")
+    assert not recipe_from_dict(PuttRecipe, written).orthogonal
+
+
 def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(room, "machine_memory", lambda: 400_000_000)
     with pytest.raises(RecipeError, match=r"a grid of 256 cubed takes .* MB .* give --finest (\d+) or less") as caught:

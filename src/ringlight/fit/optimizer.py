@@ -40,6 +40,7 @@ class Optimizer:
         self._updates = dict.fromkeys(self.groups, 0)
         self._slowed = dict.fromkeys(self.groups, 1.0)
         self._scalings: Mapping[str, Callable[[Tensor], Tensor]] = {}
+        self._direction: Callable[[Tensor], Tensor] | None = None
         self._ends = [0, steps]
         # Names are cut once; what they name is looked up each time, for the verbs below and the model replace it.
         self._attributes: dict[tuple[str, ...], list[tuple[str, str]]] = {}
@@ -61,28 +62,42 @@ class Optimizer:
         used: dict[str, Gradient] = {}
         columns: list[Update] = []
         shared: list[Update] = []
-        scaled: dict[str, Tensor] = {}
         seen = self._through_maps({n: dense(found) for n in self._scalings if (found := gradients.get(n)) is not None})
-        moved = {name: torch.zeros_like(gradient) for name, gradient in seen.items()}
         for name, parameter in self._parameters():
             gradient = gradients.get(name)
             if gradient is None:
                 continue
-            group = self.groups[name]
             self._updates[name] += 1
-            adam_step = (self.rate(name, step), *group.betas, group.epsilon, self._updates[name])
-            if name in seen:
-                scaled[name] = parameter
-                value, gradient = moved[name], seen[name]
-            else:
-                value = parameter
-            update = Update(value, gradient, self._mean[name], self._square[name], adam_step)
-            (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
-            used[name] = gradient
+            used[name] = seen.get(name, gradient)
+            if name not in seen:
+                update = self._update(name, step, parameter, gradient)
+                (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
         left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)
-        for name, change in self._through_maps(moved).items():
-            scaled[name] += change
+        left += self._step_scaled(step, seen)
         return None if left == 0 else bad_gradient(used, left)
+
+    def _update(self, name: str, step: int, value: Tensor, gradient: Gradient) -> Update:
+        """Adam's, of a parameter whose updates are counted already."""
+        group = self.groups[name]
+        adam_step = (self.rate(name, step), *group.betas, group.epsilon, self._updates[name])
+        return Update(value, gradient, self._mean[name], self._square[name], adam_step)
+
+    def _step_scaled(self, step: int, seen: Mapping[str, Tensor]) -> int:
+        """Step parameters by the gradients that their maps show, and through these; returns how many numbers of all
+        gradients could not be used."""
+        moved = {name: torch.zeros_like(gradient) for name, gradient in seen.items()}
+        if self._direction is None:
+            left = adam_([self._update(name, step, moved[name], gradient) for name, gradient in seen.items()])
+        else:
+            left = sum(int((~gradient.isfinite()).sum()) for gradient in seen.values())
+            means = {name: self._mean[name] for name, gradient in seen.items() if gradient.isfinite().all()}
+            for name, mean in means.items():
+                mean.lerp_(seen[name], 1 - self.groups[name].betas[0])
+            along = _in_pieces({name: partial(self._direction, mean) for name, mean in means.items()})
+            moved |= {name: direction * -self.rate(name, step) for name, direction in along.items()}
+        for name, change in self._through_maps(moved).items():
+            self.model.get_parameter(name).add_(change)
+        return left
 
     def rate(self, name: str, step: int) -> float:
         """The learning rate of a parameter at ``step``; 0 while it is kept."""
@@ -98,14 +113,21 @@ class Optimizer:
         """
         self._slowed |= {name: factor for name in self._slowed if name.startswith(prefixes)}
 
-    def scale(self, scalings: Mapping[str, Callable[[Tensor], Tensor]]) -> None:
+    def scale(
+        self,
+        scalings: Mapping[str, Callable[[Tensor], Tensor]],
+        direction: Callable[[Tensor], Tensor] | None = None,
+    ) -> None:
         """From now on Adam sees gradients of these parameters, no columns, through a linear map that is its own
         transpose, and its steps go through it too; moments are of what it sees. What is mixed with a gradient that is
         not finite is not moved either. Threads share the maps, which may not ask for pieces of their own.
 
+        With a ``direction``, these are stepped by the rate along what that makes of the mean of what Adam would see,
+        and a parameter none of whose gradient can be used where any number of it is not finite.
+
         Not part of :meth:`state`, as :meth:`slow` is not.
         """
-        self._scalings = scalings
+        self._scalings, self._direction = scalings, direction
 
     @property
     def scales(self) -> bool:
@@ -185,11 +207,8 @@ class Optimizer:
         self._updates = dict(zip(self._updates, state["updates"].tolist(), strict=True))
 
     def _through_maps(self, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Each by its own map, some at once."""
-        if not tensors:
-            return {}
-        pieces = [partial(self._scalings[name], tensor) for name, tensor in tensors.items()]
-        return dict(zip(tensors, each_of(pieces, next(iter(tensors.values())).device), strict=True))
+        """Each by its own map."""
+        return _in_pieces({name: partial(self._scalings[name], tensor) for name, tensor in tensors.items()})
 
     def _parameters(self) -> Iterator[tuple[str, Tensor]]:
         """What the model holds under each name now. Raises KeyError for a name that it has lost."""
@@ -199,6 +218,14 @@ class Optimizer:
                 held = held._modules[part]
             for name, attribute in attributes:
                 yield name, held._parameters[attribute]
+
+
+def _in_pieces(wanted: "Mapping[str, partial[Tensor]]") -> dict[str, Tensor]:
+    """What each returns for its tensor, some at once."""
+    if not wanted:
+        return {}
+    device = next(iter(wanted.values())).args[0].device
+    return dict(zip(wanted, each_of(list(wanted.values()), device), strict=True))
 
 
 def _group_of(name: str, groups: Mapping[str, Adam]) -> Adam:

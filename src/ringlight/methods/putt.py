@@ -122,6 +122,9 @@ class PuttRecipe(VolumeRecipe):
     scaled_after: int = later(0, now=TRAIN_MOST_LEVELS)
     """Doublings before steps are scaled, or all of them where there are fewer; 0: steps are scaled from the start.
     While the grid is coarse, scaled steps are too short: what lies in the wrong place then stays there."""
+    orthogonal: bool = later(False, now=True)
+    """Steps that are scaled go along near-orthogonal matrices, by which all that a mean gradient tells counts about as
+    much (Muon, Jordan et al. 2024); without, as Adam has them."""
     by_error: float = later(0.0, now=BY_ERROR)
     """Share of a step's rays that are drawn by the errors of those before them, which are told by blocks of 4 x 4
     pixels, and weighted so that the loss keeps its mean. 0, as in the papers: all are drawn evenly."""
@@ -253,6 +256,7 @@ class PuttRecipe(VolumeRecipe):
 
     def stepped_by(self, optimizer: "Optimizer", model: "VolumeModel") -> "tuple[Strategy, ...]":
         from ringlight.fit.strategies.scaled_steps import ScaledSteps
+        from ringlight.volume.tt_directions import orthogonal_direction
 
         field = cast("TensorTrainField", model.field)
 
@@ -261,7 +265,8 @@ class PuttRecipe(VolumeRecipe):
 
         begins = (0, *self.refined)
         begin = begins[min(self.scaled_after, len(begins) - 1)]
-        return (ScaledSteps(optimizer, maps, begin),) if self.scaled else ()
+        direction = orthogonal_direction if self.orthogonal else None
+        return (ScaledSteps(optimizer, maps, begin, direction),) if self.scaled else ()
 
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
         return self.model_of(self.coarsest, box, seed)

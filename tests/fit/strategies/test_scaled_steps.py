@@ -10,6 +10,8 @@ from ringlight.fit.strategies.scaled_steps import RENEWED_EVERY, ScaledSteps
 from ringlight.fit.train import Training, train
 from ringlight.methods.putt import PuttRecipe
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.volume.tt_directions import STEP_SIZE
+from ringlight.volume.tt_scaling import Scaling
 from small_recipes import small
 from tiny_scene import tiny_scene
 
@@ -69,6 +71,24 @@ def test_of_any_number_of_doublings_the_last_counts():
 
 def test_without_a_share_steps_are_those_of_adam_alone():
     assert not any(isinstance(strategy, ScaledSteps) for strategy in training_of(scaled=0.0).strategies)
+
+
+def test_in_their_bases_steps_along_orthogonal_matrices_have_one_size(monkeypatch: pytest.MonkeyPatch):
+    training = training_of(orthogonal=True, average=0.0)
+    optimizer, core = training.optimizer, "field.appearance_train.cores.1"
+    given: dict[str, Scaling] = {}
+    scale = optimizer.scale
+    monkeypatch.setattr(optimizer, "scale", lambda maps, direction: (given.update(maps), scale(maps, direction)))
+    scaling, before, sizes = None, None, []
+    for progress in train(training):
+        now = training.model.get_parameter(core).detach().clone()
+        if scaling is not None and scaling.right is not None and now.shape == before.shape:
+            inner = torch.linalg.solve(scaling.left, (now - before).flatten(1)).view_as(now)
+            inner = torch.linalg.solve(scaling.right, inner.flatten(0, 1), left=False)
+            sizes.append(inner.square().mean().sqrt().item() / optimizer.rate(core, progress.step))
+        scaling, before = given[core], now
+    assert len(sizes) > STEPS // 2
+    assert sizes == pytest.approx([STEP_SIZE] * len(sizes), rel=1e-2)
 
 
 @pytest.mark.parametrize("change", ["shorter", "a number", "of another shape", "of another type", "not a number"])

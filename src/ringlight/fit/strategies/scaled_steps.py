@@ -1,6 +1,7 @@
-"""Steps of a tensor train's cores are scaled by what the other cores make of their indices.
+"""Steps of a tensor train's cores are scaled by what the other cores make of their indices, and perhaps go along
+near-orthogonal matrices.
 
-See :mod:`ringlight.volume.tt_scaling`.
+See :mod:`ringlight.volume.tt_scaling` and :mod:`ringlight.volume.tt_directions`.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,12 +19,19 @@ RENEWED_EVERY = 10
 
 class ScaledSteps:
     """Those after step ``begin``, but never the first. Maps are made anew after every RENEWED_EVERY and after each
-    refinement, which must come before it; ``made`` returns them by parameter name."""
+    refinement, which must come before it; ``made`` returns them by parameter name. With a ``direction`` steps go along
+    what that makes of mean gradients, instead of as Adam has them."""
 
     most: int | None = None
 
-    def __init__(self, optimizer: Optimizer, made: Callable[[], Mapping[str, Scaling]], begin: int = 0):
-        self.optimizer, self.made, self.begin = optimizer, made, begin
+    def __init__(
+        self,
+        optimizer: Optimizer,
+        made: Callable[[], Mapping[str, Scaling]],
+        begin: int = 0,
+        direction: Callable[[Tensor], Tensor] | None = None,
+    ):
+        self.optimizer, self.made, self.begin, self.direction = optimizer, made, begin, direction
         self._scalings: Mapping[str, Scaling] = {}
 
     def update(self, step: int, model: nn.Module, optimizer: Optimizer, prediction: Rendering) -> None:
@@ -55,7 +63,7 @@ class ScaledSteps:
 
     def _take(self, scalings: Mapping[str, Scaling]) -> None:
         self._scalings = scalings
-        self.optimizer.scale(scalings)
+        self.optimizer.scale(scalings, self.direction)
 
 
 def _matrices(scalings: Mapping[str, Scaling]) -> dict[tuple[str, int], Tensor]:
