@@ -1,3 +1,7 @@
+#include <nanobind/stl/optional.h>
+
+#include <optional>
+
 #include "bindings/volume_inputs.hpp"
 #include "simd/dispatch.hpp"
 
@@ -62,23 +66,32 @@ void require_features(const Input& features, const VolumeShape& shape) {
 }
 void require_features(const Sampled&, const VolumeShape&) {}
 
+// Of both hidden layers, or null.
+template <class Units>
+auto hidden_from(const std::optional<Units>& hidden, const VolumeRows& rows, const VolumeShape& shape) {
+  const std::size_t numbers = 2 * rows.count * static_cast<std::size_t>(shape.hidden);
+  require(!hidden || hidden->size() == numbers, "volume: hidden units must be of two layers and all rows");
+  return hidden ? hidden->data() : nullptr;
+}
+
 template <class Source>
 void shade(const Source& source, const Inputs& network, Numbers rays, Points directions, bool halves,
-           Tensor<float, -1, 3> colors) {
+           Tensor<float, -1, 3> colors, const std::optional<Array>& hidden) {
   const VolumeRows rows = rows_from(rays, directions);
   const Looked looked = looked_from(source, rows.count);
   VolumeShape shape;
   const auto layers = network_from<const float>(network, looked.components, shape);
   require_features(source, shape);
   require(colors.shape(0) == rows.count, "volume: a colour for each row");
+  float* to_hidden = hidden_from(hidden, rows, shape);
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(volume_shade)(shape, looked.seen, layers, rows, directions.data(), halves,
-                                           colors.data());
+                                           colors.data(), to_hidden);
 }
 
 template <class Source>
 void shade_gradient(const Source& source, const Inputs& network, Numbers rays, Points directions, bool halves,
-                    Points grad_colors, Array grad_seen, const Arrays& gradients) {
+                    const std::optional<Input>& hidden, Points grad_colors, Array grad_seen, const Arrays& gradients) {
   const VolumeRows rows = rows_from(rays, directions);
   const Looked looked = looked_from(source, rows.count);
   VolumeShape shape, of_gradients;
@@ -90,24 +103,26 @@ void shade_gradient(const Source& source, const Inputs& network, Numbers rays, P
   const std::size_t width = looked.components ? looked.components : static_cast<std::size_t>(shape.features);
   require(grad_colors.shape(0) == rows.count && grad_seen.size() == rows.count * width,
           "volume: gradients must be of all rows");
+  const float* of_hidden = hidden_from(hidden, rows, shape);
   const nb::gil_scoped_release unlocked;
   RINGLIGHT_CHOSEN_WITH_BF16(volume_shade_gradient)(shape, looked.seen, layers, rows, directions.data(), halves,
-                                                    grad_colors.data(), grad_seen.data(), to);
+                                                    of_hidden, grad_colors.data(), grad_seen.data(), to);
 }
 
 }  // namespace
 
 void bind_volume_shading(nb::module_& module) {
   module.def("volume_shade", &shade<Sampled>, "sampled"_a, "network"_a, "rays"_a, "directions"_a, "halves"_a,
-             "colors"_a, "Colours of samples: factors, places, and the numbers of those that are shown.");
+             "colors"_a, "hidden"_a.none(),
+             "Colours of samples: factors, places, and the numbers of those that are shown. Keeps hidden units.");
   module.def("volume_shade", &shade<Input>, "features"_a, "network"_a, "rays"_a, "directions"_a, "halves"_a,
-             "colors"_a, "Colours of features.");
+             "colors"_a, "hidden"_a.none(), "Colours of features. Keeps hidden units.");
   module.def("volume_shade_gradient", &shade_gradient<Sampled>, "sampled"_a, "network"_a, "rays"_a, "directions"_a,
-             "halves"_a, "grad_colors"_a, "grad_components"_a, "gradients"_a,
-             "Gradients of basis and layers, and of each row's components.");
+             "halves"_a, "hidden"_a.none(), "grad_colors"_a, "grad_components"_a, "gradients"_a,
+             "Gradients of basis and layers, and of each row's components; hidden units are made again or were kept.");
   module.def("volume_shade_gradient", &shade_gradient<Input>, "features"_a, "network"_a, "rays"_a, "directions"_a,
-             "halves"_a, "grad_colors"_a, "grad_features"_a, "gradients"_a,
-             "Gradients of layers, and of each row's features.");
+             "halves"_a, "hidden"_a.none(), "grad_colors"_a, "grad_features"_a, "gradients"_a,
+             "Gradients of layers, and of each row's features; hidden units are made again or were kept.");
 }
 
 }  // namespace ringlight

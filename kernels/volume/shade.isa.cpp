@@ -131,9 +131,10 @@ void look(const NetworkPanels<Terms>& panels, const VolumeSeen& seen, const Volu
   waves(direction, of_features + 2 * FREQUENCIES * widths.features * GROUP, DIRECTION);
 }
 
+// The layers from `first` on.
 template <class Terms>
-void evaluate(const NetworkPanels<Terms>& panels, const Group& group) {
-  for (int layer = 0; layer < LAYERS; layer++) {
+void evaluate(const NetworkPanels<Terms>& panels, const Group& group, int first) {
+  for (int layer = first; layer < LAYERS; layer++) {
     const Panels& packed = panels.layers[layer];
     const float* x = feature_terms<Terms>(group.at[layer], packed.inputs, group.terms);
     if (layer + 1 < LAYERS)
@@ -144,9 +145,15 @@ void evaluate(const NetworkPanels<Terms>& panels, const Group& group) {
   for (int i = 0; i < COLORS * GROUP; i += LANES) store(group.at[LAYERS] + i, sigmoid(load(group.at[LAYERS] + i)));
 }
 
+// Where the units that go into `layer` are kept, of the group that begins with row `first`.
+template <class Float>
+Float* kept(Float* hidden, const VolumeShape& shape, std::size_t rows, std::size_t first, int layer) {
+  return hidden + ((layer - 1) * rows + first) * shape.hidden;
+}
+
 template <class Terms>
 void shade_rows(const VolumeShape& shape, const VolumeSeen& seen, const VolumeNetwork<const float>& network,
-                const VolumeRows& rows, const float* directions, float* colors) {
+                const VolumeRows& rows, const float* directions, float* colors, float* hidden) {
   const NetworkPanels<Terms> panels(Widths(shape, seen), network, false);
   parallel_ranges(rows.count, PIECE, [&](std::size_t begin, std::size_t end) {
     const Scratch memory(Group::size(panels.widths) * sizeof(float));
@@ -155,7 +162,9 @@ void shade_rows(const VolumeShape& shape, const VolumeSeen& seen, const VolumeNe
     for (std::size_t first = begin; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
       look(panels, seen, rows, first, count, directions, group);
-      evaluate(panels, group);
+      evaluate(panels, group, 0);
+      for (int layer = 1; hidden && layer < LAYERS; layer++)
+        lanes_to_rows(group.at[layer], count, shape.hidden, group.rows, kept(hidden, shape, rows.count, first, layer));
       for (int i = 0; i < count; i++)
         for (int c = 0; c < COLORS; c++) colors[COLORS * (first + i) + c] = group.at[LAYERS][c * GROUP + i];
     }
@@ -227,8 +236,8 @@ void go_back(const NetworkPanels<Terms>& panels, const Group& group, const Group
 
 template <class Terms>
 void shade_rows_back(const VolumeShape& shape, const VolumeSeen& seen, const VolumeNetwork<const float>& network,
-                     const VolumeRows& rows, const float* directions, const float* grad_colors, float* grad_seen,
-                     const VolumeNetwork<float>& gradients) {
+                     const VolumeRows& rows, const float* directions, const float* hidden, const float* grad_colors,
+                     float* grad_seen, const VolumeNetwork<float>& gradients) {
   const Widths widths(shape, seen);
   const int width = widths.components ? widths.components : widths.features;
   const NetworkPanels<Terms> panels(widths, network, true);
@@ -246,7 +255,9 @@ void shade_rows_back(const VolumeShape& shape, const VolumeSeen& seen, const Vol
     for (std::size_t first = shard * share; first < end; first += GROUP) {
       const int count = end - first < GROUP ? static_cast<int>(end - first) : GROUP;
       look(panels, seen, rows, first, count, directions, group);
-      evaluate(panels, group);
+      for (int layer = 1; hidden && layer < LAYERS; layer++)
+        rows_to_lanes(kept(hidden, shape, rows.count, first, layer), count, shape.hidden, group.at[layer]);
+      evaluate(panels, group, hidden ? LAYERS - 1 : 0);
       for (int c = 0; c < COLORS; c++)
         for (int i = 0; i < GROUP; i++)
           grad.at[LAYERS][c * GROUP + i] = i < count ? grad_colors[COLORS * (first + i) + c] : 0.f;
@@ -265,17 +276,17 @@ void shade_rows_back(const VolumeShape& shape, const VolumeSeen& seen, const Vol
 }  // namespace
 
 void volume_shade(const VolumeShape& shape, const VolumeSeen& seen, const VolumeNetwork<const float>& network,
-                  const VolumeRows& rows, const float* directions, bool halves, float* colors) {
+                  const VolumeRows& rows, const float* directions, bool halves, float* colors, float* hidden) {
   const auto run = halves ? shade_rows<LayerTerms> : shade_rows<Vec>;
-  run(shape, seen, network, rows, directions, colors);
+  run(shape, seen, network, rows, directions, colors, hidden);
 }
 
 void volume_shade_gradient(const VolumeShape& shape, const VolumeSeen& seen,
                            const VolumeNetwork<const float>& network, const VolumeRows& rows, const float* directions,
-                           bool halves, const float* grad_colors, float* grad_seen,
+                           bool halves, const float* hidden, const float* grad_colors, float* grad_seen,
                            const VolumeNetwork<float>& gradients) {
   const auto run = halves ? shade_rows_back<LayerTerms> : shade_rows_back<Vec>;
-  run(shape, seen, network, rows, directions, grad_colors, grad_seen, gradients);
+  run(shape, seen, network, rows, directions, hidden, grad_colors, grad_seen, gradients);
 }
 
 }  // namespace ringlight::RINGLIGHT_ISA

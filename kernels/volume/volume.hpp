@@ -105,14 +105,15 @@ struct VolumeSeen {
 RINGLIGHT_EVERY_ISA(RINGLIGHT_VOLUME)
 #undef RINGLIGHT_VOLUME
 
-// `halves`: products of the network's layers may be of bfloat16.
+// `halves`: products of the network's layers may be of bfloat16. `hidden` is null, or has room for the units of
+// both hidden layers [2 S hidden], which the way back then need not make again: of the same rows.
 #define RINGLIGHT_VOLUME_SHADING(isa) \
   namespace isa { \
   void volume_shade(const VolumeShape&, const VolumeSeen&, const VolumeNetwork<const float>&, const VolumeRows&, \
-                    const float* directions, bool halves, float* colors); \
+                    const float* directions, bool halves, float* colors, float* hidden); \
   void volume_shade_gradient(const VolumeShape&, const VolumeSeen&, const VolumeNetwork<const float>&, \
-                             const VolumeRows&, const float* directions, bool halves, const float* grad_colors, \
-                             float* grad_seen, const VolumeNetwork<float>& gradients); \
+                             const VolumeRows&, const float* directions, bool halves, const float* hidden, \
+                             const float* grad_colors, float* grad_seen, const VolumeNetwork<float>& gradients); \
   }
 RINGLIGHT_EVERY_ISA_AND_BF16(RINGLIGHT_VOLUME_SHADING)
 #undef RINGLIGHT_VOLUME_SHADING

@@ -91,13 +91,19 @@ def compared(widths: tuple[int, int], count: int, seed: int, halves: bool) -> tu
     rays = torch.randint(7, (count,), generator=drawn).int()
     network = [parameter.detach() for parameter in shading.parameters()]
     colors = torch.full((count, 3), float("nan"))
-    _kernels.volume_shade(seen.detach(), network, rays, directions, halves, colors)
+    units = torch.full((2, count, hidden), float("nan"))
+    _kernels.volume_shade(seen.detach(), network, rays, directions, halves, colors, units)
     expected = by_torch(shading, seen, directions[rays.long()], halves and HALVES)
     grad_colors = torch.randn(count, 3, generator=drawn)
     grad_colors[at_kinks(shading, seen.detach(), directions[rays.long()], halves and HALVES)] = 0
     wanted = torch.autograd.grad((expected * grad_colors).sum(), [seen, *shading.parameters()])
     found = [torch.full_like(gradient, float("nan")) for gradient in wanted]
-    _kernels.volume_shade_gradient(seen.detach(), network, rays, directions, halves, grad_colors, found[0], found[1:])
+    again = [torch.full_like(gradient, float("nan")) for gradient in wanted]
+    for kept, into in ((units, found), (None, again)):
+        _kernels.volume_shade_gradient(
+            seen.detach(), network, rays, directions, halves, kept, grad_colors, into[0], into[1:]
+        )
+    assert all(map(torch.equal, found, again))
     lengths = [wanted[0].norm(), *added_lengths(shading, seen.detach(), directions[rays.long()], grad_colors)]
     differences = [(a - b).norm() for a, b in zip(found, wanted, strict=True)]
     shares = [float(a / b.clamp_min(1e-6)) for a, b in zip(differences, lengths, strict=True)]
@@ -134,7 +140,7 @@ def test_sines_of_features_beyond_what_they_are_made_for_stay_between_minus_one_
     features = 10.0 ** torch.linspace(-3, 30, 1000)[:, None]
     directions, rays = torch.tensor([[0.0, 0.0, 1.0]]), torch.zeros(1000, dtype=torch.int32)
     colors = torch.full((1000, 3), float("nan"))
-    _kernels.volume_shade(features, network, rays, directions, False, colors)
+    _kernels.volume_shade(features, network, rays, directions, False, colors, None)
     made = colors.logit() - 1.5
     assert made.min() > -1.001
     assert made.max() < 1.001

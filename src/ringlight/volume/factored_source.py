@@ -11,7 +11,7 @@ from torch import Tensor
 from ringlight import _kernels
 from ringlight.volume import halves
 from ringlight.volume.factors import Factors
-from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space
+from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space, room_for_units
 from ringlight.volume.shading import FeatureShading, named_layers
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ class FactoredSource:
 
     def __init__(self, field: "FactoredField", shading: FeatureShading):
         self.field = field
-        self.network = {"field.basis": field.basis, **named_layers(shading)}
+        self.network, self.units = {"field.basis": field.basis, **named_layers(shading)}, shading.hidden_units
 
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         found = places.new_empty(len(places))
@@ -39,10 +39,11 @@ class FactoredSource:
             through.optics, through.offsets, list(through.samples), through.shown, through.alpha, through.depth,
         )  # fmt: skip
 
-    def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
+    def shade(self, through: MarchedRays, shown: ShownSamples, keeps: bool) -> Float[Tensor, "S 3"]:
         self.shown = shown
         colors = torch.empty(len(shown.samples), 3)
-        _kernels.volume_shade(*self._looked_at(shown), halves.multiplies_halves(), colors)
+        self.hidden = room_for_units(len(colors), self.units) if keeps else None
+        _kernels.volume_shade(*self._looked_at(shown), halves.multiplies_halves(), colors, self.hidden)
         return colors
 
     def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
@@ -52,8 +53,9 @@ class FactoredSource:
         appearance, shown = self.field.appearance_factors, self.shown.some(rows)
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
         components = torch.empty(len(shown.samples), appearance.width)
+        hidden = None if self.hidden is None else self.hidden.index_select(1, rows)
         _kernels.volume_shade_gradient(
-            *self._looked_at(shown), halves.multiplies_halves(), grad_colors, components, list(found.values())
+            *self._looked_at(shown), halves.multiplies_halves(), hidden, grad_colors, components, list(found.values())
         )
         prefix = "field.appearance_factors."
         return found | _scattered(appearance, self.through.places, shown.samples, components, prefix)

@@ -259,7 +259,8 @@ class VolumeModel(nn.Module):
         space = self.space()
         if self._is_native:
             with_way_back = want is Want.GRADIENTS
-            return Marched(rays, space, SHIFT, self._source(with_way_back), background, share).rendering(with_way_back)
+            source = self._source(with_way_back)
+            return Marched(rays, space, SHIFT, source, background, share, with_way_back).rendering()
 
         def density(places: Tensor) -> Tensor:
             return self.density(places, share)

@@ -21,6 +21,10 @@ from ringlight.volume.contract import VolumeField
 from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
 from ringlight.volume.shading import FeatureShading
 
+MOST_KEPT = 1 << 26
+"""Hidden units of a step, a quarter of a gigabyte. What is all fog, at the start, shows many times as many samples as
+later; there they are made again."""
+
 
 @dataclass(frozen=True)
 class MarchedRays:
@@ -89,8 +93,9 @@ class FieldSource(Protocol):
         """Fill what is empty in it."""
         ...
 
-    def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
-        """Colours of what is shown."""
+    def shade(self, through: MarchedRays, shown: ShownSamples, keeps: bool) -> Float[Tensor, "S 3"]:
+        """Colours of what is shown. ``keeps`` the network's hidden units, if there is room for them, which the way back
+        then need not make again."""
         ...
 
     def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
@@ -125,23 +130,25 @@ class Marched:
         source: FieldSource,
         background: Float[Tensor, "3"],
         share: float = 1.0,
+        with_way_back: bool = False,
     ):
-        self.source, self.background, self.share = source, background.contiguous(), share
+        self.source, self.background = source, background.contiguous()
+        self.share, self.with_way_back = share, with_way_back
         self.through = MarchedRays.of(rays, space, shift)
         source.march(self.through)
         self.shown_offsets = _ends(self.through.shown)
         self.shown = self._shown()
-        self.colors = source.shade(self.through, self.shown)
+        self.colors = source.shade(self.through, self.shown, with_way_back)
         self.color = torch.empty(len(rays), 3)
         of = self.through
         _kernels.volume_blend(
             of.offsets, self.shown_offsets, of.weights, SHOWN_WEIGHT, self.colors, of.alpha, self.background, self.color
         )
 
-    def rendering(self, with_way_back: bool) -> Rendering:
+    def rendering(self) -> Rendering:
         """As a record."""
         buffers = {"alpha": self.through.alpha[:, None], "depth": self.through.depth[:, None]}
-        if not with_way_back:
+        if not self.with_way_back:
             return Rendering(self.color, buffers["alpha"], buffers)
         return Rendering(self.color, buffers["alpha"], buffers, backward=self._backward)
 
@@ -183,6 +190,11 @@ def drawn_rows(gradient: Float[Tensor, "N C"], share: float) -> tuple[Int32[Tens
     count = _kernels.volume_draw(gradient, share, rows, weights)
     rows = rows[:count]
     return rows, gradient.index_select(0, rows) * weights[:count, None]
+
+
+def room_for_units(rows: int, units: int) -> Float[Tensor, "2 N H"] | None:
+    """For the units of both hidden layers; None for more than MOST_KEPT of them."""
+    return torch.empty(2, rows, units) if 2 * rows * units <= MOST_KEPT else None
 
 
 def native_rays(rays: Rays) -> tuple[Tensor, Tensor, Tensor]:

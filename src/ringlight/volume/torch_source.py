@@ -10,7 +10,7 @@ from ringlight import _kernels
 from ringlight.core.by_autograd import ByAutograd
 from ringlight.volume import halves
 from ringlight.volume.contract import VolumeField
-from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space
+from ringlight.volume.native_march import MarchedRays, ShownSamples, native_rays, native_space, room_for_units
 from ringlight.volume.shading import FeatureShading, named_layers
 
 
@@ -23,7 +23,7 @@ class TorchSource:
         self.field, self.with_way_back = field, with_way_back
         self.ways_back: dict[str, ByAutograd] = {}
         self.parameters = {f"field.{name}": tensor for name, tensor in field.named_parameters()}
-        self.network = named_layers(shading)
+        self.network, self.units = named_layers(shading), shading.hidden_units
 
     @torch.no_grad()
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
@@ -38,11 +38,12 @@ class TorchSource:
             through.offsets, density, through.optics, samples, through.shown, through.alpha, through.depth
         )
 
-    def shade(self, through: MarchedRays, shown: ShownSamples) -> Float[Tensor, "S 3"]:
+    def shade(self, through: MarchedRays, shown: ShownSamples, keeps: bool) -> Float[Tensor, "S 3"]:
         self.features = self._asked("appearance", through.places.index_select(0, shown.samples))
         self.rays, self.directions = shown.rays, through.rays.directions.contiguous()
         colors = torch.empty(len(shown.samples), 3)
-        _kernels.volume_shade(self.features, *self._seen_along(self.rays), colors)
+        self.hidden = room_for_units(len(colors), self.units) if keeps else None
+        _kernels.volume_shade(self.features, *self._seen_along(self.rays), colors, self.hidden)
         return colors
 
     def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
@@ -51,12 +52,14 @@ class TorchSource:
 
     def color_gradients(self, rows: Int32[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
-        features, rays, every = self.features, self.rays, len(rows) == len(self.features)
+        features, rays, hidden = self.features, self.rays, self.hidden
+        every = len(rows) == len(features)
         if not every:
             features, rays = features.index_select(0, rows), rays.index_select(0, rows)
+            hidden = None if hidden is None else hidden.index_select(1, rows)
         grad_features = torch.empty_like(features)
         _kernels.volume_shade_gradient(
-            features, *self._seen_along(rays), grad_colors, grad_features, list(found.values())
+            features, *self._seen_along(rays), hidden, grad_colors, grad_features, list(found.values())
         )
         if not every:
             grad_features = torch.zeros_like(self.features).index_copy_(0, rows.long(), grad_features)
