@@ -18,6 +18,7 @@ from ringlight.core.rendering import Rendering
 from ringlight.core.shared_pieces import both
 from ringlight.data.rays import Rays
 from ringlight.volume.contract import VolumeField
+from ringlight.volume.halves import multiplies_halves
 from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
 from ringlight.volume.shading import FeatureShading
 
@@ -138,7 +139,9 @@ class Marched:
         source.march(self.through)
         self.shown_offsets = _ends(self.through.shown)
         self.shown = self._shown()
-        self.colors = source.shade(self.through, self.shown, with_way_back)
+        # To keep units of samples that hand nothing on, or that halves make again as fast, would gain nothing.
+        keeps = with_way_back and share == 1 and not multiplies_halves()
+        self.colors = source.shade(self.through, self.shown, keeps)
         self.color = torch.empty(len(rays), 3)
         of = self.through
         _kernels.volume_blend(
