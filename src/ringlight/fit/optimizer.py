@@ -5,6 +5,7 @@ parameter without its moments is the classic bug of this field.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import partial
 from itertools import pairwise
@@ -24,6 +25,15 @@ from ringlight.fit.faults import bad_gradient
 from ringlight.fit.rates import Adam
 
 
+@dataclass(frozen=True)
+class Directed:
+    """Steps of parameters go along what ``direction`` makes of the running mean of their gradients, of which a new one
+    is the share 1 - ``momentum``; by the rate, with no second moments. Threads share parameters."""
+
+    direction: Callable[[Tensor], Tensor]
+    momentum: float
+
+
 class Optimizer:
     """Steps each parameter by the first group whose pattern matches its name.
 
@@ -40,7 +50,7 @@ class Optimizer:
         self._updates = dict.fromkeys(self.groups, 0)
         self._slowed = dict.fromkeys(self.groups, 1.0)
         self._scalings: Mapping[str, Callable[[Tensor], Tensor]] = {}
-        self._direction: Callable[[Tensor], Tensor] | None = None
+        self._directed: Directed | None = None
         self._ends = [0, steps]
         # Names are cut once; what they name is looked up each time, for the verbs below and the model replace it.
         self._attributes: dict[tuple[str, ...], list[tuple[str, str]]] = {}
@@ -86,14 +96,14 @@ class Optimizer:
         """Step parameters by the gradients that their maps show, and through these; returns how many numbers of all
         gradients could not be used."""
         moved = {name: torch.zeros_like(gradient) for name, gradient in seen.items()}
-        if self._direction is None:
+        if self._directed is None:
             left = adam_([self._update(name, step, moved[name], gradient) for name, gradient in seen.items()])
         else:
             left = sum(int((~gradient.isfinite()).sum()) for gradient in seen.values())
             means = {name: self._mean[name] for name, gradient in seen.items() if gradient.isfinite().all()}
             for name, mean in means.items():
-                mean.lerp_(seen[name], 1 - self.groups[name].betas[0])
-            along = _in_pieces({name: partial(self._direction, mean) for name, mean in means.items()})
+                mean.lerp_(seen[name], 1 - self._directed.momentum)
+            along = _in_pieces({name: partial(self._directed.direction, mean) for name, mean in means.items()})
             moved |= {name: direction * -self.rate(name, step) for name, direction in along.items()}
         for name, change in self._through_maps(moved).items():
             self.model.get_parameter(name).add_(change)
@@ -113,21 +123,16 @@ class Optimizer:
         """
         self._slowed |= {name: factor for name in self._slowed if name.startswith(prefixes)}
 
-    def scale(
-        self,
-        scalings: Mapping[str, Callable[[Tensor], Tensor]],
-        direction: Callable[[Tensor], Tensor] | None = None,
-    ) -> None:
+    def scale(self, scalings: Mapping[str, Callable[[Tensor], Tensor]], directed: Directed | None = None) -> None:
         """From now on Adam sees gradients of these parameters, no columns, through a linear map that is its own
         transpose, and its steps go through it too; moments are of what it sees. What is mixed with a gradient that is
         not finite is not moved either. Threads share the maps, which may not ask for pieces of their own.
 
-        With a ``direction``, these are stepped by the rate along what that makes of the mean of what Adam would see,
-        and a parameter none of whose gradient can be used where any number of it is not finite.
+        What is ``directed`` sees and steps in Adam's place; of a gradient that is not finite anywhere it takes nothing.
 
         Not part of :meth:`state`, as :meth:`slow` is not.
         """
-        self._scalings, self._direction = scalings, direction
+        self._scalings, self._directed = scalings, directed
 
     @property
     def scales(self) -> bool:

@@ -19,6 +19,9 @@ STEP_SIZE = 0.2
 """Root mean square of a step in units of the rate: about that of Adam's, so that one rate suits both (Liu et al. 2025,
 "Muon is scalable for LLM training", section 2.2)."""
 
+MOMENTUM = 0.95
+"""Muon's, of the mean whose direction is taken; 0.98 learned no more (docs/experiments/putt.md)."""
+
 SMALLEST = 1e-30
 """Of what is divided by."""
 

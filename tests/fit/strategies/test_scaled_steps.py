@@ -78,7 +78,7 @@ def test_in_their_bases_steps_along_orthogonal_matrices_have_one_size(monkeypatc
     optimizer, core = training.optimizer, "field.appearance_train.cores.1"
     given: dict[str, Scaling] = {}
     scale = optimizer.scale
-    monkeypatch.setattr(optimizer, "scale", lambda maps, direction: (given.update(maps), scale(maps, direction)))
+    monkeypatch.setattr(optimizer, "scale", lambda maps, directed: (given.update(maps), scale(maps, directed)))
     scaling, before, sizes = None, None, []
     for progress in train(training):
         now = training.model.get_parameter(core).detach().clone()

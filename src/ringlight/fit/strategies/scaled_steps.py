@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from ringlight.core.rendering import Rendering
-from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.optimizer import Directed, Optimizer
 from ringlight.volume.tt_scaling import Scaling
 
 RENEWED_EVERY = 10
@@ -19,8 +19,8 @@ RENEWED_EVERY = 10
 
 class ScaledSteps:
     """Those after step ``begin``, but never the first. Maps are made anew after every RENEWED_EVERY and after each
-    refinement, which must come before it; ``made`` returns them by parameter name. With a ``direction`` steps go along
-    what that makes of mean gradients, instead of as Adam has them."""
+    refinement, which must come before it; ``made`` returns them by parameter name. What is ``directed`` steps
+    in place of Adam."""
 
     most: int | None = None
 
@@ -29,9 +29,9 @@ class ScaledSteps:
         optimizer: Optimizer,
         made: Callable[[], Mapping[str, Scaling]],
         begin: int = 0,
-        direction: Callable[[Tensor], Tensor] | None = None,
+        directed: Directed | None = None,
     ):
-        self.optimizer, self.made, self.begin, self.direction = optimizer, made, begin, direction
+        self.optimizer, self.made, self.begin, self.directed = optimizer, made, begin, directed
         self._scalings: Mapping[str, Scaling] = {}
 
     def update(self, step: int, model: nn.Module, optimizer: Optimizer, prediction: Rendering) -> None:
@@ -63,7 +63,7 @@ class ScaledSteps:
 
     def _take(self, scalings: Mapping[str, Scaling]) -> None:
         self._scalings = scalings
-        self.optimizer.scale(scalings, self.direction)
+        self.optimizer.scale(scalings, self.directed)
 
 
 def _matrices(scalings: Mapping[str, Scaling]) -> dict[tuple[str, int], Tensor]:
