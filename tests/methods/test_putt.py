@@ -204,7 +204,7 @@ def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
 
 
 def test_steps_of_older_recipes_are_adams():
-    written = recipe_to_dict(PuttRecipe())
+    written = recipe_to_dict(PuttRecipe(orthogonal=True))
     assert written.pop("orthogonal")
     assert not recipe_from_dict(PuttRecipe, written).orthogonal
 

@@ -122,9 +122,9 @@ class PuttRecipe(VolumeRecipe):
     scaled_after: int = later(0, now=TRAIN_MOST_LEVELS)
     """Doublings before steps are scaled, or all of them where there are fewer; 0: steps are scaled from the start.
     While the grid is coarse, scaled steps are too short: what lies in the wrong place then stays there."""
-    orthogonal: bool = later(False, now=True)
+    orthogonal: bool = later(False)
     """Steps that are scaled go along near-orthogonal matrices, by which all that a mean gradient tells counts about as
-    much (Muon, Jordan et al. 2024); without, as Adam has them."""
+    much (Muon, Jordan et al. 2024), and take longer; without, as Adam has them."""
     by_error: float = later(0.0, now=BY_ERROR)
     """Share of a step's rays that are drawn by the errors of those before them, which are told by blocks of 4 x 4
     pixels, and weighted so that the loss keeps its mean. 0, as in the papers: all are drawn evenly."""
