@@ -239,6 +239,10 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"by_error": 1.0}, "by_error is 1; give 0"),
         ({"by_error": float("nan")}, "by_error is nan; give 0"),
         ({"scaled": 1.0}, "scaled is 1; give 0"),
+        (
+            {"scaled": 0.0, "orthogonal": True},
+            "orthogonal is of steps that are scaled, and scaled is 0; give 0.6",
+        ),
         ({"empty_at": (0.4, 0.2)}, "empty_at is 0.4 0.2; give two shares of a run that rise"),
         ({"empty_at": (0.0, 0.2)}, "empty_at is 0 0.2"),
         ({"empty_at": (0.2, 1.0)}, "empty_at is 0.2 1"),

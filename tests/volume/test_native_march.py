@@ -99,6 +99,34 @@ def test_bits_are_the_same_for_any_number_of_threads(kind: str, monkeypatch: pyt
         assert all(torch.equal(one, other) for one, other in zip(states[0], others, strict=True))
 
 
+@pytest.mark.usefixtures("all_cores_afterwards")
+@pytest.mark.parametrize("kind", VOLUMES)
+def test_hidden_units_that_were_kept_change_no_bit(kind: str, monkeypatch: pytest.MonkeyPatch):
+    """Of all samples, and where half of the rays hand nothing on."""
+    monkeypatch.setattr(of_halves, "HALVES", False)
+    torch.set_num_threads(1)
+    model = VOLUMES[kind]()
+    made: list[bool] = []
+    room = native_march.room_for_units
+    for module in ("factored_source", "torch_source"):
+        path = f"ringlight.volume.{module}.room_for_units"
+        monkeypatch.setattr(path, lambda *counts: made.append((kept := room(*counts)) is not None) or kept)
+    states = []
+    for most, threads in ((native_march.MOST_KEPT, 1), (native_march.MOST_KEPT, 4), (0, 1)):
+        monkeypatch.setattr(native_march, "MOST_KEPT", most)
+        _kernels.set_threads(threads)
+        found: list[Tensor] = []
+        for handing_on in (RAYS, RAYS // 2):
+            shown = predicted(model, True, monkeypatch)
+            of_color = torch.zeros(RAYS, 3)
+            of_color[:handing_on] = torch.randn(handing_on, 3, generator=torch.Generator().manual_seed(7))
+            found += [shown.color, *shown.backward(of_color, {}).values()]
+        states.append(found)
+    assert made == [True] * 4 + [False] * 2
+    for others in states[1:]:
+        assert all(torch.equal(one, other) for one, other in zip(states[0], others, strict=True))
+
+
 @pytest.mark.parametrize("kind", VOLUMES)
 def test_rays_that_meet_nothing_show_the_background(kind: str):
     model, through = VOLUMES[kind](), rays(5)

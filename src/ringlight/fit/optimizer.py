@@ -27,8 +27,8 @@ from ringlight.fit.rates import Adam
 
 @dataclass(frozen=True)
 class Directed:
-    """Steps of parameters go along what ``direction`` makes of the running mean of their gradients, of which a new one
-    is the share 1 - ``momentum``; by the rate, with no second moments. Threads share parameters."""
+    """Steps by the rate along what ``direction`` makes of the running mean of a parameter's gradients, of which a new
+    one is the share 1 - ``momentum``. Threads call it for several parameters at once; it may not ask for pieces."""
 
     direction: Callable[[Tensor], Tensor]
     momentum: float
@@ -95,16 +95,17 @@ class Optimizer:
     def _step_scaled(self, step: int, seen: Mapping[str, Tensor]) -> int:
         """Step parameters by the gradients that their maps show, and through these; returns how many numbers of all
         gradients could not be used."""
-        moved = {name: torch.zeros_like(gradient) for name, gradient in seen.items()}
         if self._directed is None:
+            moved = {name: torch.zeros_like(gradient) for name, gradient in seen.items()}
             left = adam_([self._update(name, step, moved[name], gradient) for name, gradient in seen.items()])
         else:
-            left = sum(int((~gradient.isfinite()).sum()) for gradient in seen.values())
-            means = {name: self._mean[name] for name, gradient in seen.items() if gradient.isfinite().all()}
+            bad = {name: int((~gradient.square().isfinite()).sum()) for name, gradient in seen.items()}
+            left = sum(bad.values())
+            means = {name: self._mean[name] for name, count in bad.items() if not count}
             for name, mean in means.items():
                 mean.lerp_(seen[name], 1 - self._directed.momentum)
             along = _in_pieces({name: partial(self._directed.direction, mean) for name, mean in means.items()})
-            moved |= {name: direction * -self.rate(name, step) for name, direction in along.items()}
+            moved = {name: direction * -self.rate(name, step) for name, direction in along.items()}
         for name, change in self._through_maps(moved).items():
             self.model.get_parameter(name).add_(change)
         return left
@@ -128,7 +129,8 @@ class Optimizer:
         transpose, and its steps go through it too; moments are of what it sees. What is mixed with a gradient that is
         not finite is not moved either. Threads share the maps, which may not ask for pieces of their own.
 
-        What is ``directed`` sees and steps in Adam's place; of a gradient that is not finite anywhere it takes nothing.
+        With ``directed`` its steps are taken instead of Adam's, and second moments stay as they are. A parameter does
+        not move where any number of its gradient is not finite, or too large to be squared.
 
         Not part of :meth:`state`, as :meth:`slow` is not.
         """
@@ -142,7 +144,7 @@ class Optimizer:
     def begin_anew(self) -> None:
         """Forget what was stepped so far: moments of zero for the parameters as they are now, of whatever shape, and no
         maps."""
-        self._scalings = {}
+        self._scalings, self._directed = {}, None
         for name, parameter in self._parameters():
             self._mean[name], self._square[name] = torch.zeros_like(parameter), torch.zeros_like(parameter)
         self._updates = dict.fromkeys(self.groups, 0)

@@ -163,6 +163,10 @@ class PuttRecipe(VolumeRecipe):
             raise RecipeError(f"empty_at is {first} {second}; give two shares of a run that rise, such as 0.27 0.4")
         if not 0 <= self.scaled < 1:
             raise RecipeError(f"scaled is {self.scaled:g}; give 0 (Adam as it is) to below 1")
+        if self.orthogonal and not self.scaled:
+            raise RecipeError(
+                f"orthogonal is of steps that are scaled, and scaled is 0; give {SCALED:g}, or leave one away"
+            )
         self._refuse_size()
 
     def _refuse_size(self) -> None:

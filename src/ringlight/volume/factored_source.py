@@ -53,7 +53,9 @@ class FactoredSource:
         appearance, shown = self.field.appearance_factors, self.shown.some(rows)
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
         components = torch.empty(len(shown.samples), appearance.width)
-        hidden = None if self.hidden is None else self.hidden.index_select(1, rows)
+        hidden, self.hidden = self.hidden, None  # the next step's shall not lie beside them
+        if hidden is not None and len(rows) < hidden.shape[1]:
+            hidden = hidden.index_select(1, rows)
         _kernels.volume_shade_gradient(
             *self._looked_at(shown), halves.multiplies_halves(), hidden, grad_colors, components, list(found.values())
         )

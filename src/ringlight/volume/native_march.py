@@ -23,8 +23,8 @@ from ringlight.volume.marching import END, SHOWN_WEIGHT, Space
 from ringlight.volume.shading import FeatureShading
 
 MOST_KEPT = 1 << 26
-"""Hidden units of a step, a quarter of a gigabyte. What is all fog, at the start, shows many times as many samples as
-later; there they are made again."""
+"""Hidden units of a step, a quarter of a gigabyte, and twice that while those of some rows are picked. What is all fog,
+at the start, shows many times as many samples as later; there they are made again."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Marched:
         source.march(self.through)
         self.shown_offsets = _ends(self.through.shown)
         self.shown = self._shown()
-        # To keep units of samples that hand nothing on, or that halves make again as fast, would gain nothing.
+        # Where some hand nothing on, their units would be kept in vain; of halves it was not measured.
         keeps = with_way_back and share == 1 and not multiplies_halves()
         self.colors = source.shade(self.through, self.shown, keeps)
         self.color = torch.empty(len(rays), 3)

@@ -52,7 +52,8 @@ class TorchSource:
 
     def color_gradients(self, rows: Int32[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
-        features, rays, hidden = self.features, self.rays, self.hidden
+        features, rays = self.features, self.rays
+        hidden, self.hidden = self.hidden, None  # the next step's shall not lie beside them
         every = len(rows) == len(features)
         if not every:
             features, rays = features.index_select(0, rows), rays.index_select(0, rows)

@@ -20,7 +20,8 @@ STEP_SIZE = 0.2
 "Muon is scalable for LLM training", section 2.2)."""
 
 MOMENTUM = 0.95
-"""Muon's, of the mean whose direction is taken; 0.98 learned no more (docs/experiments/putt.md)."""
+"""Of the running mean whose direction is taken. Muon has as much, and looks one step ahead, which is left away here;
+0.98 learned no more on one scene (docs/experiments/putt.md)."""
 
 SMALLEST = 1e-30
 """Of what is divided by."""
@@ -38,10 +39,10 @@ def orthogonal_direction(mean: Float[Tensor, "r o s"]) -> Float[Tensor, "r o s"]
 
 
 def near_orthogonal(matrix: Float[Tensor, "r s"]) -> Float[Tensor, "r s"]:
-    """The matrix with singular values near one, those below 0.001 of its norm with smaller ones.
+    """The matrix with singular values between 0.4 and 1.3, those below 0.001 of its norm with smaller ones.
 
     Each iteration multiplies it from its shorter side by a polynomial of its Gram matrix there. So these are multiplied
-    with each other first, and with the matrix, which is eight times as long, once.
+    with each other first, and with the matrix, which is about eight times as long, once.
     """
     if len(matrix) > matrix.shape[1]:
         return near_orthogonal(matrix.T).T

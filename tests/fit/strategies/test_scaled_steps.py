@@ -91,6 +91,22 @@ def test_in_their_bases_steps_along_orthogonal_matrices_have_one_size(monkeypatc
     assert sizes == pytest.approx([STEP_SIZE] * len(sizes), rel=1e-2)
 
 
+@pytest.mark.parametrize("stopped", [3, 14, 25])
+def test_directed_steps_go_on_bitwise_where_they_stopped(stopped: int):
+    whole, first, again = (training_of(orthogonal=True) for _ in range(3))
+    for _ in train(whole):
+        pass
+    for progress in train(first):
+        if progress.step == stopped:
+            break
+    again.restore(first.state())
+    for _ in train(again):
+        pass
+    end, state = whole.state(), again.state()
+    assert end.keys() == state.keys()
+    assert all(torch.equal(tensor, state[name]) for name, tensor in end.items())
+
+
 @pytest.mark.parametrize("change", ["shorter", "a number", "of another shape", "of another type", "not a number"])
 def test_maps_that_cores_cannot_have_are_refused(change: str):
     training = training_of()
