@@ -48,14 +48,21 @@ def near_orthogonal(matrix: Float[Tensor, "r s"]) -> Float[Tensor, "r s"]:
         return near_orthogonal(matrix.T).T
     matrix = matrix / matrix.abs().max().clamp_min(SMALLEST)  # squares of what is tiny or huge would not be floats
     matrix = matrix / matrix.norm().clamp_min(SMALLEST)
-    gram, through = matrix @ matrix.T, None
-    for _ in range(ITERATIONS):
-        factor = CUBIC * gram + QUINTIC * (gram @ gram)
-        factor.diagonal().add_(LINEAR)
-        through = factor if through is None else factor @ through
+    gram = matrix @ matrix.T
+    through = factor = _factor(gram)
+    for _ in range(ITERATIONS - 1):
         gram = factor @ gram @ factor
         gram = (gram + gram.T) / 2
-    return matrix if through is None else through @ matrix
+        factor = _factor(gram)
+        through = factor @ through
+    return through @ matrix
+
+
+def _factor(gram: Float[Tensor, "r r"]) -> Float[Tensor, "r r"]:
+    """What an iteration multiplies a matrix of this Gram matrix by."""
+    factor = CUBIC * gram + QUINTIC * (gram @ gram)
+    factor.diagonal().add_(LINEAR)
+    return factor
 
 
 def near_orthogonal_reference(matrix: Float[Tensor, "r s"]) -> Float[Tensor, "r s"]:
