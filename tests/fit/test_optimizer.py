@@ -204,8 +204,11 @@ def test_a_directed_parameter_goes_along_what_is_made_of_its_mean_in_other_bases
     assert torch.equal(model.shared.bias, bias)
 
 
-@pytest.mark.parametrize("bad", [float("nan"), float("inf"), 1e25])
-def test_a_directed_parameter_stays_where_any_of_its_gradient_cannot_be_squared(bad: float):
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [(float("nan"), "shared.weight"), (float("inf"), "shared.weight"), (1e25, "too large to be squared")],
+)
+def test_a_directed_parameter_stays_where_any_of_its_gradient_cannot_be_squared(bad: float, words: str):
     model = Table()
     optimizer = Optimizer(model, {"*": GROUP}, steps=10)
     optimizer.scale({"shared.weight": torch.clone, "shared.bias": torch.clone}, Directed(direction_of, 0.8))
@@ -214,7 +217,7 @@ def test_a_directed_parameter_stays_where_any_of_its_gradient_cannot_be_squared(
     weight[1, 0] = bad
     fault = optimizer.step(1, Gradients({"shared.weight": weight, "shared.bias": torch.ones(2)}))
     assert fault is not None
-    assert "shared.weight" in fault or "1 element" in fault
+    assert words in fault
     assert torch.equal(model.shared.weight, before[0])
     assert not torch.equal(model.shared.bias, before[1])
     assert not optimizer.state()["mean.shared.weight"].any()

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import pytest
 import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as some
@@ -145,6 +146,27 @@ def test_sines_of_features_beyond_what_they_are_made_for_stay_between_minus_one_
     assert made.min() > -1.001
     assert made.max() < 1.001
     torch.testing.assert_close(made[:100], features[:100].sin().expand(100, 3), rtol=0, atol=1e-5)
+
+
+def test_hidden_units_of_other_rows_are_refused():
+    shading = FeatureShading(4, 8, torch.Generator())
+    network = [parameter.detach() for parameter in shading.parameters()]
+    features, rays, directions = torch.rand(5, 4), torch.zeros(5, dtype=torch.int32), torch.tensor([[0.0, 0.0, 1.0]])
+    with pytest.raises(ValueError, match="hidden units must be of two layers and all rows"):
+        _kernels.volume_shade(features, network, rays, directions, False, torch.empty(5, 3), torch.empty(2, 4, 8))
+    gradients = [torch.empty_like(tensor) for tensor in (features, *network)]
+    with pytest.raises(ValueError, match="hidden units must be of two layers and all rows"):
+        _kernels.volume_shade_gradient(
+            features,
+            network,
+            rays,
+            directions,
+            False,
+            torch.rand(2, 4, 8),
+            torch.rand(5, 3),
+            gradients[0],
+            gradients[1:],
+        )
 
 
 def test_the_widest_network_that_a_recipe_may_ask_for_is_taken():
