@@ -192,7 +192,8 @@ def test_a_directed_parameter_goes_along_what_is_made_of_its_mean_in_other_bases
     model = Table()
     scale = torch.tensor([[2.0, 0.5], [0.5, 1.0]])
     optimizer = Optimizer(model, {"*": GROUP}, steps=10)
-    optimizer.scale({"shared.weight": lambda rows: rows @ scale}, Directed(direction_of, 0.8))
+    directed = Directed({"shared.weight": direction_of}, 0.8)
+    optimizer.scale({"shared.weight": lambda rows: rows @ scale}, directed)
     expected, mean, bias = model.shared.weight.detach().clone(), torch.zeros(2, 2), model.shared.bias.detach().clone()
     for step in (1, 2, 3):
         gradient = torch.randn(2, 2, generator=torch.Generator().manual_seed(step))
@@ -201,6 +202,7 @@ def test_a_directed_parameter_goes_along_what_is_made_of_its_mean_in_other_bases
         expected -= 0.01 * direction_of(mean) @ scale
     torch.testing.assert_close(model.shared.weight.detach(), expected)
     torch.testing.assert_close(optimizer.state()["mean.shared.weight"], mean)
+    torch.testing.assert_close(optimizer.means(["shared.weight"])["shared.weight"], mean)
     assert torch.equal(model.shared.bias, bias)
 
 
@@ -211,7 +213,8 @@ def test_a_directed_parameter_goes_along_what_is_made_of_its_mean_in_other_bases
 def test_a_directed_parameter_stays_where_any_of_its_gradient_cannot_be_squared(bad: float, words: str):
     model = Table()
     optimizer = Optimizer(model, {"*": GROUP}, steps=10)
-    optimizer.scale({"shared.weight": torch.clone, "shared.bias": torch.clone}, Directed(direction_of, 0.8))
+    directed = Directed({"shared.weight": direction_of, "shared.bias": direction_of}, 0.8)
+    optimizer.scale({"shared.weight": torch.clone, "shared.bias": torch.clone}, directed)
     before = model.shared.weight.detach().clone(), model.shared.bias.detach().clone()
     weight = torch.ones(2, 2)
     weight[1, 0] = bad

@@ -4,7 +4,7 @@ Every change of a parameter's shape goes through the verbs here (``edit_rows``, 
 parameter without its moments is the classic bug of this field.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import partial
@@ -27,10 +27,10 @@ from ringlight.fit.rates import Adam
 
 @dataclass(frozen=True)
 class Directed:
-    """Steps by the rate along what ``direction`` makes of the running mean of a parameter's gradients, of which a new
-    one is the share 1 - ``momentum``. Threads call it for several parameters at once; it may not ask for pieces."""
+    """Steps by the rate along what a parameter's own direction makes of the running mean of its gradients, of which a
+    new one is the share 1 - ``momentum``. Threads call several at once; none may ask for pieces."""
 
-    direction: Callable[[Tensor], Tensor]
+    directions: Mapping[str, Callable[[Tensor], Tensor]]
     momentum: float
 
 
@@ -101,10 +101,10 @@ class Optimizer:
         else:
             bad = {name: int((~gradient.square().isfinite()).sum()) for name, gradient in seen.items()}
             left = sum(bad.values())
-            means = {name: self._mean[name] for name, count in bad.items() if not count}
+            means = self.means(name for name, count in bad.items() if not count)
             for name, mean in means.items():
                 mean.lerp_(seen[name], 1 - self._directed.momentum)
-            along = _in_pieces({name: partial(self._directed.direction, mean) for name, mean in means.items()})
+            along = _in_pieces({name: partial(self._directed.directions[name], mean) for name, mean in means.items()})
             moved = {name: direction * -self.rate(name, step) for name, direction in along.items()}
         for name, change in self._through_maps(moved).items():
             self.model.get_parameter(name).add_(change)
@@ -129,12 +129,17 @@ class Optimizer:
         transpose, and its steps go through it too; moments are of what it sees. What is mixed with a gradient that is
         not finite is not moved either. Threads share the maps, which may not ask for pieces of their own.
 
-        With ``directed`` its steps are taken instead of Adam's, and second moments stay as they are. A parameter does
-        not move where any number of its gradient is not finite, or too large to be squared.
+        With ``directed``, which has a direction for each of them, its steps are taken instead of Adam's, and second
+        moments stay as they are. A parameter does not move where any number of its gradient is not finite, or too large
+        to be squared.
 
         Not part of :meth:`state`, as :meth:`slow` is not.
         """
         self._scalings, self._directed = scalings, directed
+
+    def means(self, names: Iterable[str]) -> dict[str, Tensor]:
+        """Running means of these parameters' gradients, not copied."""
+        return {name: self._mean[name] for name in names}
 
     @property
     def scales(self) -> bool:

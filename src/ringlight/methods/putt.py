@@ -259,9 +259,7 @@ class PuttRecipe(VolumeRecipe):
         }
 
     def stepped_by(self, optimizer: "Optimizer", model: "VolumeModel") -> "tuple[Strategy, ...]":
-        from ringlight.fit.optimizer import Directed
         from ringlight.fit.strategies.scaled_steps import ScaledSteps
-        from ringlight.volume.tt_directions import MOMENTUM, orthogonal_direction
 
         field = cast("TensorTrainField", model.field)
 
@@ -270,8 +268,7 @@ class PuttRecipe(VolumeRecipe):
 
         begins = (0, *self.refined)
         begin = begins[min(self.scaled_after, len(begins) - 1)]
-        directed = Directed(orthogonal_direction, MOMENTUM) if self.orthogonal else None
-        return (ScaledSteps(optimizer, maps, begin, directed),) if self.scaled else ()
+        return (ScaledSteps(optimizer, maps, begin, self.orthogonal),) if self.scaled else ()
 
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
         return self.model_of(self.coarsest, box, seed)

@@ -5,6 +5,8 @@ Schulz's iteration from the mean of its gradients. A core is two matrices, of it
 right one likewise; it steps along the sum of both.
 """
 
+from dataclasses import dataclass
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -27,26 +29,42 @@ SMALLEST = 1e-30
 """Of what is divided by."""
 
 
-@torch.no_grad()
-def orthogonal_direction(mean: Float[Tensor, "r o s"]) -> Float[Tensor, "r o s"]:
-    """Of root mean square STEP_SIZE, whatever the size of ``mean``, of which all numbers are finite; zeros for zeros.
+@dataclass(frozen=True)
+class InverseRoots:
+    """What the mean gradient of a core of this shape is multiplied by: near-inverse roots of the Gram matrices of its
+    two matrices, symmetric, each on the shorter side of its matrix.
 
-    Both matrices count alike: each is brought to one root mean square before they are added.
+    They change slowly, so they may be of an earlier mean.
     """
-    of_left = _even(near_orthogonal(mean.flatten(1))).view_as(mean)
-    of_right = _even(near_orthogonal(mean.flatten(0, 1))).view_as(mean)
-    return STEP_SIZE * _even(of_left + of_right)
+
+    of_left: Float[Tensor, "a a"]
+    of_right: Float[Tensor, "b b"]
+
+    def __call__(self, mean: Float[Tensor, "r o s"]) -> Float[Tensor, "r o s"]:
+        """A direction of root mean square STEP_SIZE, whatever the size of ``mean``, of which all numbers are finite;
+        zeros for zeros. Both matrices count alike: each is brought to one root mean square before they are added."""
+        mean = _of_size_one(mean)
+        of_left = _even(_multiplied(self.of_left, mean.flatten(1))).view_as(mean)
+        of_right = _even(_multiplied(self.of_right, mean.flatten(0, 1))).view_as(mean)
+        return STEP_SIZE * _even(of_left + of_right)
 
 
-def near_orthogonal(matrix: Float[Tensor, "r s"]) -> Float[Tensor, "r s"]:
-    """The matrix with singular values between 0.4 and 1.3, those below 0.001 of its norm with smaller ones.
+@torch.no_grad()
+def inverse_roots(mean: Float[Tensor, "r o s"]) -> InverseRoots:
+    """Of this mean, of which all numbers are finite. Those of zeros leave a later mean's direction as it is."""
+    return InverseRoots(near_inverse_root(mean.flatten(1)), near_inverse_root(mean.flatten(0, 1)))
 
-    Each iteration multiplies it from its shorter side by a polynomial of its Gram matrix there. So these are multiplied
-    with each other first, and with the matrix, which is about eight times as long, once.
+
+def near_inverse_root(matrix: Float[Tensor, "r s"]) -> Float[Tensor, "a a"]:
+    """By this, from its shorter side, a matrix is multiplied to have singular values between 0.4 and 1.3 times its
+    norm, those below 0.001 of its norm smaller ones.
+
+    Each of Muon's iterations multiplies it by a polynomial of its Gram matrix there. So these are multiplied with each
+    other, and the matrix, which is about eight times as long, is left out.
     """
     if len(matrix) > matrix.shape[1]:
-        return near_orthogonal(matrix.T).T
-    matrix = matrix / matrix.abs().max().clamp_min(SMALLEST)  # squares of what is tiny or huge would not be floats
+        return near_inverse_root(matrix.T)
+    matrix = _of_size_one(matrix)
     matrix = matrix / matrix.norm().clamp_min(SMALLEST)
     gram = matrix @ matrix.T
     through = factor = _factor(gram)
@@ -55,7 +73,12 @@ def near_orthogonal(matrix: Float[Tensor, "r s"]) -> Float[Tensor, "r s"]:
         gram = (gram + gram.T) / 2
         factor = _factor(gram)
         through = factor @ through
-    return through @ matrix
+    return through
+
+
+def _multiplied(root: Float[Tensor, "a a"], matrix: Float[Tensor, "r s"]) -> Float[Tensor, "r s"]:
+    """From its shorter side."""
+    return matrix @ root if len(matrix) > matrix.shape[1] else root @ matrix
 
 
 def _factor(gram: Float[Tensor, "r r"]) -> Float[Tensor, "r r"]:
@@ -66,12 +89,17 @@ def _factor(gram: Float[Tensor, "r r"]) -> Float[Tensor, "r r"]:
 
 
 def near_orthogonal_reference(matrix: Float[Tensor, "r s"]) -> Float[Tensor, "r s"]:
-    """The same as Muon has it: each iteration multiplies the whole matrix."""
+    """A matrix over its norm times its near-inverse root, as Muon has it: each iteration multiplies all of it."""
     found = matrix / matrix.norm().clamp_min(SMALLEST)
     for _ in range(ITERATIONS):
         gram = found @ found.T
         found = LINEAR * found + (CUBIC * gram + QUINTIC * (gram @ gram)) @ found
     return found
+
+
+def _of_size_one(tensor: Tensor) -> Tensor:
+    """Its largest entry: squares of what is tiny or huge would not be floats."""
+    return tensor / tensor.abs().max().clamp_min(SMALLEST)
 
 
 def _even(tensor: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ from ringlight.fit.strategies.scaled_steps import RENEWED_EVERY, ScaledSteps
 from ringlight.fit.train import Training, train
 from ringlight.methods.putt import PuttRecipe
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.volume.tt_directions import STEP_SIZE
+from ringlight.volume.tt_directions import STEP_SIZE, inverse_roots
 from ringlight.volume.tt_scaling import Scaling
 from small_recipes import small
 from tiny_scene import tiny_scene
@@ -34,8 +34,9 @@ def scaled_in(training: Training) -> ScaledSteps:
     return scaled
 
 
-def test_maps_are_of_the_last_renewal_or_refinement():
-    training = training_of()
+@pytest.mark.parametrize("orthogonal", [False, True])
+def test_maps_are_of_the_last_renewal_or_refinement(orthogonal: bool):
+    training = training_of(orthogonal=orthogonal)
     scaled = scaled_in(training)
     assert isinstance(scaled, Strategy)
     assert not len(scaled.state()["maps"])
@@ -107,9 +108,25 @@ def test_directed_steps_go_on_bitwise_where_they_stopped(stopped: int):
     assert all(torch.equal(tensor, state[name]) for name, tensor in end.items())
 
 
+def test_what_means_are_multiplied_by_is_made_with_the_maps():
+    training = training_of(orthogonal=True, average=0.0)
+    scaled, made = scaled_in(training), []
+    cores = [f"field.{train}_train.cores.{k}" for train in ("density", "appearance") for k in range(3)]
+    for progress in train(training):
+        if progress.step % RENEWED_EVERY == 0:
+            roots = [inverse_roots(mean) for mean in training.optimizer.means(cores).values()]
+            expected = torch.cat([root.flatten() for both in roots for root in (both.of_left, both.of_right)])
+            made.append(scaled.state()["maps"][-len(expected) :])
+            torch.testing.assert_close(made[-1], expected)
+    assert training.model.field.levels == 3
+    assert len(made) == STEPS // RENEWED_EVERY
+    assert not torch.equal(made[0], made[1])
+
+
+@pytest.mark.parametrize("orthogonal", [False, True])
 @pytest.mark.parametrize("change", ["shorter", "a number", "of another shape", "of another type", "not a number"])
-def test_maps_that_cores_cannot_have_are_refused(change: str):
-    training = training_of()
+def test_maps_that_cores_cannot_have_are_refused(change: str, orthogonal: bool):
+    training = training_of(orthogonal=orthogonal)
     next(train(training))
     state = training.state()
     [name] = [name for name in state if name.endswith(".maps")]
@@ -122,4 +139,4 @@ def test_maps_that_cores_cannot_have_are_refused(change: str):
         "not a number": torch.full_like(maps, float("nan")),
     }
     with pytest.raises(ValueError, match="steps are scaled by"):
-        training_of().restore(state | {name: spoiled[change]})
+        training_of(orthogonal=orthogonal).restore(state | {name: spoiled[change]})

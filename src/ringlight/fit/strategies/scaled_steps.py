@@ -5,22 +5,26 @@ See :mod:`ringlight.volume.tt_scaling` and :mod:`ringlight.volume.tt_directions`
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import torch
 from torch import Tensor, nn
 
 from ringlight.core.rendering import Rendering
+from ringlight.core.shared_pieces import each_of
 from ringlight.fit.optimizer import Directed, Optimizer
+from ringlight.volume.tt_directions import MOMENTUM, InverseRoots, inverse_roots
 from ringlight.volume.tt_scaling import Scaling
 
 RENEWED_EVERY = 10
-"""Steps. Cores change little in so many, and to look at all of them takes a third as long as a step."""
+"""Steps. Cores, and means of their gradients, change little in so many, and to look at all cores takes a third as long
+as a step."""
 
 
 class ScaledSteps:
     """Those after step ``begin``, but never the first. Maps are made anew after every RENEWED_EVERY and after each
-    refinement, which must come before it; ``made`` returns them by parameter name. What is ``directed`` steps
-    in place of Adam."""
+    refinement, which must come before it; ``made`` returns new ones by parameter name. ``orthogonal`` steps go along
+    near-orthogonal matrices in place of Adam's; what means are multiplied by for them is made with the maps."""
 
     most: int | None = None
 
@@ -29,44 +33,54 @@ class ScaledSteps:
         optimizer: Optimizer,
         made: Callable[[], Mapping[str, Scaling]],
         begin: int = 0,
-        directed: Directed | None = None,
+        orthogonal: bool = False,
     ):
-        self.optimizer, self.made, self.begin, self.directed = optimizer, made, begin, directed
+        self.optimizer, self.made, self.begin, self.orthogonal = optimizer, made, begin, orthogonal
         self._scalings: Mapping[str, Scaling] = {}
+        self._roots: Mapping[str, InverseRoots] = {}
 
     def update(self, step: int, model: nn.Module, optimizer: Optimizer, prediction: Rendering) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`."""
         if step < self.begin or (step % RENEWED_EVERY and optimizer.scales):
             return
-        self._take(self.made())
+        self._make()
+        self._hand_over()
 
     def state(self) -> dict[str, Tensor]:
-        """Numbers of all maps, one after another; none before the first step."""
-        matrices = _matrices(self._scalings)
-        return {"maps": torch.cat([m.flatten() for m in matrices.values()]) if matrices else torch.zeros(0)}
+        """Numbers of all maps, one after another, and then of all roots; none before the first step."""
+        matrices = self._matrices()
+        return {"maps": torch.cat([matrix.flatten() for matrix in matrices]) if matrices else torch.zeros(0)}
 
     def restore(self, state: Mapping[str, Tensor]) -> None:
         """See :class:`ringlight.fit.strategies.contract.Strategy`. Raises ValueError for maps that the parameters,
         which are restored already, cannot have."""
         numbers = state["maps"]
-        scalings = self.made() if numbers.numel() else {}
-        matrices = _matrices(scalings)
-        count = sum(matrix.numel() for matrix in matrices.values())
+        self._scalings, self._roots = {}, {}
+        if numbers.numel():
+            self._make()
+        matrices = self._matrices()
+        count = sum(matrix.numel() for matrix in matrices)
         if numbers.shape != (count,) or not numbers.is_floating_point() or not numbers.isfinite().all():
             raise ValueError(f"steps are scaled by {count:,} finite numbers, not by {numbers.dtype} {numbers.shape}")
-        parts = numbers.split([matrix.numel() for matrix in matrices.values()]) if matrices else ()
-        kept = {
-            key: part.view_as(matrix).to(matrix, copy=True)
-            for (key, matrix), part in zip(matrices.items(), parts, strict=True)
-        }
-        self._take({name: Scaling(kept.get((name, 0)), kept.get((name, 1))) for name in scalings})
+        parts = numbers.split([matrix.numel() for matrix in matrices]) if matrices else ()
+        for matrix, part in zip(matrices, parts, strict=True):
+            matrix.copy_(part.view_as(matrix))
+        self._hand_over()
 
-    def _take(self, scalings: Mapping[str, Scaling]) -> None:
-        self._scalings = scalings
-        self.optimizer.scale(scalings, self.directed)
+    def _make(self) -> None:
+        """By cores, and means of their gradients, as they are now."""
+        self._scalings = self.made()
+        if self.orthogonal:
+            means = self.optimizer.means(self._scalings)
+            device = next(iter(means.values())).device
+            roots = each_of([partial(inverse_roots, mean) for mean in means.values()], device)
+            self._roots = dict(zip(means, roots, strict=True))
 
+    def _hand_over(self) -> None:
+        self.optimizer.scale(self._scalings, Directed(self._roots, MOMENTUM) if self.orthogonal else None)
 
-def _matrices(scalings: Mapping[str, Scaling]) -> dict[tuple[str, int], Tensor]:
-    """By parameter name, and 0 for the map of the left index, 1 for the right one's."""
-    both = (((name, side), m) for name, s in scalings.items() for side, m in enumerate((s.left, s.right)))
-    return {key: matrix for key, matrix in both if matrix is not None}
+    def _matrices(self) -> list[Tensor]:
+        """All, in the order in which a checkpoint has them."""
+        maps = [matrix for scaling in self._scalings.values() for matrix in (scaling.left, scaling.right)]
+        roots = [matrix for root in self._roots.values() for matrix in (root.of_left, root.of_right)]
+        return [matrix for matrix in (*maps, *roots) if matrix is not None]
