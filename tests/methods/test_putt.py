@@ -46,6 +46,10 @@ def test_its_grid_doubles_to_the_side_that_it_says():
     assert recipe.refined == {250: 32.0**3, 500: 64.0**3, 2000: 128.0**3, 4000: 256.0**3}
     assert recipe.emptied == (8000, 12_000)
     assert list(PuttRecipe(steps=30_000, finest=64).refined) == [2000, 4000]
+    assert list(PuttRecipe(steps=30_000, last_doubling=0.5).refined) == [250, 500, 2000, 15_000]
+    assert list(PuttRecipe(steps=30_000, last_doubling=0.1).refined) == [250, 500, 2000, 4000]
+    assert list(PuttRecipe(steps=3000, last_doubling=0.5, finest=32).refined) == [1500]
+    assert not PuttRecipe(last_doubling=0.5, finest=16).refined
     training = built(steps=40, coarsest=4, finest=16)
     sides = []
     for _ in train(training):
@@ -247,6 +251,8 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"empty_at": (0.0, 0.2)}, "empty_at is 0 0.2"),
         ({"empty_at": (0.2, 1.0)}, "empty_at is 0.2 1"),
         ({"empty_at": (0.2, float("nan"))}, "empty_at is 0.2 nan"),
+        ({"last_doubling": 1.0}, "last_doubling is 1; give 0"),
+        ({"last_doubling": float("nan")}, "last_doubling is nan; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),

@@ -108,6 +108,9 @@ class PuttRecipe(VolumeRecipe):
     empty_at: tuple[float, float] = later(EARLY, now=EMPTY_AT)
     """Shares of a run after which empty space is found: after the first, cells that are all but empty are skipped, and
     after the second so are rays that meet no others."""
+    last_doubling: float = later(0.0)
+    """The grid doubles for the last time after this share of a run, or where the paper has it if that is later. While
+    it is coarse a step takes less time."""
     rate: float | None = None
     """Learning rate of the trains; it falls to a fifth over a run, and is set back when the grid is refined. By default
     the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and twice that as far
@@ -161,6 +164,8 @@ class PuttRecipe(VolumeRecipe):
         if not 0 < self.empty_at[0] < self.empty_at[1] < 1:
             first, second = (f"{share:g}" for share in self.empty_at)
             raise RecipeError(f"empty_at is {first} {second}; give two shares of a run that rise, such as 0.27 0.4")
+        if not 0 <= self.last_doubling < 1:
+            raise RecipeError(f"last_doubling is {self.last_doubling:g}; give 0 (the paper's) to below 1")
         if not 0 <= self.scaled < 1:
             raise RecipeError(f"scaled is {self.scaled:g}; give 0 (Adam as it is) to below 1")
         if self.orthogonal and not self.scaled:
@@ -213,7 +218,9 @@ class PuttRecipe(VolumeRecipe):
     def refined(self) -> dict[int, float]:
         first, last = levels_of(self.coarsest), levels_of(self.finest)
         times = last - first
-        at = self.at_share(REFINED[max(PAPER_DOUBLINGS - times, 0) :][:times])
+        of_paper = REFINED[max(PAPER_DOUBLINGS - times, 0) :][:times]
+        late = tuple(max(step, self.paper_steps * self.last_doubling) for step in of_paper[-1:])
+        at = self.at_share((*of_paper[:-1], *late))
         return {step: float(8 ** (first + 1 + k) << len(self.long_axes)) for k, step in enumerate(at)}
 
     @property
