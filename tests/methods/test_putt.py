@@ -43,9 +43,10 @@ def test_its_ranks_are_the_papers_or_what_megabytes_hold():
 
 def test_its_grid_doubles_to_the_side_that_it_says():
     recipe = PuttRecipe(steps=30_000)
-    assert recipe.refined == {250: 32.0**3, 500: 64.0**3, 2000: 128.0**3, 4000: 256.0**3}
-    assert recipe.emptied == (8000, 12_000)
-    assert list(PuttRecipe(steps=30_000, finest=64).refined) == [2000, 4000]
+    assert recipe.refined == {250: 32.0**3, 500: 64.0**3, 2000: 128.0**3, 10_000: 256.0**3}
+    assert recipe.emptied == (13_500, 16_500)
+    assert list(PuttRecipe(steps=30_000, finest=64).refined) == [2000, 10_000]
+    assert list(PuttRecipe(steps=30_000, last_doubling=0.0).refined) == [250, 500, 2000, 4000]
     assert list(PuttRecipe(steps=30_000, last_doubling=0.5).refined) == [250, 500, 2000, 15_000]
     assert list(PuttRecipe(steps=30_000, last_doubling=0.1).refined) == [250, 500, 2000, 4000]
     assert list(PuttRecipe(steps=3000, last_doubling=0.5, finest=32).refined) == [1500]
@@ -70,19 +71,19 @@ def test_the_longer_a_run_is_the_lower_is_its_rate(steps, rate):
 def test_its_rate_rises_at_first_is_set_back_and_settles_where_no_models_are_averaged():
     averaging = PuttRecipe(steps=30_000, rate=1.0).groups()["field.*"].rate
     rate = PuttRecipe(steps=30_000, rate=1.0, average=0.0).groups()["field.*"].rate
-    assert averaging.at(1.0) == pytest.approx(0.2 ** (26 / 30))
+    assert averaging.at(1.0) == pytest.approx(0.2 ** (20 / 30))
     assert rate.at(0.0) == pytest.approx(0.1)
     assert rate.at(101 / 30_000) == pytest.approx(1.0, rel=1e-3)
-    assert rate.at(3999 / 30_000) < 0.9
-    assert rate.at(4001 / 30_000) == pytest.approx(1.0, rel=1e-3)
-    assert rate.at(0.8) == pytest.approx(0.07 ** (20 / 30))
-    assert rate.at(0.9) == pytest.approx((0.07 ** (20 / 30) * 0.01) ** 0.5)
+    assert rate.at(9999 / 30_000) < 0.7
+    assert rate.at(10_001 / 30_000) == pytest.approx(1.0, rel=1e-3)
+    assert rate.at(0.8) == pytest.approx(0.07 ** (14 / 30))
+    assert rate.at(0.9) == pytest.approx((0.07 ** (14 / 30) * 0.01) ** 0.5)
     assert rate.at(1.0) == pytest.approx(0.01)
 
 
 def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
     assert PuttRecipe(steps=15_000).averaged_from == 13_501
-    assert PuttRecipe(steps=15_000, average=1.0).averaged_from == 6001
+    assert PuttRecipe(steps=15_000, average=1.0).averaged_from == 8251
     assert PuttRecipe(steps=15_000, average=0.0).averaged_from is None
     strategies = built(steps=40, average=0.25).strategies
     [built_for] = [strategy for strategy in strategies if isinstance(strategy, AverageAtEnd)]
@@ -207,6 +208,12 @@ def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
     assert recipe_from_dict(PuttRecipe, written).scaled == 0
 
 
+def test_older_recipes_double_where_the_paper_does():
+    written = recipe_to_dict(PuttRecipe())
+    assert written.pop("last_doubling") > 0
+    assert list(recipe_from_dict(PuttRecipe, written).refined) == [125, 250, 1000, 2000]
+
+
 def test_steps_of_older_recipes_are_adams():
     written = recipe_to_dict(PuttRecipe(orthogonal=True))
     assert written.pop("orthogonal")
@@ -243,10 +250,6 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"by_error": 1.0}, "by_error is 1; give 0"),
         ({"by_error": float("nan")}, "by_error is nan; give 0"),
         ({"scaled": 1.0}, "scaled is 1; give 0"),
-        (
-            {"scaled": 0.0, "orthogonal": True},
-            "orthogonal is of steps that are scaled, and scaled is 0; give 0.6",
-        ),
         ({"empty_at": (0.4, 0.2)}, "empty_at is 0.4 0.2; give two shares of a run that rise"),
         ({"empty_at": (0.0, 0.2)}, "empty_at is 0 0.2"),
         ({"empty_at": (0.2, 1.0)}, "empty_at is 0.2 1"),
