@@ -51,6 +51,9 @@ def test_its_grid_doubles_to_the_side_that_it_says():
     assert list(PuttRecipe(steps=30_000, last_doubling=0.1).refined) == [250, 500, 2000, 4000]
     assert list(PuttRecipe(steps=3000, last_doubling=0.5, finest=32).refined) == [1500]
     assert not PuttRecipe(last_doubling=0.5, finest=16).refined
+    many = PuttRecipe(steps=30_000, coarsest=4, finest=1024)
+    assert list(many.refined) == [250, 500, 2000, 4000, 6000, 8000, 10_000, 12_000]
+    assert list(replace(many, last_doubling=0.8).refined)[-2:] == [10_000, 24_000]
     training = built(steps=40, coarsest=4, finest=16)
     sides = []
     for _ in train(training):
@@ -210,8 +213,12 @@ def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
 
 def test_older_recipes_double_where_the_paper_does():
     written = recipe_to_dict(PuttRecipe())
-    assert written.pop("last_doubling") > 0
-    assert list(recipe_from_dict(PuttRecipe, written).refined) == [125, 250, 1000, 2000]
+    for name in ("last_doubling", "empty_at", "orthogonal"):
+        del written[name]
+    older = recipe_from_dict(PuttRecipe, written)
+    assert list(older.refined) == [125, 250, 1000, 2000]
+    assert older.emptied == (1000, 2000)
+    assert not older.orthogonal
 
 
 def test_steps_of_older_recipes_are_adams():
@@ -254,7 +261,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"empty_at": (0.0, 0.2)}, "empty_at is 0 0.2"),
         ({"empty_at": (0.2, 1.0)}, "empty_at is 0.2 1"),
         ({"empty_at": (0.2, float("nan"))}, "empty_at is 0.2 nan"),
-        ({"last_doubling": 1.0}, "last_doubling is 1; give 0"),
+        ({"last_doubling": 0.9}, "last_doubling is 0.9; give 0 (the paper's) to 0.8"),
         ({"last_doubling": float("nan")}, "last_doubling is nan; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),

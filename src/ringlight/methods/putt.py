@@ -16,6 +16,7 @@ from ringlight.fit.rates import Adam, check_rates
 from ringlight.methods.averaging import AVERAGED
 from ringlight.methods.long_axes import grid_in_words, long_axes
 from ringlight.methods.putt_rates import LAST_RATE, SETTLED_RATE, SETTLING_RATE, trains_rate
+from ringlight.methods.putt_schedule import EARLY, EMPTY_AT, LAST_DOUBLING, LATEST_DOUBLING, doublings
 from ringlight.methods.putt_sizes import (
     FEWEST_RANKS,
     MOST_RANKS,
@@ -47,19 +48,6 @@ if TYPE_CHECKING:
     from ringlight.volume.model import VolumeModel
     from ringlight.volume.tensor_train_field import TensorTrainField
     from ringlight.volume.tt_scaling import Scaling
-
-REFINED = (250, 500, 2000, 4000, 6000, 8000, 10_000, 12_000)
-"""Steps of a run of 30,000 after which the grid is refined; the paper doubles it four times."""
-
-PAPER_DOUBLINGS = 4
-
-LAST_DOUBLING = 1 / 3
-"""Held-out views of three scenes show as much as with the paper's share, 2/15, or a little more, in three quarters of
-the time; after half a run one of them shows 0.2 dB less (docs/experiments/putt.md)."""
-
-EMPTY_AT, EARLY = (0.45, 0.55), (1 / 15, 2 / 15)
-"""Shares of a run after which empty space is found: once what the last doubling shows is learned, since what is not
-learned yet looks empty (docs/experiments/putt.md); and as early as TensoRF finds it."""
 
 WARM_UP = 100
 """Steps of such a run over which the trains' rate rises."""
@@ -111,10 +99,11 @@ class PuttRecipe(VolumeRecipe):
     importance, which keeps the mean; 1, as in the papers: all do."""
     empty_at: tuple[float, float] = later(EARLY, now=EMPTY_AT)
     """Shares of a run after which empty space is found: after the first, cells that are all but empty are skipped, and
-    after the second so are rays that meet no others."""
+    after the second so are rays that meet no others. Looks before the last doubling may take for empty what the coarser
+    grid has not learned."""
     last_doubling: float = later(0.0, now=LAST_DOUBLING)
-    """The grid doubles for the last time after this share of a run, or where the paper has it if that is later. While
-    it is coarse a step takes less time."""
+    """The grid doubles for the last time after this share of a run, at most 0.8, or where the paper has it if that is
+    later. While it is coarse a step takes less time."""
     rate: float | None = None
     """Learning rate of the trains; it falls to a fifth over a run, and is set back when the grid is refined. By default
     the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and twice that as far
@@ -131,7 +120,7 @@ class PuttRecipe(VolumeRecipe):
     While the grid is coarse, scaled steps are too short: what lies in the wrong place then stays there."""
     orthogonal: bool = later(False, now=True)
     """Steps that are scaled go along near-orthogonal matrices, by which all that a mean gradient tells counts about as
-    much (Muon, Jordan et al. 2024); without, as Adam has them."""
+    much (Muon, Jordan et al. 2024); without, and where none are scaled, as Adam has them."""
     by_error: float = later(0.0, now=BY_ERROR)
     """Share of a step's rays that are drawn by the errors of those before them, which are told by blocks of 4 x 4
     pixels, and weighted so that the loss keeps its mean. 0, as in the papers: all are drawn evenly."""
@@ -167,9 +156,9 @@ class PuttRecipe(VolumeRecipe):
         self.refuse_shares()
         if not 0 < self.empty_at[0] < self.empty_at[1] < 1:
             first, second = (f"{share:g}" for share in self.empty_at)
-            raise RecipeError(f"empty_at is {first} {second}; give two shares of a run that rise, such as 0.27 0.4")
-        if not 0 <= self.last_doubling < 1:
-            raise RecipeError(f"last_doubling is {self.last_doubling:g}; give 0 (the paper's) to below 1")
+            raise RecipeError(f"empty_at is {first} {second}; give two shares of a run that rise, such as 0.45 0.55")
+        if not 0 <= self.last_doubling <= LATEST_DOUBLING:
+            raise RecipeError(f"last_doubling is {self.last_doubling:g}; give 0 (the paper's) to {LATEST_DOUBLING:g}")
         if not 0 <= self.scaled < 1:
             raise RecipeError(f"scaled is {self.scaled:g}; give 0 (Adam as it is) to below 1")
         self._refuse_size()
@@ -217,10 +206,7 @@ class PuttRecipe(VolumeRecipe):
     @property
     def refined(self) -> dict[int, float]:
         first, last = levels_of(self.coarsest), levels_of(self.finest)
-        times = last - first
-        of_paper = REFINED[max(PAPER_DOUBLINGS - times, 0) :][:times]
-        late = tuple(max(step, self.paper_steps * self.last_doubling) for step in of_paper[-1:])
-        at = self.at_share((*of_paper[:-1], *late))
+        at = self.at_share(doublings(last - first, self.last_doubling, self.paper_steps))
         return {step: float(8 ** (first + 1 + k) << len(self.long_axes)) for k, step in enumerate(at)}
 
     @property

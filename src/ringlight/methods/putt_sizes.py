@@ -21,9 +21,10 @@ RANK_STEP = 8
 
 FLOAT_BYTES = 4
 
-COPIES, SCALED_COPIES = 6, 3
+COPIES, SCALED_COPIES = 6, 5
 """Of the trains while they are trained: values, gradients, those of a regularizer, two moments, and the mean of models;
-and where steps are scaled, scaled gradients and steps, and the maps that scale them, up to two thirds of one."""
+and where steps are scaled, scaled gradients, directions, steps in two bases, and the maps that scale them and what
+means are multiplied by, up to two thirds of one each."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class InverseRoots:
     """What the mean gradient of a core of this shape is multiplied by: near-inverse roots of the Gram matrices of its
     two matrices, symmetric, each on the shorter side of its matrix.
 
-    They change slowly, so they may be of an earlier mean.
+    They may be of a mean some steps earlier (docs/experiments/putt.md).
     """
 
     of_left: Float[Tensor, "a a"]

@@ -10,7 +10,7 @@ from ringlight.fit.strategies.scaled_steps import RENEWED_EVERY, ScaledSteps
 from ringlight.fit.train import Training, train
 from ringlight.methods.putt import PuttRecipe
 from ringlight.rasterize.choose import rasterizer_for
-from ringlight.volume.tt_directions import STEP_SIZE, inverse_roots
+from ringlight.volume.tt_directions import STEP_SIZE, InverseRoots, inverse_roots
 from ringlight.volume.tt_scaling import Scaling
 from small_recipes import small
 from tiny_scene import tiny_scene
@@ -18,6 +18,9 @@ from tiny_scene import tiny_scene
 SCENE = tiny_scene(views=4, size=16)
 STEPS = 26
 CPU = rasterizer_for("cpu")
+CORES = [f"field.{train}_train.cores.{k}" for train in ("density", "appearance") for k in range(3)]
+"""After the doubling, which comes after step DOUBLED."""
+[DOUBLED] = PuttRecipe(steps=STEPS, coarsest=4, finest=8).refined
 
 
 def training_of(**settings: float) -> Training:
@@ -27,6 +30,10 @@ def training_of(**settings: float) -> Training:
 
 def begin_of(recipe: PuttRecipe) -> int:
     return scaled_in(recipe.build(SCENE, CPU, 0)).begin
+
+
+def numbers_of(roots: list[InverseRoots]) -> torch.Tensor:
+    return torch.cat([matrix.flatten() for both in roots for matrix in (both.of_left, both.of_right)])
 
 
 def scaled_in(training: Training) -> ScaledSteps:
@@ -92,9 +99,11 @@ def test_in_their_bases_steps_along_orthogonal_matrices_have_one_size(monkeypatc
     assert sizes == pytest.approx([STEP_SIZE] * len(sizes), rel=1e-2)
 
 
-@pytest.mark.parametrize("stopped", [3, 14, 25])
-def test_directed_steps_go_on_bitwise_where_they_stopped(stopped: int):
-    whole, first, again = (training_of(orthogonal=True) for _ in range(3))
+@pytest.mark.parametrize(
+    ("stopped", "scaled_after"), [(3, 0), (DOUBLED, 0), (14, 0), (25, 0), (3, 1), (DOUBLED, 1), (14, 1)]
+)
+def test_directed_steps_go_on_bitwise_where_they_stopped(stopped: int, scaled_after: int):
+    whole, first, again = (training_of(orthogonal=True, scaled_after=scaled_after) for _ in range(3))
     for _ in train(whole):
         pass
     for progress in train(first):
@@ -111,16 +120,30 @@ def test_directed_steps_go_on_bitwise_where_they_stopped(stopped: int):
 def test_what_means_are_multiplied_by_is_made_with_the_maps():
     training = training_of(orthogonal=True, average=0.0)
     scaled, made = scaled_in(training), []
-    cores = [f"field.{train}_train.cores.{k}" for train in ("density", "appearance") for k in range(3)]
     for progress in train(training):
         if progress.step % RENEWED_EVERY == 0:
-            roots = [inverse_roots(mean) for mean in training.optimizer.means(cores).values()]
-            expected = torch.cat([root.flatten() for both in roots for root in (both.of_left, both.of_right)])
+            expected = numbers_of([inverse_roots(mean) for mean in training.optimizer.means(CORES).values()])
             made.append(scaled.state()["maps"][-len(expected) :])
             torch.testing.assert_close(made[-1], expected)
     assert training.model.field.levels == 3
     assert len(made) == STEPS // RENEWED_EVERY
     assert not torch.equal(made[0], made[1])
+
+
+def test_a_run_of_which_maps_alone_were_kept_goes_on_with_them():
+    training, again = training_of(orthogonal=True), training_of(orthogonal=True)
+    for progress in train(training):
+        if progress.step == 14:
+            break
+    state = training.state()
+    [name] = [name for name in state if name.endswith(".maps")]
+    made = [inverse_roots(mean) for mean in training.optimizer.means(CORES).values()]
+    maps = state[name][: -len(numbers_of(made))]
+    again.restore(state | {name: maps})
+    restored = again.state()[name]
+    assert torch.equal(restored[: len(maps)], maps)
+    assert len(restored) == len(state[name])
+    torch.testing.assert_close(restored[len(maps) :], numbers_of(made))
 
 
 @pytest.mark.parametrize("orthogonal", [False, True])

@@ -17,14 +17,15 @@ from ringlight.volume.tt_directions import MOMENTUM, InverseRoots, inverse_roots
 from ringlight.volume.tt_scaling import Scaling
 
 RENEWED_EVERY = 10
-"""Steps. Cores, and means of their gradients, change little in so many, and to look at all cores takes a third as long
-as a step."""
+"""Steps. Cores change little in so many, and to look at all of them takes a third as long as a step. Of means two
+fifths are new then, and yet held-out views were the same (docs/experiments/putt.md)."""
 
 
 class ScaledSteps:
     """Those after step ``begin``, but never the first. Maps are made anew after every RENEWED_EVERY and after each
     refinement, which must come before it; ``made`` returns new ones by parameter name. ``orthogonal`` steps go along
-    near-orthogonal matrices in place of Adam's; what means are multiplied by for them is made with the maps."""
+    near-orthogonal matrices in place of Adam's; what means are multiplied by for them is made with the maps. Those made
+    right after a refinement are of no means yet: steps go along means themselves until the next are made."""
 
     most: int | None = None
 
@@ -59,8 +60,10 @@ class ScaledSteps:
         if numbers.numel():
             self._make()
         matrices = self._matrices()
-        count = sum(matrix.numel() for matrix in matrices)
-        if numbers.shape != (count,) or not numbers.is_floating_point() or not numbers.isfinite().all():
+        if numbers.shape == (_count(_maps(self._scalings)),):
+            matrices = _maps(self._scalings)  # of a commit that made all else anew at each step
+        if numbers.shape != (_count(matrices),) or not numbers.is_floating_point() or not numbers.isfinite().all():
+            count = _count(matrices)
             raise ValueError(f"steps are scaled by {count:,} finite numbers, not by {numbers.dtype} {numbers.shape}")
         parts = numbers.split([matrix.numel() for matrix in matrices]) if matrices else ()
         for matrix, part in zip(matrices, parts, strict=True):
@@ -81,6 +84,14 @@ class ScaledSteps:
 
     def _matrices(self) -> list[Tensor]:
         """All, in the order in which a checkpoint has them."""
-        maps = [matrix for scaling in self._scalings.values() for matrix in (scaling.left, scaling.right)]
         roots = [matrix for root in self._roots.values() for matrix in (root.of_left, root.of_right)]
-        return [matrix for matrix in (*maps, *roots) if matrix is not None]
+        return [*_maps(self._scalings), *roots]
+
+
+def _maps(scalings: Mapping[str, Scaling]) -> list[Tensor]:
+    both = [matrix for scaling in scalings.values() for matrix in (scaling.left, scaling.right)]
+    return [matrix for matrix in both if matrix is not None]
+
+
+def _count(matrices: list[Tensor]) -> int:
+    return sum(matrix.numel() for matrix in matrices)
