@@ -89,7 +89,7 @@ def test_every_parameter_is_trained_and_stays_finite(name: str, monkeypatch: pyt
     # The harmonics' higher degrees are a column; a column that is there moves.
     assert moved == {parameter for parameter, _ in model.named_parameters()}
     for parameter in moved:
-        assert training.optimizer.moments[f"square.{parameter}"].any(), parameter
+        assert training.optimizer.moments[f"mean.{parameter}"].any(), parameter
 
 
 def test_a_stopped_run_goes_on_with_the_same_bits(name: str):
