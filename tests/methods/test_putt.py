@@ -53,7 +53,7 @@ def test_its_grid_doubles_to_the_side_that_it_says():
     assert not PuttRecipe(last_doubling=0.5, finest=16).refined
     many = PuttRecipe(steps=30_000, coarsest=4, finest=1024)
     assert list(many.refined) == [250, 500, 2000, 4000, 6000, 8000, 10_000, 12_000]
-    assert list(replace(many, last_doubling=0.8).refined)[-2:] == [10_000, 24_000]
+    assert list(replace(many, last_doubling=0.75).refined)[-2:] == [10_000, 22_500]
     training = built(steps=40, coarsest=4, finest=16)
     sides = []
     for _ in train(training):
@@ -82,6 +82,8 @@ def test_its_rate_rises_at_first_is_set_back_and_settles_where_no_models_are_ave
     assert rate.at(0.8) == pytest.approx(0.07 ** (14 / 30))
     assert rate.at(0.9) == pytest.approx((0.07 ** (14 / 30) * 0.01) ** 0.5)
     assert rate.at(1.0) == pytest.approx(0.01)
+    latest = PuttRecipe(steps=30_000, rate=1.0, average=0.0, last_doubling=0.75).groups()["field.*"].rate
+    assert latest.at(1.0) == pytest.approx(0.01)
 
 
 def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
@@ -261,7 +263,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"empty_at": (0.0, 0.2)}, "empty_at is 0 0.2"),
         ({"empty_at": (0.2, 1.0)}, "empty_at is 0.2 1"),
         ({"empty_at": (0.2, float("nan"))}, "empty_at is 0.2 nan"),
-        ({"last_doubling": 0.9}, "last_doubling is 0.9; give 0 (the paper's) to 0.8"),
+        ({"last_doubling": 0.9}, "last_doubling is 0.9; give 0 (the paper's) to 0.75"),
         ({"last_doubling": float("nan")}, "last_doubling is nan; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),
         ({"rate": -1.0}, "rate is -1"),

@@ -102,8 +102,8 @@ class PuttRecipe(VolumeRecipe):
     after the second so are rays that meet no others. Looks before the last doubling may take for empty what the coarser
     grid has not learned."""
     last_doubling: float = later(0.0, now=LAST_DOUBLING)
-    """The grid doubles for the last time after this share of a run, at most 0.8, or where the paper has it if that is
-    later. While it is coarse a step takes less time."""
+    """The grid doubles for the last time after this share of a run, at most 0.75, or where the paper has it if that
+    is later. While it is coarse a step takes less time."""
     rate: float | None = None
     """Learning rate of the trains; it falls to a fifth over a run, and is set back when the grid is refined. By default
     the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and twice that as far

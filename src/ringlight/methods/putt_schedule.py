@@ -9,8 +9,9 @@ LAST_DOUBLING = 1 / 3
 """At a quarter of the size held-out views of one scene show as much as with the paper's share, 2/15, in four fifths of
 the time; after half a run they show 0.15 dB less (docs/experiments/putt.md)."""
 
-LATEST_DOUBLING = 0.8
-"""What rounded trains lose has to be learned again before models are averaged, or rates settle."""
+LATEST_DOUBLING = 0.75
+"""What rounded trains lose has to be learned again before models are averaged, or before rates settle, as they do over
+a run's last fifth."""
 
 EMPTY_AT, EARLY = (0.45, 0.55), (1 / 15, 2 / 15)
 """Shares of a run after which empty space is found: once what the last doubling shows is learned, since what is not
