@@ -7,7 +7,7 @@ from textwrap import wrap
 from ringlight.errors import OutputError
 from ringlight.measure.claim_records import Record
 from ringlight.measure.claims import Paper, claims_of
-from ringlight.measure.table import markdown_row
+from ringlight.measure.markdown import markdown_row
 from ringlight.measure.verdicts import RATIOS, RULE, Judged, Verdict, judged
 
 BEGIN = "<!-- 'ringlight reproduce' writes from here -->"

@@ -11,16 +11,15 @@ from rich.console import Console, ConsoleOptions
 from rich.table import Table
 from rich.text import Text
 
+from ringlight.measure.markdown import markdown_line, markdown_row, markdown_text
 from ringlight.measure.method_cells import Measure, MethodCells
 from ringlight.measure.study_table import Spread
-from ringlight.measure.table import markdown_row
 
 MEAN = "mean"
 MISSING = "-"
 LATEX_SPECIAL = {c: "\\" + c for c in "&%$#_{}"} | {
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}"
 }  # fmt: skip
-MARKDOWN_SPECIAL = "\\`*_[]<>&"
 
 Styled = tuple[str, int]
 """A written number and its rank: 1 best, 2 second, 0 neither."""
@@ -86,16 +85,14 @@ class MethodTable:
         lines = []
         for measure in self.cells.shown():
             lines += [f"**{heading(measure)}**", ""]
-            lines.append(markdown_row(["scene", *map(_markdown, self.cells.methods)]))
+            lines.append(markdown_row(["scene", *map(markdown_text, self.cells.methods)]))
             lines.append(markdown_row([":--", *["--:"] * len(self.cells.methods)]))
             for name, row in self.rows(measure):
                 marked = [("{}", "**{}**", "*{}*")[rank].format(text) for text, rank in row]
-                lines.append(markdown_row([_markdown(name), *marked]))
+                lines.append(markdown_row([markdown_text(name), *marked]))
             lines.append("")
-        return (
-            "\n".join([*lines, *(f"- {_markdown(note)}" for note in ("Best bold, second italic.", *self.notes()))])
-            + "\n"
-        )
+        notes = ("Best bold, second italic.", *self.notes())
+        return "\n".join([*lines, *(f"- {markdown_line(note)}" for note in notes)]) + "\n"
 
     def latex(self) -> str:
         """A ``table`` a measure, for the booktabs package: best bold, second underlined."""
@@ -184,7 +181,3 @@ def _parts(heads: list[str], rows: list[tuple[str, list[Styled]]], width: int) -
 
 def _latex(text: str) -> str:
     return "".join(LATEX_SPECIAL.get(character, character) for character in text)
-
-
-def _markdown(text: str) -> str:
-    return "".join("\\" + character if character in MARKDOWN_SPECIAL else character for character in text)

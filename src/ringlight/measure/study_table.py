@@ -16,8 +16,8 @@ from rich.text import Text
 
 from ringlight.core.raw_bytes import FLOAT_BYTES
 from ringlight.core.words import MEGABYTE
+from ringlight.measure.markdown import markdown_line, markdown_row, markdown_text
 from ringlight.measure.report import Report
-from ringlight.measure.table import markdown_row
 
 ALL_SCENES = "all scenes"
 
@@ -171,9 +171,9 @@ class StudyTable:
         lines = []
         for scene in dict.fromkeys(row.scene for row in self.rows):
             rulers = [":--", ":--", *["--:"] * (len(HEADINGS) - 2)]
-            lines += [f"**{scene}**", "", markdown_row(HEADINGS), markdown_row(rulers)]
-            lines += [*(markdown_row(_cells(row)) for row in self.rows if row.scene == scene), ""]
-        return "\n".join([*lines, " ".join(NOTES.values()).replace("*", "\\*"), ""])
+            lines += [f"**{markdown_text(scene)}**", "", _markdown_row(HEADINGS), markdown_row(rulers)]
+            lines += [*(_markdown_row(_cells(row)) for row in self.rows if row.scene == scene), ""]
+        return "\n".join([*lines, markdown_line(" ".join(NOTES.values())), ""])
 
     def csv(self) -> str:
         """One line a row, mean and deviation in columns of their own; empty where there is none."""
@@ -188,6 +188,10 @@ class StudyTable:
             values += [value for pair in pairs for value in (pair.mean, pair.deviation)]
             writer.writerow(["" if value is None or value != value else value for value in values])
         return text.getvalue()
+
+
+def _markdown_row(texts: Sequence[str]) -> str:
+    return markdown_row([markdown_text(text) for text in texts])
 
 
 def _fitting(rows: Sequence[Sequence[str]], width: int) -> list[int]:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from ringlight.measure.columns import LPIPS_NETS, MISSING, Cell, Heading, Row, cells, columns, lpips
 from ringlight.measure.differing_settings import differing_settings
+from ringlight.measure.markdown import markdown_line, markdown_row, markdown_text
 from ringlight.measure.report import Report
 
 MIN_NAME_WIDTH = 16
@@ -58,11 +59,11 @@ class ResultsTable:
         """All columns as a GitHub table, the best values of each scene in bold; ends with the notes."""
         grid = self.grid()
         lines = [
-            markdown_row([column.title for column in grid.columns]),
+            markdown_row([markdown_text(column.title) for column in grid.columns]),
             markdown_row([":--" if column.is_name else "--:" for column in grid.columns]),
-            *(markdown_row([f"**{cell.text}**" if cell.best else cell.text for cell in row]) for row in grid.rows()),
+            *(markdown_row([_marked(cell) for cell in row]) for row in grid.rows()),
         ]
-        return "\n".join([*lines, *(f"\n{note}" for note in self.notes())]) + "\n"
+        return "\n".join([*lines, *(f"\n{markdown_line(note)}" for note in self.notes())]) + "\n"
 
     def notes(self) -> tuple[str, ...]:
         """What a reader must know beside the numbers, one sentence each."""
@@ -163,6 +164,11 @@ def _styled(cell: Cell, width: int) -> Text:
     return Text(text, style="bold green" if cell.best else "dim" if cell.text == MISSING else "")
 
 
+def _marked(cell: Cell) -> str:
+    text = markdown_text(cell.text)
+    return f"**{text}**" if cell.best else text
+
+
 def light_note(report: Report) -> str | None:
     """What to know of the light's features; None where there are none, or none is idle."""
     saturated, constant = report.saturated_features or 0, report.constant_features or 0
@@ -170,11 +176,6 @@ def light_note(report: Report) -> str | None:
     if saturated or constant:
         return f"{saturated:.0%} of the light's features are saturated and {constant:.0%} constant."
     return f"{off:.0%} of the light's hidden units are off." if off >= MANY_OFF else None
-
-
-def markdown_row(texts: Sequence[str]) -> str:
-    """A line of a GitHub table."""
-    return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"
 
 
 def _common_lpips(reports: Sequence[Report]) -> str | None:
