@@ -172,7 +172,7 @@ def test_axes_do_not_get_more_nodes_than_there_may_be(monkeypatch: pytest.Monkey
 
 
 def test_sizes_that_long_axes_leave_no_room_for_are_refused():
-    least = PuttRecipe(size=4.0, finest=64)._sizes.range[0]
+    least = PuttRecipe(size=4.0, finest=64).sizes.range[0]
     with pytest.raises(RecipeError, match="trains of 64 x 128 x 64 and their network take"):
         replace(PuttRecipe(size=least, finest=64), bounds=ONE_LONG)
 
