@@ -14,12 +14,19 @@ from ringlight.fit.train import Training, alone, train
 from ringlight.methods.store import load_model, model_header, save_model, scene_facts, tensors_from_cameras
 from ringlight.methods.table import METHODS
 from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
 from tiny_scene import tiny_scene
 
 BAD = (float("nan"), float("inf"), -float("inf"))
 
 FAMILIES = ("3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror")
 """Of recipes: harmonics, light on Gaussians, light on pixels."""
+
+VOLUMES = ("tensorf", "putt")
+"""They keep photographs as bytes, which are numbers always."""
+
+BEFORE = dict.fromkeys(FAMILIES, 4) | dict.fromkeys(VOLUMES, 8)
+"""Steps of twelve after which the light is on, the grid is as fine as it gets and steps are scaled."""
 
 
 class BrokenView(View):
@@ -32,7 +39,7 @@ class BrokenView(View):
 
 
 def training_of(method: str = "3dgs", steps: int = 40, scene=None) -> Training:
-    recipe = dataclasses.replace(METHODS[method], steps=steps)
+    recipe = small(method, steps=steps) if method in VOLUMES else dataclasses.replace(METHODS[method], steps=steps)
     return recipe.build(scene or tiny_scene(views=4, size=16), rasterizer_for("auto"), seed=0)
 
 
@@ -55,7 +62,7 @@ def spoil_gradient(training: Training, name: str, bad: float, row: int, always: 
 
 PARAMETERS = [
     (method, name)
-    for method in FAMILIES
+    for method in (*FAMILIES, *VOLUMES)
     for name, parameter in training_of(method).model.named_parameters()
     if parameter.ndim > 0
 ]
@@ -69,7 +76,7 @@ SPOILED, OTHERWISE_SPOILED = (
 def test_a_gradient_is_named_left_out_and_the_run_goes_on(method: str, name: str, bad: float) -> None:
     training = training_of(method, steps=12)
     steps = train(training)
-    for _ in range(4):  # the light field is switched on
+    for _ in range(BEFORE[method]):
         next(steps)
     parameter = dict(training.model.named_parameters())[name]
     others = {other: p.detach().clone() for other, p in training.model.named_parameters() if other != name}
@@ -78,7 +85,7 @@ def test_a_gradient_is_named_left_out_and_the_run_goes_on(method: str, name: str
     spoil_gradient(training, name, bad, row)
     progress = next(steps)
     assert progress.fault is not None
-    for word in (f"step {progress.step}", progress.batch.view.name, name, f"row {row}"):
+    for word in (f"step {progress.step}", progress.batch.label, name, f"row {row}"):
         assert word in progress.fault
     after = dict(training.model.named_parameters())[name]
     assert torch.equal(after.view(len(after), -1)[row, 0], before.view(len(before), -1)[row, 0])
@@ -201,15 +208,15 @@ def test_the_count_survives_a_stop() -> None:
 def test_a_parameter_ends_the_run_by_its_name_or_is_never_saved(method: str, name: str, bad: float, tmp_path) -> None:
     training = training_of(method, steps=12)
     steps = train(training)
-    for _ in range(4):
+    for _ in range(BEFORE[method]):
         next(steps)
     parameter = dict(training.model.named_parameters())[name]
     parameter.data.view(len(parameter), -1)[0, 0] = bad
     with pytest.raises(DivergedError) as caught:
         next(steps)
-    for word in ("step 5", name, "row 0"):
+    for word in (f"step {BEFORE[method] + 1}", name, "row 0"):
         assert word in str(caught.value)
-    header = model_header(method, METHODS[method], 5, scene_facts(training.batches.scene))
+    header = model_header(method, METHODS[method], training.step, scene_facts(training.batches.scene))
     with pytest.raises(DivergedError, match=f"{name} holds"):
         save_model(tmp_path / "model", training.model, header, [v.camera for v in training.batches.scene.train])
     assert list(tmp_path.iterdir()) == []

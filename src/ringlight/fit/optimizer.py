@@ -78,7 +78,7 @@ class Optimizer:
             if gradient is None:
                 continue
             self._updates[name] += 1
-            used[name] = seen.get(name, gradient)
+            used[name] = gradient
             if name not in seen:
                 update = self._update(name, step, parameter, gradient)
                 (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
