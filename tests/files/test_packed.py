@@ -13,17 +13,8 @@ from ringlight.core.gaussians import Gaussians
 from ringlight.errors import ModelFileError
 from ringlight.files.model_file import ModelHeader, SceneFacts, read_model_file, write_model_file
 from ringlight.files.pack_numbers import pack_in_steps, unpack_fixed
-from ringlight.files.packed import (
-    COARSE_COEFFICIENT_STEP,
-    COARSE_STEP,
-    COEFFICIENT_STEP,
-    PACKINGS,
-    PLAN,
-    Packed,
-    bytes_stored,
-    pack_tensors,
-    unpack_tensors,
-)
+from ringlight.files.packed import PACKINGS, Packed, bytes_stored, pack_tensors, unpack_tensors
+from ringlight.files.packing_plan import COARSE_COEFFICIENT_STEP, COARSE_STEP, COEFFICIENT_STEP, PLAN
 from ringlight.files.tensor_file import read_tensors, write_tensors
 
 SEEDS = st.integers(0, 10_000)

@@ -6,7 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ringlight.files.packed import PLAN, Packed, pack_tensors
+from ringlight.files.packed import Packed, pack_tensors
+from ringlight.files.packing_plan import PLAN
 
 SCALES, QUATS = "columns.log_scales", "columns.quats"
 

@@ -10,7 +10,8 @@ from torch import Tensor
 from ringlight.core.scene import Scene
 from ringlight.data.batches import ImageBatches
 from ringlight.data.moved_cameras import MovedCameras
-from ringlight.files.packed import Plan, pack_tensors, unpack_tensors
+from ringlight.files.packed import pack_tensors, unpack_tensors
+from ringlight.files.packing_plan import Plan
 from ringlight.fit.losses.photographs import PhotographLoss
 from ringlight.fit.losses.teacher_pictures import TeacherPictures
 from ringlight.fit.optimizer import Optimizer

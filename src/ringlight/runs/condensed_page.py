@@ -16,7 +16,8 @@ from ringlight.color.condensed_illumination import (
 )
 from ringlight.color.illuminated import Illuminated
 from ringlight.files.model_file import ModelHeader
-from ringlight.files.packed import PLAN, Packed, Plan, pack_tensors
+from ringlight.files.packed import Packed, pack_tensors
+from ringlight.files.packing_plan import PLAN, Plan
 from ringlight.models.splats import SplatModel
 
 STEP, COARSE_STEP = 1 / 500, 1 / 250

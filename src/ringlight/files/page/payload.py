@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ringlight.core.gradients import COLUMNS
-from ringlight.files.packed import MEANS, SEPARATOR, Packed
+from ringlight.files.packed import SEPARATOR, Packed
+from ringlight.files.packing_plan import MEANS
 from ringlight.files.page.blurred_light import MAPS, SHARES
 
 ALIGNED = 8
