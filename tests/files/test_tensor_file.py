@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from ringlight.errors import ModelFileError
 from ringlight.files import tensor_file
-from ringlight.files.tensor_file import DTYPES, read_metadata, read_tensors, write_tensors
+from ringlight.files.tensor_file import read_metadata, read_tensors, write_tensors
+from ringlight.files.tensor_header import DTYPES
 
 SHAPES = st.lists(st.integers(0, 4), max_size=4).map(tuple)
 CONTENTS = st.dictionaries(

@@ -40,8 +40,8 @@ class Recipe(Protocol):
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     packings: ClassVar[tuple[tuple[str, str], ...]]
-    """Name patterns of tensors, and how this method's files store those that lose nothing by it: ``files/packing_plan.py``.
-    Empty where all are stored as they are."""
+    """Name patterns of tensors, and how this method's files store those that lose nothing by it:
+    ``files/packing_plan.py``. Empty where all are stored as they are."""
 
     @property
     def steps(self) -> int:

@@ -8,7 +8,8 @@ from torch import Tensor
 from ringlight.core.lost_disk import what_helps
 from ringlight.errors import ModelFileError, OutputError, RunError
 from ringlight.files.atomic import flush_folder
-from ringlight.files.tensor_file import REMEDY, TensorFile, read_tensors, write_tensors
+from ringlight.files.tensor_file import TensorFile, read_tensors, write_tensors
+from ringlight.files.tensor_header import REMEDY
 from ringlight.fit.guard import good_state
 from ringlight.fit.train import Training
 from ringlight.runs.folder import EARLIER_NAME, FRESH_NAME, RunFolder

@@ -7,7 +7,8 @@ from ringlight.core.raw_bytes import bytes_by_part
 from ringlight.errors import ModelFileError, RunError
 from ringlight.files.model_file import ModelHeader, read_model_file
 from ringlight.files.packed import bytes_stored
-from ringlight.files.tensor_file import NAMES, read_metadata
+from ringlight.files.tensor_file import read_metadata
+from ringlight.files.tensor_header import NAMES
 from ringlight.measure.report import read_report
 from ringlight.methods.store import CAMERAS_PREFIX
 from ringlight.runs.folder import RunFolder
