@@ -23,7 +23,7 @@ FAMILIES = ("3dgs", "ringlight-basis", "ringlight-ring", "ringlight-mirror")
 """Of recipes: harmonics, light on Gaussians, light on pixels."""
 
 VOLUMES = ("tensorf", "putt")
-"""They keep photographs as bytes, which are numbers always."""
+"""They keep photographs as bytes, which are numbers always, and read poses once, before the first step."""
 
 BEFORE = dict.fromkeys(FAMILIES, 4) | dict.fromkeys(VOLUMES, 8)
 """Steps of twelve after which the light is on, the grid is as fine as it gets and steps are scaled."""

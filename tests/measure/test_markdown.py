@@ -1,4 +1,4 @@
-"""Texts of strangers stand in Markdown as they are: markdown-it, which renders it, is the judge."""
+"""Texts of strangers stand in Markdown as they are: markdown-it is the judge, but for links that GitHub alone makes."""
 
 import pytest
 from hypothesis import given
@@ -8,13 +8,16 @@ from samples import sample_report
 
 from ringlight.core.visible_text import visible
 from ringlight.measure.markdown import markdown_line, markdown_row, markdown_text
+from ringlight.measure.method_cells import MethodCells
+from ringlight.measure.method_table import MethodTable
+from ringlight.measure.study_table import Label, StudyTable, study_rows
 from ringlight.measure.table import ResultsTable
 
-TRICKS = "\\`*_[]()<>&~|#!-+=.)1 a\n\u202e"
+TRICKS = "\\`*_[]()<>&~|#!$:/-+=.)1 aw\n\u202e"
 
 
 def shown(markdown: str) -> list[str]:
-    """The text of each paragraph, heading and cell, where nothing but text may be in them."""
+    """The text of each paragraph and cell, where nothing but text may be in them, and nothing else on the page."""
     tokens = MarkdownIt("gfm-like", {"linkify": False}).parse(markdown)
     inline = [token for token in tokens if token.type == "inline"]
     for token in inline:
@@ -40,8 +43,17 @@ def test_a_cell_shows_its_text(first: str, second: str) -> None:
     assert [cell.strip() for cell in cells[2:]] == [visible(first).strip(), visible(second).strip()]
 
 
-def test_an_underscore_in_a_name_stays_readable() -> None:
-    assert markdown_text("chair_400") == "chair_400"
+@pytest.mark.parametrize("name", ["chair_400", "0.5%", "r_0.png: 22.5 dB!", ".ply"])
+def test_what_styles_nothing_stays_as_it_is(name: str) -> None:
+    assert markdown_line(name) == name
+
+
+@pytest.mark.parametrize(
+    ("address", "written"),
+    [("https://x.y/a", r"https\://x.y/a"), ("ftp://x.y", r"ftp\://x.y"), ("see www.x.y", r"see www\.x.y")],
+)
+def test_an_address_is_no_link(address: str, written: str) -> None:
+    assert markdown_text(address) == written
 
 
 @pytest.mark.parametrize("name", ["[a](http://b)", "<img src=x>", "![a](b)", "`a`", "**a**", "a|b"])
@@ -54,3 +66,15 @@ def test_a_table_of_results_shows_names_of_strangers(name: str) -> None:
     texts = ["".join(c.content for c in token.children or []) for token in tokens if token.type == "inline"]
     assert name in texts
     assert f"{name} stopped at step 3 of 7." in texts
+
+
+def test_tables_of_studies_and_of_methods_show_names_of_strangers() -> None:
+    name = "[a](http://b) <i>|"
+    study = StudyTable(study_rows((Label(name, name),), {name: {name: {0: sample_report()}}}))
+    methods = MethodTable(MethodCells((name,), (name,), (0,), {(name, name): {0: sample_report()}}, (name,)))
+    for markdown in (study.markdown(), methods.markdown()):
+        tokens = MarkdownIt("gfm-like", {"linkify": False}).parse(markdown)
+        children = [child for token in tokens for child in token.children or []]
+        assert not {child.type for child in children} & {"link_open", "image", "html_inline"}
+        texts = ["".join(c.content for c in token.children or []) for token in tokens if token.type == "inline"]
+        assert name in texts

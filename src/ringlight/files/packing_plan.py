@@ -80,7 +80,8 @@ SHORTEST_FUNCTION = 1e-3
 
 
 def chosen_packing(name: str, tensor: Tensor, log_scales: Tensor | None, patterns: Plan) -> str | None:
-    """The packing of a tensor; None if it is kept."""
+    """The packing of a tensor, the first of whose ``patterns`` fits its name; None if it is kept. Positions go by the
+    table's ``log_scales`` [N 3], where there are any."""
     if tensor.dtype != torch.float32 or not bool(tensor.isfinite().all()):
         return None
     if name == MEANS:
@@ -96,7 +97,8 @@ def chosen_packing(name: str, tensor: Tensor, log_scales: Tensor | None, pattern
 
 
 def chosen_step(name: str, tensors: Mapping[str, Tensor], coarse: bool) -> Float[Tensor, "C"] | None:
-    """The step of each column of a tensor that is packed in steps of its own; None for all others."""
+    """The step of each column of a tensor that is packed in steps of its own, weights and, if ``coarse``, positions;
+    None for all others."""
     if name == WEIGHTS:
         return _step_of_weights(tensors, COARSE_COEFFICIENT_STEP if coarse else COEFFICIENT_STEP)
     if name == MEANS and coarse:

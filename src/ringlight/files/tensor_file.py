@@ -3,8 +3,8 @@
 The format (https://huggingface.co/docs/safetensors): eight bytes of header length, little endian; a JSON header
 ``{"__metadata__": {...}, name: {"dtype", "shape", "data_offsets"}}``; the data. It is read and written here,
 because the same content must give the same bytes (the library orders metadata by chance), every size must be
-checked against the file before memory is allocated, and a damaged file must be named in one sentence: our files carry
-a checksum of every byte, in the metadata and taken as if its own digits were zeros.
+checked against the file before memory is allocated (``tensor_header.py``), and a damaged file must be named in one
+sentence: our files carry a checksum of every byte, in the metadata and taken as if its own digits were zeros.
 """
 
 import hashlib

@@ -59,8 +59,9 @@ class Place:
 
 
 def read_header(path: Path, file: BinaryIO) -> tuple[dict[str, str], dict[str, Place], bytes]:
-    """Metadata with the checksum, the places in the order of the data, and the bytes that said so; leaves ``file`` at
-    the first data byte. Raises ModelFileError for what is cut, damaged or another format."""
+    """Metadata with the checksum, the places in the order of the data, and the bytes that said so. ``file`` is one that
+    can be sought; it is left at the first data byte. ``path`` is its name in messages. Raises ModelFileError for what
+    is cut, damaged or another format."""
     size = file.seek(0, 2)
     file.seek(0)
     if size == 0:

@@ -171,7 +171,7 @@ class StudyTable:
         lines = []
         for scene in dict.fromkeys(row.scene for row in self.rows):
             rulers = [":--", ":--", *["--:"] * (len(HEADINGS) - 2)]
-            lines += [f"**{markdown_text(scene)}**", "", _markdown_row(HEADINGS), markdown_row(rulers)]
+            lines += [f"**{markdown_text(scene.strip())}**", "", _markdown_row(HEADINGS), markdown_row(rulers)]
             lines += [*(_markdown_row(_cells(row)) for row in self.rows if row.scene == scene), ""]
         return "\n".join([*lines, markdown_line(" ".join(NOTES.values())), ""])
 

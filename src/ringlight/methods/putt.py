@@ -1,7 +1,8 @@
 """putt: a volume of density and appearance, as two quantised tensor trains that go from coarse to fine.
 
 Loeschcke, Wang, Leth-Espensen, Belongie, Kastoryano, Benaim: Coarse-To-Fine Tensor Trains for Compact Visual
-Representations, ICML 2024. The numbers are those of its published settings. What differs: docs/methods/putt.md.
+Representations, ICML 2024. The numbers, most of them in ``putt_settings.py``, are those of its published settings. What
+differs: docs/methods/putt.md.
 """
 
 from collections.abc import Mapping

@@ -155,7 +155,7 @@ class PuttSettings(VolumeRecipe):
 
     @property
     def sizes(self) -> TrainSizes:
-        """At the end."""
+        """Of both trains at the end of the run, by any ranks."""
         return TrainSizes(self.features, self.hidden, levels_of(self.finest), len(self.long_axes))
 
     @property
@@ -164,7 +164,7 @@ class PuttSettings(VolumeRecipe):
         return self.long_axes_up_to(self.finest)
 
     def long_axes_up_to(self, finest: int) -> tuple[int, ...]:
-        """Of a recipe with another ``finest``."""
+        """:attr:`long_axes` of the same recipe with another ``finest``: a grid as fine as kernels take has none."""
         if self.bounds is None or not self.even_voxels or finest == LARGEST_SIDE:
             return ()
         return long_axes(self.bounds)
