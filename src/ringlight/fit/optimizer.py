@@ -84,8 +84,9 @@ class Optimizer:
                 (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
         left = adam_(shared) + (adam_(columns, footprint.radii) if columns and footprint is not None else 0)
         left += self._step_scaled(step, seen)
-        scaled = {f"{name}, scaled,": gradient for name, gradient in seen.items()}
-        return None if left == 0 else bad_gradient(used | scaled, left)
+        if left == 0:
+            return None
+        return bad_gradient(used | {f"{name}, scaled,": gradient for name, gradient in seen.items()}, left)
 
     def _update(self, name: str, step: int, value: Tensor, gradient: Gradient) -> Update:
         """Adam's, of a parameter whose updates are counted already."""
