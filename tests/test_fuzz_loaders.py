@@ -11,7 +11,7 @@ RUN = Path(__file__).parent / "fuzzing" / "run.py"
 LOADERS = (
     ("gaussian_ply", "ply_points", "tensor_file", "checkpoint", "recipe", "demo_plan", "report", "colmap"),
     ("model", "scene_json", "image", "true_normals"),
-    ("volume", "volume_checkpoint"),
+    ("volume", "volume_checkpoint", "train_checkpoint"),
 )
 """A process each."""
 
