@@ -12,6 +12,7 @@ from torch import nn
 
 from plugs.directional_opacity import DirectionalOpacity
 from plugs.environment import Environment, HarmonicsWithNormals
+from ringlight.color.basis_opacities import BasisOpacities
 from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SphericalHarmonics
 from ringlight.color.illuminated import Illuminated
@@ -22,6 +23,7 @@ from ringlight.color.reflective_harmonics import ReflectiveHarmonics
 from ringlight.color.ringlight import RingLight
 from ringlight.color.ringlight_settings import RingLightSettings
 from ringlight.color.shaded_gaussians import ShadedGaussians
+from ringlight.color.shared_basis import SharedBasis
 from ringlight.color.split_sum import SplitSumLight
 from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
@@ -84,6 +86,8 @@ COLOR_MODELS: dict[str, Callable[[], nn.Module]] = {
     "mirror, varying opacities": lambda: VaryingMirror(latents=3, basis_size=2, seed=1, opacities=True),
     "reflective harmonics": ReflectiveHarmonics,
     "reflective harmonics of degree 1": lambda: ReflectiveHarmonics(1),
+    "shared basis": lambda: SharedBasis(3, seed=1),
+    "shared basis, varying opacities": lambda: BasisOpacities(3, seed=1),
     "glossy harmonics": GlossyHarmonics,
     "glossy harmonics, opacities of degree 1": lambda: GlossyHarmonics(2, 1),
     "shaded": lambda: shaded_gaussians(),

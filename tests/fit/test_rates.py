@@ -44,6 +44,17 @@ def test_opacities_and_rotations_fall_only_where_that_is_asked_for():
 
 def test_a_rate_of_zero_freezes():
     assert Rate.constant(0.0).at(0.3) == 0.0
+    assert [Rate(0.0, 5e-3, hold).at(progress) for hold in (0.0, 0.5) for progress in (0.0, 0.7, 1.0)] == [0.0] * 6
+
+
+@pytest.mark.parametrize("ends", [{"means_end": 0.0}, {"scales_end": 0.0}, {"scales": 1e-3, "scales_end": 0.0}])
+def test_a_rate_that_falls_to_zero_is_refused_by_its_name(ends: dict[str, float]):
+    """A rate that falls by factors would be 0 from the first step on."""
+    with pytest.raises(RecipeError, match=r"rates\.(means|scales)_end is 0, .* above 0"):
+        GaussianRates(**ends)
+    with pytest.raises(RecipeError, match="to 0"):
+        Rate(1e-3, 0.0)
+    assert GaussianRates(means=0.0, means_end=0.0).at_length(100).groups(1.0)["columns.means"].rate.at(1.0) == 0.0
 
 
 @pytest.mark.parametrize("ends", [(-1e-3, 1e-3), (1e-3, -1e-3), (float("nan"), 1.0), (1.0, float("inf"))])

@@ -15,7 +15,7 @@ from ringlight.core.directions import view_directions
 from ringlight.core.gaussians import Gaussians
 from ringlight.core.gradients import COLUMNS, AdamStep, Gradients, dense
 from ringlight.core.rendering import Channels, Emission
-from ringlight.core.scene import PointCloud
+from ringlight.core.scene import DARKEST, PointCloud
 from ringlight.core.sh_basis import C0, GREY, MAX_DEGREE, basis_count, rgb_from_sh, sh_basis, sh_from_rgb
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
@@ -47,9 +47,9 @@ class SphericalHarmonics(nn.Module):
         self.register_load_state_dict_post_hook(_refuse_other_degrees)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
-        """The points' own colours, the same from every side."""
+        """The points' own colours, the same from every side; none is all black, where it would not learn."""
         rest = torch.zeros(len(points.colors), basis_count(self.degree) - 1, 3)
-        return {"sh_dc": sh_from_rgb(points.colors), "sh_rest": rest}
+        return {"sh_dc": sh_from_rgb(points.colors.clamp_min(DARKEST)), "sh_rest": rest}
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
         """ "rgb" [N 3], clamped at black."""

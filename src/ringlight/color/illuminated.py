@@ -28,7 +28,7 @@ from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
-from ringlight.core.scene import PointCloud
+from ringlight.core.scene import DARKEST, PointCloud
 from ringlight.core.sh_basis import sh_from_rgb
 from ringlight.core.want import Want
 from ringlight.fields.directional_encoding import CODE_WIDTH, directional_encoding
@@ -36,9 +36,6 @@ from ringlight.fields.illumination import Illumination
 from ringlight.fields.networks import PerceptronStack
 
 BASE = "base"
-
-DARKEST = 0.25 / 255
-"""The logit of pure black or white would be infinite; a quarter of an 8-bit step away still rounds to either."""
 
 
 class Illuminated(nn.Module):

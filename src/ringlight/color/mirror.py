@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from ringlight import _kernels
 from ringlight.color.by_torch import emitted_by_torch
-from ringlight.color.ringlight import BASE, DARKEST, LATENT_DEVIATION, LATENTS
+from ringlight.color.ringlight import BASE, LATENT_DEVIATION, LATENTS
 from ringlight.core.camera import Camera
 from ringlight.core.directions import SMALLEST_LENGTH, normalize, view_directions
 from ringlight.core.gaussians import Gaussians
@@ -16,7 +16,7 @@ from ringlight.core.gradients import COLUMNS, Gradients
 from ringlight.core.kernel_limits import MIRROR_MAX_LATENTS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
-from ringlight.core.scene import PointCloud
+from ringlight.core.scene import DARKEST, PointCloud
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 

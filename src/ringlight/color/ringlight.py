@@ -32,15 +32,13 @@ from ringlight.core.importance_sampling import importance_sampled
 from ringlight.core.light_features import LightFeatures, evenly, flat_tanh
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
-from ringlight.core.scene import PointCloud
+from ringlight.core.scene import DARKEST, PointCloud
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
 from ringlight.fields.contract import LightField
 from ringlight.fields.ring_tables import RingTables, tabulated_features
 
 MEANS = "means"
-# The logit of pure black or white would be infinite; a quarter of an 8-bit step away still rounds to either.
-DARKEST = 0.25 / 255
 # sigmoid(1) = 0.73: visible, and where the sigmoid still has a gradient (Compact 3DGS).
 FIRST_MASK_LOGIT = 1.0
 # Standard deviation of new latents: not zero, so that they differ at once and their weights get a gradient, and small

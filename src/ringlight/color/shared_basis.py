@@ -24,7 +24,7 @@ from ringlight.core.gradients import COLOR, COLUMNS, Gradients, dense
 from ringlight.core.kernel_limits import SH_MAX_BASIS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Channels, Emission
-from ringlight.core.scene import PointCloud
+from ringlight.core.scene import DARKEST, PointCloud
 from ringlight.core.sh_basis import MAX_DEGREE, basis_count, sh_from_rgb
 from ringlight.core.triton_kernels import runs_triton
 from ringlight.core.want import Want
@@ -58,9 +58,9 @@ class SharedBasis(SphericalHarmonics):
         self.basis = nn.Parameter(FIRST_DEVIATION * drawn)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
-        """The points' own colours, the same from every side."""
+        """The points' own colours, the same from every side; none is all black, where it would not learn."""
         weights = torch.zeros(len(points.colors), len(self.basis), device=points.colors.device)
-        return {DC: sh_from_rgb(points.colors), WEIGHTS: weights}
+        return {DC: sh_from_rgb(points.colors.clamp_min(DARKEST)), WEIGHTS: weights}
 
     def emit(self, gaussians: Gaussians, camera: Camera, names: Sequence[str], want: Want) -> Emission:
         """ "rgb" [N 3], clamped at black."""

@@ -39,6 +39,11 @@ class View:
         return torch.lerp(background[:, None, None], color, alpha)
 
 
+DARKEST = 0.25 / 255
+"""How far from black, and from white, a colour model starts a point's colour at least: there a logit would be infinite,
+and a colour that is clamped at black has no gradient. A quarter of an 8-bit step still rounds to black."""
+
+
 @dataclass(frozen=True)
 class PointCloud:
     """Points to start from, world units; ``colors`` are display-referred sRGB in [0, 1].

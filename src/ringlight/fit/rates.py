@@ -8,9 +8,11 @@ from ringlight.errors import RecipeError
 
 @dataclass(frozen=True)
 class Rate:
-    """From ``start`` to ``end``, log-linear over the run (3DGS, section 7.3); constant where they are equal.
+    """From ``start`` to ``end``, log-linear over the run (3DGS, section 7.3); constant where they are equal, and where
+    it starts at 0, which is frozen.
 
-    It falls from the share ``hold`` of the run on; until then it keeps its start.
+    It falls from the share ``hold`` of the run on; until then it keeps its start. Raises RecipeError for rates that are
+    negative or not finite, and for a fall to 0, which has no logarithm.
     """
 
     start: float
@@ -20,6 +22,8 @@ class Rate:
     def __post_init__(self) -> None:
         if not (0 <= self.start < math.inf and 0 <= self.end < math.inf):
             raise RecipeError(f"a learning rate goes from {self.start:g} to {self.end:g}; give 0 (frozen) or more")
+        if self.end == 0 < self.start:
+            raise RecipeError(f"a learning rate falls from {self.start:g} to 0, at once; give an end above 0")
         if not 0 <= self.hold < 1:
             raise RecipeError(f"a learning rate is held for {self.hold:g} of the run; give 0 to below 1")
 
@@ -30,7 +34,7 @@ class Rate:
 
     def at(self, progress: float) -> float:
         """The rate at ``progress`` in [0, 1]."""
-        if self.start == self.end:
+        if self.start in (0.0, self.end):
             return self.start
         share = min(max((progress - self.hold) / (1 - self.hold), 0.0), 1.0)
         return float(self.start ** (1 - share) * self.end**share)
@@ -71,6 +75,12 @@ def check_rates(**rates: float) -> None:
     for name, rate in rates.items():
         if not 0 <= rate < math.inf:
             raise RecipeError(f"{name} is {rate:g}; give 0 (frozen) or more")
+
+
+def check_fall(name: str, start: float | None, end: float) -> None:
+    """Raises RecipeError, by the name of the end, for a rate that falls to 0; ``start`` None is above 0."""
+    if end == 0 and start != 0:
+        raise RecipeError(f"{name} is 0, where a rate that falls by factors is at once; give a small number above 0")
 
 
 @dataclass(frozen=True)
@@ -160,6 +170,8 @@ class GaussianRates:
         if self.hold is not None and not 0 <= self.hold <= 1:
             raise RecipeError(f"rates.hold is {self.hold:g}; give a share of the run, from 0 to 1")
         check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items() if rate is not None})
+        check_fall("rates.means_end", self.means, self.means_end)
+        check_fall("rates.scales_end", self.scales, self.scales_end)
 
     def held(self, rate: float) -> Rate:
         """``rate``, and its fall at the end of the run. Raises RecipeError where that is left to the run's length."""

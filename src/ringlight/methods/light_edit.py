@@ -18,10 +18,11 @@ from ringlight.color.glossy_harmonics import GlossyHarmonics
 from ringlight.color.harmonics import SH_COLUMNS, SphericalHarmonics
 from ringlight.color.mirror import LATENTS, Mirror
 from ringlight.color.ring_emission import BASE
-from ringlight.color.ringlight import DARKEST, RingLight
+from ringlight.color.ringlight import RingLight
 from ringlight.color.shared_basis import BASIS, DC, SharedBasis
 from ringlight.color.varying_mirror import VARYING, VaryingMirror
 from ringlight.core.gradients import COLOR, COLUMNS, SHADER
+from ringlight.core.scene import DARKEST
 from ringlight.core.sh_basis import rgb_from_sh, sh_from_rgb
 from ringlight.errors import RecipeError
 from ringlight.models.splats import SplatModel

@@ -23,6 +23,7 @@ from ringlight.fit.rates import (
     Adam,
     GaussianRates,
     Rate,
+    check_fall,
     check_rates,
 )
 from ringlight.fit.strategies.densify_settings import PAPER_BEGIN, PAPER_CLONE_BELOW, DensifySettings
@@ -118,6 +119,7 @@ class RingLightRingRecipe(SplatRecipe):
     def __post_init__(self) -> None:
         self.check_shares()
         check_rates(**{name: value for name, value in vars(self).items() if name.endswith(("_rate", "_rate_end"))})
+        check_fall("field_rate_end", self.field_rate, self.field_rate_end)
         check_warmup(self.warmup)
         if not 0 <= self.mask_penalty < math.inf:
             raise RecipeError(f"mask_penalty is {self.mask_penalty:g}; give 0 (none) or more")
