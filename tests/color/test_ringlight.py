@@ -258,7 +258,7 @@ def test_tables_are_kept_while_nothing_changes_and_follow_every_change():
         assert model.tables(want) is first
         assert model.tables(Want.GRADIENTS) is not first
         before = model.emit(gaussians, camera(), ("rgb",), want).channels
-        # Through numpy, as the kernels write: torch's version counter does not see it.
+        # Through numpy: torch's version counter does not see it.
         model.ring.core.detach().numpy()[:] *= -3.0
         assert model.tables(want) is not first
         after = model.emit(gaussians, camera(), ("rgb",), want).channels

@@ -1,6 +1,7 @@
 """Density control: who is cloned, split, pruned; budget, resets, and that counting can resume."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -13,10 +14,13 @@ from ringlight.errors import RecipeError
 from ringlight.fit import room
 from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.rates import Adam, Rate
-from ringlight.fit.strategies.densify import Densify
+from ringlight.fit.strategies.densify import Densify, refuse_more_than_fit
 from ringlight.fit.strategies.densify_settings import PAPER_CLONE_BELOW, DensifySettings
 from ringlight.fit.strategies.prune import Prune
-from ringlight.fit.strategies.screen_gradients import accumulate_screen_gradients_
+from ringlight.fit.strategies.screen_gradients import (
+    accumulate_screen_gradients_,
+    accumulate_screen_gradients_reference_,
+)
 from ringlight.models.splats import SplatModel
 from ringlight.rasterize.reference import ReferenceRasterizer
 from ringlight.shade.passthrough import PassThrough
@@ -123,6 +127,14 @@ def test_growth_without_a_bound_is_refused_before_memory_is_out(monkeypatch: pyt
     assert len(model) == 4
 
 
+def test_a_guard_leaves_room_for_fewer(monkeypatch: pytest.MonkeyPatch):
+    model = model_of([SMALL] * 4, [0.5] * 4)
+    monkeypatch.setattr(room, "machine_memory", lambda: 8 * 2 * (room.COPIES * 4 * 59 + room.WORK_BYTES))
+    refuse_more_than_fit(8, 1, model)
+    with pytest.raises(RecipeError, match="would make 8 Gaussians"):
+        refuse_more_than_fit(8, 1, model, guarded=True)
+
+
 def test_never_everything_is_removed():
     model = model_of([SMALL] * 3, [0.001, 0.003, 0.002])
     densify_once(model, [0.0, 0.0, 0.0])
@@ -188,6 +200,16 @@ def test_the_screen_space_gradient_is_a_mean_over_the_views_that_saw_the_gaussia
         accumulate_screen_gradients_(footprint.means2d_gradient, footprint.radii, (SIZE / 2, SIZE / 2), length, views)
     assert (length / views).tolist() == pytest.approx([0.3, 0.2])
     assert views.tolist() == [2.0, 1.0]
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
+@pytest.mark.parametrize("by", [accumulate_screen_gradients_, accumulate_screen_gradients_reference_])
+def test_a_gradient_that_is_not_finite_does_not_stay_in_the_mean(by: Callable[..., None], bad: float):
+    sums, views = torch.zeros(3), torch.zeros(3)
+    for gradient in ([[3.0, 4.0], [bad, 0.0], [0.0, bad]], [[3.0, 4.0]] * 3):
+        by(torch.tensor(gradient), torch.ones(3, 2), (1.0, 1.0), sums, views)
+    assert sums.tolist() == [10.0, 5.0, 5.0]
+    assert views.tolist() == [2.0, 2.0, 2.0]
 
 
 def test_counting_resumes():

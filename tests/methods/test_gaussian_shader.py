@@ -46,6 +46,13 @@ def test_a_weight_of_zero_leaves_a_term_out():
     assert training.buffers_at(1) == ()
 
 
+def test_added_steps_are_asked_for_normals_too():
+    training, _ = trained(consistency_every=4)
+    training.extend(8)
+    asked = [step for step in range(1, STEPS + 9) if "consistency" in training.regularizers_at(step)]
+    assert asked == [4, 8, 12, 16, 20]
+
+
 @pytest.mark.parametrize("ambient", [False, True])
 def test_a_page_is_told_its_maps(ambient: bool):
     _, model = trained(ambient=ambient)

@@ -92,6 +92,13 @@ def test_the_papers_phases_are_settings():
     assert (found.grown, found.recovered, found.prune_steps()) == (30_000, 35_000, (30_000,))
 
 
+@pytest.mark.parametrize(("grow_share", "last"), [(0.1, 800), (0.5, 3_760)])
+def test_nothing_grows_once_gaussians_are_dropped(grow_share: float, last: int):
+    found = LightGaussianRecipe(steps=8_000, grow_share=grow_share).at_length()
+    growing = found._growing()
+    assert growing.densify.last_step(growing.steps) == last <= min(found.prune_steps())
+
+
 @pytest.mark.parametrize("steps", [1, 2, 3, 9])
 def test_runs_of_any_length_end_quantised(steps: int):
     training = until(training_of(steps=steps), steps)

@@ -213,6 +213,11 @@ def test_steps_of_older_recipes_are_not_scaled_or_from_the_first_one_on():
     assert recipe_from_dict(PuttRecipe, written).scaled == 0
 
 
+def test_how_steps_are_scaled_decides_nothing_where_none_are():
+    assert PuttRecipe(scaled=0.0).without_effect().keys() == {"scaled_after", "orthogonal"}
+    assert not PuttRecipe().without_effect()
+
+
 def test_older_recipes_double_where_the_paper_does():
     written = recipe_to_dict(PuttRecipe())
     for name in ("last_doubling", "empty_at", "orthogonal"):

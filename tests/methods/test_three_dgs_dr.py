@@ -8,6 +8,7 @@ import torch
 from contracts.methods import small
 from ringlight.core.gradients import COLUMNS
 from ringlight.errors import RecipeError
+from ringlight.fit.strategies.propagate_normals import PropagateNormals
 from ringlight.fit.train import Training, train
 from ringlight.methods.surface_start import FEWEST_VIEWS
 from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
@@ -52,6 +53,23 @@ def test_rounds_of_propagation_come_only_if_asked_for():
     assert not recipe.propagation.rounds(recipe.first_lit, recipe.steps)
     asked = replace(recipe.propagation, until=0.5)
     assert asked.rounds(recipe.first_lit, recipe.steps) == (1350, 2350, 3350)
+
+
+def test_what_a_round_would_do_decides_nothing_where_there_is_none():
+    recipe = ThreeDGSDRRecipe(steps=7000)
+    assert recipe.without_effect()["propagation.opacity"] == "no round comes until --propagation.until 0 of the run"
+    asked = replace(recipe, propagation=replace(recipe.propagation, until=0.5))
+    assert not any(name.startswith("propagation") for name in asked.without_effect())
+
+
+def test_noise_is_of_the_runs_seed_and_resets_of_its_density_control():
+    recipe = small("3dgs-dr", STEPS)
+    for kind, resets in (("adaptive", True), ("mcmc", False)):
+        asked = replace(recipe, densify=replace(recipe.densify, kind=kind, reset_every=2, in_proportion=False))
+        *_, last = asked.build(SCENE, rasterizer_for("auto"), 7).strategies
+        assert isinstance(last, PropagateNormals)
+        assert last.seed == 7
+        assert last.resets(2) is resets
 
 
 @pytest.mark.parametrize(("steps", "unlit"), [(10, 1), (1_000, 50), (3_000, 150), (7_000, 150), (30_000, 150)])

@@ -1,5 +1,7 @@
 """The kernels show and differentiate what the reference does, with the same bits for any number of threads."""
 
+import weakref
+
 import pytest
 import torch
 from torch import Tensor
@@ -136,6 +138,19 @@ def test_rays_that_meet_nothing_show_the_background(kind: str):
     assert torch.equal(shown.color, BACKGROUND.expand(5, 3))
     found = shown.backward(torch.ones(5, 3), {})
     assert not any(gradient.any() for gradient in found.values())
+
+
+@pytest.mark.parametrize("kind", VOLUMES)
+def test_a_way_back_that_is_gone_lets_go_of_its_samples(kind: str, monkeypatch: pytest.MonkeyPatch):
+    """Else those of the step before would lie beside a step's own."""
+    shown = predicted(VOLUMES[kind](), True, monkeypatch)
+    source, through, *_ = shown.backward.__self__._parts
+    held = [weakref.ref(source), weakref.ref(through.places), weakref.ref(through.weights)]
+    del source, through, _
+    gradients(shown)
+    assert [reference() for reference in held] == [None] * 3
+    with pytest.raises(RuntimeError, match="march them again"):
+        gradients(shown)
 
 
 def test_a_density_that_is_no_number_is_seen():

@@ -4,7 +4,6 @@
 towards the camera, so that what moves it is the rotation.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 
 import torch
@@ -28,8 +27,6 @@ STRENGTHS = "reflection_logits"
 
 FIRST_STRENGTH = 1e-3
 """Share of the reflection in a Gaussian's colour at the start, as in 3DGS-DR: too little to see, yet it learns."""
-
-FIRST_LOGIT = math.log(FIRST_STRENGTH / (1 - FIRST_STRENGTH))
 
 SHORTEST_QUATERNION = 1e-12
 """As torch's normalize has it: shorter ones are not stretched to unit length."""

@@ -11,7 +11,7 @@ from ringlight.fields.ring_tables import RingTables
 class TableMemory:
     """Remembers one set of tables together with a copy of the parameters that they were made of.
 
-    Values are compared, not version counters: kernels that update parameters in place do not count versions. A
+    Values are compared, not version counters: our kernels count what they write, but numpy and others' do not. A
     comparison of some 250,000 numbers takes a tenth of a millisecond, making the tables several milliseconds. On a GPU,
     where each comparison would wait for all work before it, everything that writes to a parameter does count.
     """

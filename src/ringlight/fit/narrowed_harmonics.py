@@ -16,8 +16,8 @@ from ringlight.core.directions import view_directions
 from ringlight.core.sh_basis import MAX_DEGREE, basis_count, sh_basis
 
 RIDGE = 1e-3
-"""Times the number of cameras: a twentieth of a percent of what each harmonic has over the sphere, 1 / 4 pi a camera,
-so that only what the cameras see is changed."""
+"""Times the number of cameras: an eightieth of what each harmonic has over the sphere, 1 / 4 pi a camera, so that
+little but what the cameras see is changed."""
 
 BLOCK_ROWS = 1 << 14
 """Rows at once: normal equations of degree 2 take 16 MB."""

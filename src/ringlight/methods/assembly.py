@@ -1,6 +1,6 @@
 """From a recipe that splats Gaussians to its model and its training: what all such methods do alike."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import torch
@@ -40,8 +40,7 @@ class Course:
     """How a recipe's parts are trained, besides what all recipes have as settings.
 
     ``groups`` are Adam's by parameter name, but for the geometry; ``unlocks`` are the buffers that begin at zero, and
-    what each becomes at which step; ``surface_opacity`` is that of first Gaussians on points whose normals are known;
-    ``last`` comes after density control.
+    what each becomes at which step; ``surface_opacity`` is that of first Gaussians on points whose normals are known.
     """
 
     groups: dict[str, Adam]
@@ -52,7 +51,8 @@ class Course:
     """How names of the light's parameters begin, if it can collapse and a guard is to undo that."""
     first_lit: int = 1
     """Step after which the light is on."""
-    last: tuple[Strategy, ...] = ()
+    last: Callable[[DensityControl, int], tuple[Strategy, ...]] = lambda _control, _seed: ()
+    """What comes after density control, by that and the run's seed."""
     regularizers: Mapping[str, Regularizer] = field(default_factory=dict)
 
 
@@ -80,7 +80,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
         model.get_buffer(buffer).zero_()
     steps, densify = recipe.steps, recipe.densify.within(recipe.most_by_pixels(scene.pixels))
     groups = recipe.rates.groups(scene.extent) | course.groups
-    growing = density_control(densify, scene, steps, seed)
+    growing = density_control(densify, scene, steps, seed, guarded=bool(course.light))
     dropping = DropLeast(densify, [view.camera for view in scene.train], steps, scene.background_color, seed)
     share = recipe.dropout_of(len(scene.train))
     dropout = Dropout(share, recipe.last_whole_step) if share else None
@@ -94,7 +94,7 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
             *(Unlock(buffer, schedule) for buffer, schedule in course.unlocks.items()),
             growing,
             dropping,
-            *course.last,
+            *course.last(growing, seed),
             *averages,
         ),
         steps=steps,
@@ -104,12 +104,15 @@ def assembled(recipe: SplatRecipe, points: PointCloud, scene: Scene, rasterize: 
     )
 
 
-def density_control(settings: DensifySettings, scene: Scene, steps: int, seed: int) -> DensityControl:
-    """What decides where Gaussians are wanted, of the kind that the settings name."""
+def density_control(
+    settings: DensifySettings, scene: Scene, steps: int, seed: int, guarded: bool = False
+) -> DensityControl:
+    """What decides where Gaussians are wanted, of the kind that the settings name. ``guarded``: the training keeps an
+    earlier state besides."""
     if settings.kind == "mcmc":
         cameras = [view.camera for view in scene.train]
         return MCMC(settings, scene.extent, cameras, scene.background_color, steps, seed)
-    return Densify(settings, scene.extent, steps, seed, white=scene.background == "white")
+    return Densify(settings, scene.extent, steps, seed, white=scene.background == "white", guarded=guarded)
 
 
 def penalties(settings: DensifySettings, scene: Scene, scale: float) -> dict[str, Regularizer]:

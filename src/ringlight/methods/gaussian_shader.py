@@ -4,6 +4,7 @@ Jiang, Tu, Liu, Gao, Long, Wang, Ma: GaussianShader: 3D Gaussian Splatting with 
 Surfaces, CVPR 2024. Written from the paper. What differs: docs/methods/gaussian-shader.md.
 """
 
+import sys
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -166,7 +167,8 @@ class GaussianShaderRecipe(SplatRecipe):
         from ringlight.fit.regularizers.small_columns import SmallColumn
         from ringlight.fit.regularizers.zero_one import ZeroOne
 
-        scale, looks = self.loss.scale, range(0, self.steps + 1, self.consistency_every)
+        # Without an end, for steps may be added to a run.
+        scale, looks = self.loss.scale, range(0, sys.maxsize, self.consistency_every)
         every: dict[str, tuple[float, Regularizer]] = {
             "consistency": (self.consistency, DepthNormals(scale * self.consistency, self.consistency_stride, looks)),
             "zero-one": (self.zero_one, ZeroOne(scale * self.zero_one)),

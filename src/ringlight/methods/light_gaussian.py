@@ -159,6 +159,7 @@ class LightGaussianRecipe(ThreeDGSRecipe):
     def _growing(self) -> ThreeDGSRecipe:
         """What grows the Gaussians; a bound on those at the end is one on more before they are dropped."""
         grows = self._as_3dgs(self.recovered)
+        grows = replace(grows, densify=replace(grows.densify, latest=min(grows.densify.latest, self.grown)))
         return grows.ending_with(int(self.most / (1 - self.prune_share))) if self.most else grows
 
     def without_effect(self) -> dict[str, str]:

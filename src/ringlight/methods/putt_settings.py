@@ -28,6 +28,9 @@ ALL_GRADIENTS = 1.0
 SMALLEST_SIDE, LARGEST_SIDE = 4, 1 << TRAIN_MOST_LEVELS
 """One level for blocks and one for nodes in them; and what kernels take."""
 
+OF_SCALING = ("scaled_after", "orthogonal")
+"""Settings that decide nothing where steps are not scaled."""
+
 SCALED = 0.6
 """After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
 0.85 gained nothing (docs/experiments/putt.md)."""
@@ -132,6 +135,10 @@ class PuttSettings(VolumeRecipe):
         if not 0 <= self.scaled < 1:
             raise RecipeError(f"scaled is {self.scaled:g}; give 0 (Adam as it is) to below 1")
         self._refuse_size()
+
+    def without_effect(self) -> dict[str, str]:
+        """See :meth:`ringlight.methods.recipe.Recipe.without_effect`."""
+        return {} if self.scaled else dict.fromkeys(OF_SCALING, "--scaled is 0")
 
     def _refuse_size(self) -> None:
         if self.size is None:

@@ -158,7 +158,7 @@ class RingLightRingRecipe(SplatRecipe):
             unlocks={"color.lit": {first_lit: 1}},
             light=(COLOR,) if self.undo_collapse else (),
             first_lit=first_lit,
-            last=(prune,) if self.densify.prunes else (),
+            last=lambda _control, _seed: (prune,) if self.densify.prunes else (),
             regularizers={"mask": MeanMask(self.mask_penalty * self.loss.scale)} if penalized else {},
         )
 

@@ -6,7 +6,7 @@ paper's 61,000 steps on Shiny-Blender are settings. The rates of geometry and ba
 run's length (docs/methods/3dgs-dr.md).
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 from ringlight.core.later import later
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 PAPER_REFLECTION_RATE, MOST_REFLECTION_RATE = 6e-3, 0.05
 """3DGS-DR's learning rate of the strengths' logits, and the largest in a short run: at 6e-3 half of a run of 1,500
 steps passes before a strength of a thousandth is one that shows."""
+
+OF_PROPAGATION = tuple(f"propagation.{f.name}" for f in fields(PropagationSettings) if f.name != "until")
+"""Settings that decide nothing where no round of it comes."""
 
 
 def reflection_rate_at(rate: float | None, steps: int) -> float:
@@ -158,8 +161,14 @@ class ThreeDGSDRRecipe(SplatRecipe):
         first, every = int(self.sh_from * self.steps), max(int(self.sh_every * self.steps), 1)
         return {max(first, 1) + (degree - 1) * every: degree for degree in range(1, self.sh_degree + 1)}
 
+    def without_effect(self) -> dict[str, str]:
+        """See :meth:`SplatRecipe.without_effect`: also what a round of propagation does, where there is none."""
+        if self.propagation.rounds(self.first_lit, self.steps):
+            return super().without_effect()
+        reason = f"no round comes until --propagation.until {self.propagation.until:g} of the run"
+        return super().without_effect() | dict.fromkeys(OF_PROPAGATION, reason)
+
     def course(self, scene: "Scene") -> "Course":
-        from ringlight.fit.strategies.densify import Densify
         from ringlight.fit.strategies.propagate_normals import PropagateNormals
         from ringlight.methods.assembly import Course
 
@@ -167,7 +176,6 @@ class ThreeDGSDRRecipe(SplatRecipe):
         of_dc, of_rest = harmonics_rates(recipe.sh_rate, recipe.sh_rest_rate, self.steps)
         held, first_lit = recipe.rates.held, self.first_lit
         rounds = self.propagation.rounds(first_lit, self.steps)
-        density = Densify(recipe.densify, scene.extent, self.steps, 0, white=scene.background == "white")
         return Course(
             groups={
                 "columns.opacity_logits": Adam(
@@ -181,5 +189,5 @@ class ThreeDGSDRRecipe(SplatRecipe):
             unlocks={"color.harmonic.active_degree": self.degrees, "shader.lit": {first_lit: 1}},
             surface_opacity=self.start.opacity,
             coarse_steps=min(self.coarse_steps, self.steps // COARSE_SHARE),
-            last=(PropagateNormals(self.propagation, rounds, density.resets, seed=0),),
+            last=lambda control, seed: (PropagateNormals(self.propagation, rounds, control.resets, seed),),
         )

@@ -56,8 +56,8 @@ class Rasterizer(Protocol):
         """Blend front to back by camera depth. Finite input gives a finite image and finite gradients.
 
         The way back adds the gradients of the geometry, by column, and fills in the footprint. Hints that a back end
-        may ignore: ``emission.lazy``, and ``tiles``, which shades while it is blended. Opacities times their
-        factor are in [0, 1]: a footprint ends where an opacity of at most 1 falls below 1/255.
+        may ignore: ``emission.lazy``, and ``tiles``, which shades while it is blended. A footprint ends where an
+        opacity of 1 falls below 1/255; one that its factor makes greater, by dropout, is cut there as well.
         Raises BackendError naming column and rows where a value is not finite, whether or not the row can be seen.
         """
         ...

@@ -121,7 +121,10 @@ def meets_something(rays: Rays, space: Space) -> Bool[Tensor, "R"]:
 
 class Marched:
     """One lot of rays through a field, in a space. At most a ``share`` of the samples that have a gradient hand it on,
-    of density and of colour each, drawn by importance (``core/importance_sampling.py``)."""
+    of density and of colour each, drawn by importance (``core/importance_sampling.py``).
+
+    Once its way back is gone it lets go of its samples: the next step's shall not lie beside them.
+    """
 
     def __init__(
         self,
@@ -133,58 +136,60 @@ class Marched:
         share: float = 1.0,
         with_way_back: bool = False,
     ):
-        self.source, self.background = source, background.contiguous()
-        self.share, self.with_way_back = share, with_way_back
-        self.through = MarchedRays.of(rays, space, shift)
-        source.march(self.through)
-        self.shown_offsets = _ends(self.through.shown)
-        self.shown = self._shown()
+        self.background, self.share, self.with_way_back = background.contiguous(), share, with_way_back
+        through = MarchedRays.of(rays, space, shift)
+        source.march(through)
+        shown_offsets = _ends(through.shown)
         # Where some hand nothing on, their units would be kept in vain; of halves it was not measured.
         keeps = with_way_back and share == 1 and not multiplies_halves()
-        self.colors = source.shade(self.through, self.shown, keeps)
-        self.color = torch.empty(len(rays), 3)
-        of = self.through
+        colors = source.shade(through, _shown(through, shown_offsets), keeps)
+        self.color, self.alpha, self.depth = torch.empty(len(rays), 3), through.alpha, through.depth
         _kernels.volume_blend(
-            of.offsets, self.shown_offsets, of.weights, SHOWN_WEIGHT, self.colors, of.alpha, self.background, self.color
-        )
+            through.offsets, shown_offsets, through.weights, SHOWN_WEIGHT, colors, self.alpha, self.background,
+            self.color,
+        )  # fmt: skip
+        self._parts = (source, through, shown_offsets, colors) if with_way_back else None
 
     def rendering(self) -> Rendering:
         """As a record."""
-        buffers = {"alpha": self.through.alpha[:, None], "depth": self.through.depth[:, None]}
+        buffers = {"alpha": self.alpha[:, None], "depth": self.depth[:, None]}
         if not self.with_way_back:
             return Rendering(self.color, buffers["alpha"], buffers)
         return Rendering(self.color, buffers["alpha"], buffers, backward=self._backward)
 
-    def _shown(self) -> ShownSamples:
-        samples = (self.through.weights > SHOWN_WEIGHT).nonzero()[:, 0].int()
-        numbers = torch.arange(len(self.through.rays), dtype=torch.int32)
-        return ShownSamples(samples, torch.repeat_interleave(numbers, self.shown_offsets.diff()))
-
     def _backward(self, grad_color: Tensor, grad_buffers: Mapping[str, Tensor]) -> Gradients:
-        of = self.through
-        grad_colors, grad_density = torch.empty_like(self.colors), torch.empty_like(of.weights)
+        if self._parts is None:
+            raise RuntimeError("the way back of these rays has been gone already; march them again")
+        (source, of, shown_offsets, colors), self._parts = self._parts, None
+        grad_colors, grad_density = torch.empty_like(colors), torch.empty_like(of.weights)
         of_alpha, of_depth = (
             None if (found := grad_buffers.get(name)) is None else found.contiguous() for name in ("alpha", "depth")
         )
         _kernels.volume_unblend(
-            of.offsets, self.shown_offsets, list(of.samples), SHOWN_WEIGHT, self.colors, self.background,
+            of.offsets, shown_offsets, list(of.samples), SHOWN_WEIGHT, colors, self.background,
             grad_color.contiguous(), of_alpha, of_depth, grad_colors, grad_density,
         )  # fmt: skip
         rows, of_rows = drawn_rows(grad_density[:, None], self.share)
         of_colors = drawn_rows(grad_colors, self.share)
 
         def go_back_density() -> Mapping[str, Tensor]:
-            return self.source.density_gradients(rows, of_rows[:, 0])
+            return source.density_gradients(rows, of_rows[:, 0])
 
         def go_back_color() -> Mapping[str, Tensor]:
-            return self.source.color_gradients(*of_colors)
+            return source.color_gradients(*of_colors)
 
-        device, at_once = of.alpha.device, self.source.ways_back_at_once
+        device, at_once = of.alpha.device, source.ways_back_at_once
         pair = go_back_density, go_back_color
         gradients = Gradients()
         for named in both(*pair, device) if at_once else (go_back() for go_back in pair):
             gradients.add_all(named)
         return gradients
+
+
+def _shown(through: MarchedRays, shown_offsets: Int[Tensor, "O"]) -> ShownSamples:
+    samples = (through.weights > SHOWN_WEIGHT).nonzero()[:, 0].int()
+    numbers = torch.arange(len(through.rays), dtype=torch.int32)
+    return ShownSamples(samples, torch.repeat_interleave(numbers, shown_offsets.diff()))
 
 
 def drawn_rows(gradient: Float[Tensor, "N C"], share: float) -> tuple[Int32[Tensor, "D"], Float[Tensor, "D C"]]:

@@ -48,7 +48,7 @@ class TorchSource:
 
     def density_gradients(self, rows: Int32[Tensor, "C"], grad_density: Float[Tensor, "C"]) -> Mapping[str, Tensor]:
         of_samples = grad_density.new_zeros(self.samples).index_copy_(0, rows.long(), grad_density)
-        return self.ways_back["density"].backward({"density": of_samples})
+        return self.ways_back.pop("density").backward({"density": of_samples})
 
     def color_gradients(self, rows: Int32[Tensor, "C"], grad_colors: Float[Tensor, "C 3"]) -> Mapping[str, Tensor]:
         found = {name: torch.empty_like(tensor, requires_grad=False) for name, tensor in self.network.items()}
@@ -64,7 +64,7 @@ class TorchSource:
         )
         if not every:
             grad_features = torch.zeros_like(self.features).index_copy_(0, rows.long(), grad_features)
-        return found | self.ways_back["appearance"].backward({"appearance": grad_features})
+        return found | self.ways_back.pop("appearance").backward({"appearance": grad_features})
 
     def _seen_along(self, rays: Int[Tensor, "C"]) -> tuple[list[Tensor], Tensor, Tensor, bool]:
         return list(self.network.values()), rays, self.directions, halves.multiplies_halves()

@@ -32,8 +32,10 @@ class Densify:
     opacity in force, which includes the colour model's ``wanted`` rows (RingLight's mask).
     """
 
-    def __init__(self, settings: DensifySettings, extent: float, steps: int, seed: int, white: bool):
-        self.settings, self.extent, self.seed = settings, extent, seed
+    def __init__(
+        self, settings: DensifySettings, extent: float, steps: int, seed: int, white: bool, guarded: bool = False
+    ):
+        self.settings, self.extent, self.seed, self.guarded = settings, extent, seed, guarded
         self.first_step, self.threshold = settings.first_step(steps), settings.growth(steps).threshold
         self.last_step, self.most = settings.last_step(steps), settings.most_growing(steps)
         self.clone_below = settings.cloned_below(steps)
@@ -87,7 +89,7 @@ class Densify:
         added = _joined(clones, children)
         rows = torch.cat([keep.nonzero()[:, 0], len(table) + torch.arange(len(added), device=keep.device)])
         if not self.most:
-            refuse_more_than_fit(len(rows), step, model)
+            refuse_more_than_fit(len(rows), step, model, self.guarded)
         optimizer.edit_rows(rows[morton_order(torch.cat([table.means, added.means])[rows])], added)
         self._gradients.clear()
 
@@ -122,9 +124,12 @@ class Densify:
         return Gaussians.from_columns(columns)
 
 
-def refuse_more_than_fit(rows: int, step: int, model: SplatModel) -> None:
-    """Raises RecipeError where a table that nothing bounds would not fit, before the system ends the process."""
-    fit = most_rows(model)
+def refuse_more_than_fit(rows: int, step: int, model: SplatModel, guarded: bool = False) -> None:
+    """Raises RecipeError where a table that nothing bounds would not fit, before the system ends the process.
+
+    ``guarded``: an earlier state is kept besides.
+    """
+    fit = most_rows(model, guarded=guarded)
     if rows > fit:
         raise RecipeError(
             f"step {step}: density control, which has no bound here, would make {rows:,} Gaussians, and {SHARE:.0%} of "

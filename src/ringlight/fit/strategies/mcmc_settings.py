@@ -31,12 +31,12 @@ class MCMCSettings:
     """Share of all steps after which none is moved or added; where some are dropped later, densify.stop is. A run
     without a round until then has one all the same, by which it meets its budget."""
     growth: float = 0.05
-    """Share of the Gaussians that a round adds, until there are max_gaussians; more where the rounds of the run's first
-    half of density control would not reach that."""
+    """Share of the Gaussians that a round adds, until there are max_gaussians, or as many more as are dropped later;
+    more where the rounds of the run's first half of density control would not reach that."""
     first_share: float = 0.2
-    """The first round leaves this share of max_gaussians at most, those whose removal would change the pictures most:
-    most random points show nothing, and the rest of the budget grows where it is missing. Give 1 where a run starts
-    from a model."""
+    """The first round leaves this share of what the rounds add up to at most, those whose removal would change the
+    pictures most: most random points show nothing, and the rest of the budget grows where it is missing. Give 1 where a
+    run starts from a model."""
     draw: Literal["opacity", "gradient"] = later("opacity", now="gradient")
     """What copies are drawn in proportion to. opacity: that of each Gaussian, as in the paper. gradient: its mean
     screen-space gradient since the last round, by which adaptive density control finds where Gaussians are missing."""

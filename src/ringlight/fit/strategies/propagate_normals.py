@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection
 import torch
 from torch import Tensor
 
-from ringlight.color.reflective_harmonics import FIRST_LOGIT, STRENGTHS
+from ringlight.color.reflective_harmonics import FIRST_STRENGTH, STRENGTHS
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.randomness import generator
 from ringlight.core.rendering import Rendering
@@ -23,11 +23,14 @@ OPACITIES, SCALES, CONSTANT, REFLECTIONS = (
     COLUMNS + name for name in ("opacity_logits", "log_scales", "sh_dc", STRENGTHS)
 )
 
+LEAST_LOGIT = math.log(FIRST_STRENGTH / (1 - FIRST_STRENGTH))
+"""Of a strength after a reset, that with which the paper's Gaussians start: so none is lost for good."""
+
 
 class PropagateNormals(Stateless):
     """A round after each of the steps ``rounds``, but where ``resets`` says that density control lowers the opacities.
 
-    There every strength is at least its first one, so that none is lost for good.
+    There every strength is raised to that of LEAST_LOGIT.
     """
 
     def __init__(
@@ -38,7 +41,7 @@ class PropagateNormals(Stateless):
     def update(self, step: int, model: SplatModel, optimizer: Optimizer, prediction: Rendering) -> None:
         columns = {name: model.get_parameter(name).detach() for name in (OPACITIES, SCALES, CONSTANT, REFLECTIONS)}
         if self.resets(step):
-            optimizer.replace(REFLECTIONS, columns[REFLECTIONS].clamp_min(FIRST_LOGIT))
+            optimizer.replace(REFLECTIONS, columns[REFLECTIONS].clamp_min(LEAST_LOGIT))
         elif step in self.rounds:
             self._round(step, columns, optimizer)
 

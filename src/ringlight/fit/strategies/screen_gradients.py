@@ -77,5 +77,5 @@ def accumulate_screen_gradients_reference_(
     drawn = radii[:, 0] > 0
     across, down = pixels_to_ndc
     lengths = torch.hypot(gradient[:, 0] * across, gradient[:, 1] * down)
-    sums.add_(torch.where(drawn, lengths, 0))
+    sums.add_(torch.where(drawn & lengths.isfinite(), lengths, 0))  # else it would stay for good
     views.add_(drawn)
