@@ -114,13 +114,14 @@ def test_a_file_is_shown_elsewhere(method: str, tmp_path: Path, monkeypatch: pyt
 LOSSES_ALIKE = {
     "3dgs-dr": {"rel": 0.05},
     "gaussian-shader": {"rel": 0.1},
-    "light-gaussian": {"rel": 1e-3, "abs": 1e-5},
+    "light-gaussian": {"rel": 3e-3, "abs": 1e-5},
     "putt": {"rel": 0.02},
 }
 """Which axis of a Gaussian is its normal, the last bit says of those of gaussian-shader, which are round here at first.
 Strengths of 3dgs-dr that hardly have a gradient are moved by their whole rate to where its last bit points. What a
-distilled model differs by from its teacher is some 1e-5. Where a doubled train of putt has room to spare, the last bit
-says along which of equal singular vectors it goes on."""
+distilled model differs by from its teacher is some 1e-5, and of Gaussians that are about as significant the last bit
+says which are dropped. Where a doubled train of putt has room to spare, it says along which of equal singular vectors
+it goes on."""
 
 PICTURES_ALIKE = {"3dgs-dr": 40, "gaussian-shader": 20, "putt": 30}
 """dB, for the same reasons."""
