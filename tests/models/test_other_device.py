@@ -119,11 +119,11 @@ LOSSES_ALIKE = {
 }
 """Which axis of a Gaussian is its normal, the last bit says of those of gaussian-shader, which are round here at first.
 Strengths of 3dgs-dr that hardly have a gradient are moved by their whole rate to where its last bit points. What a
-distilled model differs by from its teacher is some 1e-5, and of Gaussians that are about as significant the last bit
-says which are dropped. Where a doubled train of putt has room to spare, it says along which of equal singular vectors
-it goes on."""
+distilled model differs by from its teacher is some 1e-5; Gaussians are split along axes that are round at first, and of
+those about as significant the last bit says which are dropped. Where a doubled train of putt has room to spare, it says
+along which of equal singular vectors it goes on."""
 
-PICTURES_ALIKE = {"3dgs-dr": 40, "gaussian-shader": 20, "putt": 30}
+PICTURES_ALIKE = {"3dgs-dr": 40, "gaussian-shader": 20, "light-gaussian": 50, "putt": 30}
 """dB, for the same reasons."""
 
 
