@@ -117,8 +117,7 @@ def test_gradients_are_finite_and_everything_gets_one(name: str):
         assert gradient.any(), parameter
 
 
-@pytest.mark.parametrize("channel", range(3))
-def test_points_that_are_black_learn_to_be_brighter(name: str, channel: int):
+def test_points_that_are_black_learn_to_be_brighter(name: str):
     """A harmonic colour that is clamped at black would stay there for the whole run, and all copies of it with it."""
     model, points = COLOR_MODELS[name](), PointCloud(torch.randn(9, 3), torch.zeros(9, 3), torch.eye(3).repeat(3, 1))
     table = Gaussians(points.positions, -3 * torch.ones(9, 3), torch.eye(4)[:1].repeat(9, 1), torch.zeros(9))
@@ -127,9 +126,9 @@ def test_points_that_are_black_learn_to_be_brighter(name: str, channel: int):
         pytest.skip("has no harmonics")
     emission, into = model.emit(table, camera(), ("rgb",), Want.GRADIENTS), Gradients()
     brighter = torch.zeros(emission.channels.shape)
-    brighter[:, channel] = 1
+    brighter[:, :3] = 1
     emission.backward(brighter, None if emission.opacity_factor is None else torch.zeros(9), into)
-    assert (dense(into[COLUMNS + "sh_dc"])[:, channel] > 0).all()
+    assert (dense(into[COLUMNS + "sh_dc"]) > 0).all()
 
 
 def test_gradients_agree_with_finite_differences(name: str):
