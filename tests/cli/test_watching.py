@@ -1,5 +1,6 @@
 """What is seen while a run trains: pictures of one view, curves, events; none of it changes a bit."""
 
+import errno
 import json
 import shutil
 import signal
@@ -10,6 +11,8 @@ from cli_session import QUICK
 from command import Command
 from refusal import QUIET, refused
 from scenes_on_disk import picture
+
+from ringlight.files.tensor_file import read_metadata
 
 
 def curve(run: Path) -> list[dict]:
@@ -134,3 +137,51 @@ def test_without_tensorboard_the_remedy_is_named(
     words = ("train", tiny, "3dgs", "--out", tmp_path / "run", "--tensorboard", *QUICK)
     refused(ringlight(*words), 1, "ringlight[tensorboard]")
     assert not (tmp_path / "run").exists()
+
+
+def test_events_that_cannot_be_written_cost_no_step(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    pytest.importorskip("tensorboard", reason="the [tensorboard] extra is not installed")
+    run = Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
+    at_step(43, lambda session: shutil.rmtree(run / "tensorboard"))
+    words = ("--steps", "10", "--tensorboard", "--preview", "2", "--eval-at", "49")
+    done = ringlight("train", "--resume", run, *words, *QUIET)
+    assert done.code == 0, done.err
+    assert "Traceback" not in done.err
+    assert [line for line in done.err.splitlines() if "tensorboard" in line] == [
+        f"warning: {run / 'tensorboard'}: cannot be written (No such file or directory); "
+        "training goes on without tensorboard"
+    ]
+    assert json.loads((run / "report.json").read_text())["iterations"] == 50
+
+
+def test_events_that_are_refused_at_the_end_cost_no_model(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = pytest.importorskip(
+        "torch.utils.tensorboard", reason="the [tensorboard] extra is not installed", exc_type=ImportError
+    )
+
+    def full(_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(writer.SummaryWriter, "flush", full)
+    monkeypatch.setattr(writer.FileWriter, "flush", full)
+    run = Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
+    done = ringlight("train", "--resume", run, "--steps", "2", "--tensorboard", *QUIET)
+    assert done.code == 0, done.err
+    assert done.err.count("cannot be written (No space left on device)") == 1
+    assert json.loads((run / "report.json").read_text())["iterations"] == 42
+
+
+def test_a_test_photograph_that_is_gone_costs_no_step(
+    scene_copy: Path, tmp_path: Path, ringlight: Command, at_step
+) -> None:
+    run = tmp_path / "run"
+    words = ("--eval-at", "15", "--photo-memory", "0", *(word for word in QUICK if word != "--quiet"))
+    at_step(10, lambda session: shutil.rmtree(scene_copy / "test"))
+    ended = ringlight("train", scene_copy, "3dgs", "--out", run, *words)
+    assert "warning: step 15: the test views cannot be measured: " in ended.err
+    assert "the model is saved, measure it with" in ended.err
+    assert read_metadata(run / "checkpoint.safetensors")["step"] == "40"

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, TaskID, TextColumn
@@ -13,6 +14,7 @@ from rich.progress import Progress as Bar
 from ringlight.cli.console import Screen
 from ringlight.core.origin import Origin
 from ringlight.core.words import MEGABYTE, counted
+from ringlight.errors import RinglightError
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
 from ringlight.runs.finish import psnr_of_views
@@ -94,7 +96,8 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
     console = Screen(stderr=True)
     live = console.is_terminal and not options.quiet
     every = LIVE_SECONDS if live else FIRST_LOG_SECONDS
-    meter, watch = _Meter(session), Watch(session, options.preview, options.tensorboard)
+    warn = partial(_warn, console)
+    meter, watch = _Meter(session), Watch(session, options.preview, options.tensorboard, warn)
     if watch.about and not options.quiet:
         console.print(watch.about, markup=False, highlight=False, soft_wrap=True)
     with closing(watch), _looked_at(session, options) as look, _bar(console, live) as bar:
@@ -104,15 +107,16 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
         for progress in session.steps():
             now = time.monotonic()
             bar.update(task, completed=session.training.step)
-            unseen, unlooked = watch.see(progress), look(progress, stopping)
+            watch.see(progress)
+            unlooked = look(progress, stopping)
             if now - shown >= every or progress.step in options.eval_at:
                 line = meter.line(progress, watch.words, room(console) if live else None)
                 _show(bar, task, line, live, options.quiet)
                 shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
             if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
-                _show_test_views(console, session, progress.step, watch)
-            for warning in filter(None, (progress.fault, progress.collapse, unseen, unlooked)):
-                console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
+                _show_test_views(console, session, progress.step, watch, warn)
+            for warning in filter(None, (progress.fault, progress.collapse, unlooked)):
+                warn(warning)
             saver.save_if_due()
             if stopping:
                 bar.update(task, visible=False)  # what it says of the time left is over
@@ -139,13 +143,22 @@ def _looked_at(session: Session, options: "RunOptions") -> Iterator[Callable[[Pr
         yield run.see
 
 
-def _show_test_views(console: Screen, session: Session, step: int, watch: Watch) -> None:
-    if session.scene.test:
-        decibels = psnr_of_views(session.training.model, session.scene)
-        watch.tell_test(step, decibels)
-        console.print(f"step {step}: {decibels:.2f} dB on the test views")
-    else:
+def _warn(console: Screen, sentence: str) -> None:
+    console.print(f"warning: {sentence}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _show_test_views(console: Screen, session: Session, step: int, watch: Watch, warn: Callable[[str], None]) -> None:
+    """Or say why they cannot be measured: it costs no step."""
+    if not session.scene.test:
         console.print(f"step {step}: there are no test views to measure on")
+        return
+    try:
+        decibels = psnr_of_views(session.training.model, session.scene)
+    except (RinglightError, OSError) as error:
+        warn(f"step {step}: the test views cannot be measured: {error}")
+        return
+    watch.tell_test(step, decibels)
+    console.print(f"step {step}: {decibels:.2f} dB on the test views")
 
 
 class _Meter:

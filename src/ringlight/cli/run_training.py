@@ -67,7 +67,7 @@ def check_watching(options: RunOptions) -> None:
         viser_library()
         check_address(options.host, options.port)
     if options.tensorboard:
-        from ringlight.runs.watch import event_library
+        from ringlight.runs.events import event_library
 
         event_library()
 
