@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> int:
     teller.start()
     options = RunOptions(threads=order["threads"], lpips=tuple(order["lpips"]), quiet=True)
     try:
-        train_and_measure(session, options, command("train", "--resume", run.folder))
+        train_and_measure(session, options, command("train", "--resume", run.folder), _save_at_any)
     finally:
         done.set()
         teller.join()
@@ -84,6 +84,13 @@ def _tell(session: "Session", done: Event) -> None:
         sys.stdout.flush()
         if ended:
             return
+
+
+def _save_at_any(number: int, before: list[int]) -> None:
+    """No signal here is of an impatient user, who asks the command to end this process. Who ends a service or a job
+    signals all of its processes; the command, one of them, then closes this one's standard input too."""
+    if not before:
+        sys.stderr.write("finishing this step, then saving\n")
 
 
 def _stop_at_end_of_input() -> None:

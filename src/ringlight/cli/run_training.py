@@ -2,7 +2,7 @@
 
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -72,13 +72,24 @@ def check_watching(options: RunOptions) -> None:
         event_library()
 
 
-def train_and_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report":
+def act_at_second(number: int, before: list[int]) -> None:
+    """The first signal lets the step under way end; a second one acts at once."""
+    if before:
+        raise KeyboardInterrupt(number)
+    sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
+
+
+def train_and_measure(
+    session: "Session", options: RunOptions, resume_with: str, hear: Callable[[int, list[int]], None] = act_at_second
+) -> "Report":
     """Train what remains, save, and measure the test views. Raises Stopped where a signal stopped it, which is saved.
 
     ``resume_with`` is the command line that goes on from there, or from the last checkpoint after a second signal.
+    ``hear`` gets each signal and those before it, as :func:`kept_signals` says; where it never raises, the run is
+    saved however many come.
     """
     try:
-        return _train_save_measure(session, options, resume_with)
+        return _train_save_measure(session, options, resume_with, hear)
     except KeyboardInterrupt as pressed:
         number = pressed.args[0] if pressed.args else signal.SIGINT
         if not session.folder.checkpoints:
@@ -99,13 +110,15 @@ def train_and_measure(session: "Session", options: RunOptions, resume_with: str)
         session.lock.release()
 
 
-def _train_save_measure(session: "Session", options: RunOptions, resume_with: str) -> "Report":
+def _train_save_measure(
+    session: "Session", options: RunOptions, resume_with: str, hear: Callable[[int, list[int]], None]
+) -> "Report":
     from ringlight.cli.progress import announce, show_steps
     from ringlight.cli.stages import counting
     from ringlight.runs.finish import measure_session
 
     announce(session, options.quiet)
-    with kept_signals(_act_at_second) as stopping:
+    with kept_signals(hear) as stopping:
         try:
             show_steps(session, options, stopping)
         except DivergedError as error:
@@ -134,10 +147,3 @@ def _saved_all_the_same(session: "Session") -> Iterator[None]:
         if not is_out_of_memory(error):
             raise
         raise RunError(f"{NO_MEMORY}; {way}") from error
-
-
-def _act_at_second(number: int, before: list[int]) -> None:
-    """The first signal lets the step under way end; a second one acts at once."""
-    if before:
-        raise KeyboardInterrupt(number)
-    sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
