@@ -7,11 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ringlight.errors import RunError
-from ringlight.runs.many import MOST_LOSSES, Happened, Waiting, run_many
+from ringlight.runs.many import MOST_LOSSES, STOPPED, Happened, Waiting, run_many
 
 
 class Scripted:
-    """A place whose runs end as their script says, call after call: "ok", "fail" or "lost"."""
+    """A place whose runs end as their script says, call after call: "ok", "fail" or "lost"; once it was stopped, as
+    processes do that saved, but for those that fail."""
 
     def __init__(self, jobs: int, scripts: dict[str, list[str]]):
         self.jobs, self.scripts = jobs, {name: list(script) for name, script in scripts.items()}
@@ -38,7 +39,8 @@ class Scripted:
         end = self.scripts[name].pop(0) if self.scripts[name] else "ok"
         if end == "lost":
             return [Happened("lost", name, "worker w is gone")]
-        return [Happened("ended", name, "the disk is full" if end == "fail" else None)]
+        well = f"{STOPPED} after step 3 and saved" if self.stopped else None
+        return [Happened("ended", name, "the disk is full" if end == "fail" else well)]
 
     def stop(self) -> None:
         self.stopped = True
@@ -69,14 +71,17 @@ def test_each_run_ends_once_and_none_stops_another(scripts: dict[str, list[str]]
             assert (name in failed) == (ends[last] == "fail")
 
 
-@given(after=st.integers(0, 6))
-def test_once_it_is_stopped_nothing_begins_and_nothing_counts_as_failed(after: int) -> None:
-    place = Scripted(2, {name: ["fail"] for name in "abcdef"})
+@given(after=st.integers(0, 6), full=st.sets(st.sampled_from("abcdef")))
+def test_once_it_is_stopped_nothing_begins_and_only_what_cannot_save_counts_as_failed(
+    after: int, full: set[str]
+) -> None:
+    place = Scripted(2, {name: ["fail"] if name in full else [] for name in "abcdef"})
     heard: list[Happened] = []
     failed = run_many({n: {"name": n} for n in "abcdef"}, place, heard.append, lambda: int(len(heard) >= after))
     begun_before = [event.name for event in heard[:after] if event.kind == "began"]
     assert set(place.begun) <= {*begun_before, *list("abcdef")[: len(begun_before) + 1]}
-    assert set(failed) <= {event.name for event in heard[:after] if event.kind == "ended"}
+    assert set(failed) == full & set(place.begun)
+    assert {event.name for event in heard if event.reason == "the disk is full"} == set(failed)
     assert place.closed
 
 

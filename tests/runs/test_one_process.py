@@ -1,5 +1,6 @@
 """A run's own process: why it failed in one sentence, and that it never outlives who wants it."""
 
+import signal
 import sys
 import time
 from collections.abc import Mapping
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ringlight.runs import one_process
-from ringlight.runs.many import Happened, heard_of
+from ringlight.runs.many import STOPPED, Happened, heard_of
 from ringlight.runs.one_process import do_run, reason_for
 
 
@@ -18,6 +19,18 @@ def test_the_reason_is_its_last_sentence_or_what_its_end_says() -> None:
     assert reason_for(1, ["Traceback", "ValueError: b", ""]) == "its process ended with code 1: ValueError: b"
     assert "signal 9" in (reason_for(-9, []) or "")
     assert "said nothing" in (reason_for(3, []) or "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_reason_of_what_was_stopped_and_could_save_says_so(number: int) -> None:
+    for code in (-number, 128 + number):
+        told = reason_for(code, ["ringlight: interrupted"]) or ""
+        assert told.startswith(STOPPED)
+        assert f"signal {number}:" in told
+    assert not (reason_for(1, ["finishing this step, then saving", "ringlight: the disk is full"]) or "").startswith(
+        STOPPED
+    )
+    assert not (reason_for(-signal.SIGKILL, []) or "").startswith(STOPPED)
 
 
 def test_its_lines_are_heard_and_it_gets_its_order(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,7 +56,7 @@ def test_its_standard_input_closes_once_it_is_not_wanted(monkeypatch: pytest.Mon
     monkeypatch.setattr(one_process, "COMMAND", (sys.executable, "-c", script))
     begun = time.monotonic()
     reason = do_run({}, lambda facts: None, lambda: time.monotonic() - begun < 1)
-    assert reason == "its process ended with code 143: it said nothing"
+    assert reason == "stopped by signal 15: it said nothing"
     assert (tmp_path / "saved").exists()
 
 

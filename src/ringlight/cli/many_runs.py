@@ -9,6 +9,7 @@ from ringlight.cli.main import Stopped
 from ringlight.cli.signals import kept_signals
 from ringlight.cli.threads import MOST_THREADS
 from ringlight.core.cores import usable_cores
+from ringlight.core.words import counted
 from ringlight.errors import BackendError, RecipeError
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def check_jobs(jobs: int) -> None:
 
 def do_runs(orders: "Mapping[str, Order]", doing: Doing) -> dict[str, str]:
     """Do the runs, by name; returns why some failed, or all where a scheduler does not answer. Raises Stopped where a
-    signal ended it, with all saved."""
+    signal ended it; what is saved then is said."""
     from ringlight.cli.many_progress import showing
     from ringlight.runs.many import run_many
 
@@ -74,9 +75,20 @@ def do_runs(orders: "Mapping[str, Order]", doing: Doing) -> dict[str, str]:
     with showing(list(orders), doing.quiet) as hear, kept_signals(_tell_of_stop) as signals:
         failed = run_many(orders, place, hear, lambda: len(signals))
     if signals:
-        sys.stderr.write("stopped, nothing is lost; the same command goes on\n")
+        sys.stderr.write(f"{_how_it_stopped(len(signals), failed, doing)}; the same command goes on\n")
         raise Stopped(signals[0])
     return failed
+
+
+def _how_it_stopped(signals: int, failed: Mapping[str, str], doing: Doing) -> str:
+    """What is left of the runs; those that ``failed`` were told one by one."""
+    if signals > 1:
+        return "stopped at once, runs that were under way have their last checkpoints"
+    if doing.scheduler is not None:
+        return "stopped, its runs end their step on the workers and save"
+    if failed:
+        return f"stopped, {counted(len(failed), 'run')} failed as told above, nothing else is lost"
+    return "stopped, nothing is lost"
 
 
 def _tell_of_stop(number: int, before: list[int]) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import ringlight
 from ringlight.errors import BackendError
-from ringlight.runs.many import Happened, heard_of
+from ringlight.runs.many import STOPPED, Happened, heard_of
 from ringlight.runs.one_process import do_run
 
 SCHEDULER_SECONDS = 20
@@ -137,7 +137,7 @@ class Cluster:
         self._is_stopping = True
         for name, (_, future) in self._futures.items():
             future.cancel(force=True)
-            self._happened.append(Happened("ended", name, "stopped"))
+            self._happened.append(Happened("ended", name, STOPPED))
         self._futures.clear()
 
     def close(self) -> None:

@@ -14,6 +14,9 @@ POLL_SECONDS = 0.25
 MOST_LOSSES = 3
 """Workers that may die with one run before it is given up: it may be the run that kills them."""
 
+STOPPED = "stopped"
+"""Begins the reason of a run that a signal ended after it saved, or before there was anything to save."""
+
 
 @dataclass(frozen=True)
 class Happened:
@@ -83,7 +86,7 @@ def run_many(
     """Do all of the runs, by name; returns a sentence for each that failed.
 
     ``stopping`` counts the signals that came: at the first no run begins and all under way save, at the second they end
-    at once. What ends so is no failure and is not in the result.
+    at once. What ends so is no failure and is not in the result, but a run that could not save is.
     """
     course = _Course(deque(orders), dict.fromkeys(orders, 0), _awaited(orders))
     asked_to_stop = False
@@ -158,6 +161,7 @@ class _Course:
                 self.failed[event.name] = f"{MOST_LOSSES} workers died with it; the last: {event.reason}"
         if event.kind != "ended" or event.reason is None:
             return True
-        if not is_stopping:
-            self.failed[event.name] = event.reason
-        return not is_stopping
+        if is_stopping and event.reason.startswith(STOPPED):
+            return False
+        self.failed[event.name] = event.reason
+        return True

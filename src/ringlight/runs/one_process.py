@@ -1,6 +1,7 @@
 """One run in a process of its own, watched from here: it stops, and saves, when nobody wants it any more."""
 
 import json
+import signal
 import subprocess
 import sys
 from collections import deque
@@ -8,6 +9,8 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from threading import Event, Thread
 from typing import Any
+
+from ringlight.runs.many import STOPPED
 
 COMMAND = (sys.executable, "-m", "ringlight.cli.one_run")
 """What does a run; it stands on a higher floor and is named, not imported."""
@@ -23,6 +26,14 @@ SENTENCE = "ringlight: "
 
 WARNING = "warning: "
 """Begins what it says of a run that goes on all the same."""
+
+STOPPING = {
+    code: number
+    for name in ("SIGINT", "SIGTERM", "SIGHUP")
+    if (number := getattr(signal, name, None)) is not None
+    for code in (-number, 128 + number)
+}
+"""Signals that let a run save, by the exit codes that they leave: where nothing was trained yet, and after saving."""
 
 Tell = Callable[[Mapping[str, Any]], None]
 
@@ -80,15 +91,18 @@ def _drain(lines: Iterable[str], complaints: deque[str], tell: Tell) -> None:
 
 
 def reason_for(code: int, lines: list[str]) -> str | None:
-    """Why a process failed: its own last sentence, or what its exit code says."""
+    """Why a process failed: its own last sentence, or what its exit code says; STOPPED begins it where a signal ended
+    the process that would let it save."""
     if code == 0:
         return None
+    last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+    if code in STOPPING:
+        return f"{STOPPED} by signal {STOPPING[code]}: {last}"
     told = [line.strip().removeprefix(SENTENCE) for line in lines if line.startswith(SENTENCE)]
     if told:
         return told[-1]
     if code < 0:
         return f"its process was ended by signal {-code}; if nobody sent it, memory may have run out"
-    last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
     return f"its process ended with code {code}: {last}"
 
 
