@@ -2,14 +2,17 @@
 
 import json
 import math
+import re
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ringlight.data.options import SceneOptions
-from ringlight.errors import RecipeError
+from ringlight.errors import RecipeError, RunError
 from ringlight.methods.table import METHODS
 from ringlight.runs.record import RECORD_NAME, RunRecord
 
@@ -35,3 +38,22 @@ def test_infinity_of_an_earlier_version_is_the_largest_number(record: RunRecord,
     assert read.recipe.densify.threshold == sys.float_info.max
     read.write(tmp_path)
     assert RunRecord.read(tmp_path) == read
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda values: values["recipe"].update(colour="grey"),
+        lambda values: values["recipe"].update(steps="many"),
+        lambda values: values["options"].update(downscale=0),
+        lambda values: values["options"].pop("downscale"),
+    ],
+)
+def test_a_setting_that_this_version_does_not_know_is_the_folders_fault(
+    change: Callable[[dict[str, Any]], object], record: RunRecord, tmp_path: Path
+) -> None:
+    values = json.loads(record.to_json())
+    change(values)
+    (tmp_path / RECORD_NAME).write_text(json.dumps(values))
+    with pytest.raises(RunError, match=re.escape(str(tmp_path / RECORD_NAME))):
+        RunRecord.read(tmp_path)

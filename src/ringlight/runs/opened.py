@@ -94,7 +94,7 @@ def with_cameras_of(opened: Opened, folder: Path) -> Opened:
 
 def recorded_scene(opened: Opened) -> tuple[Path, SceneOptions]:
     """Where the scene was that the model was trained on, and how it was read: from the run's record, or from the model
-    file. Raises RecipeError for one that is damaged."""
+    file. Raises RunError for a damaged record, RecipeError for a damaged file."""
     if opened.run is not None:
         record = RunRecord.read(opened.run.path)
         return record.scene, record.options

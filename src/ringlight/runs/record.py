@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ringlight.core.lost_disk import what_helps
 from ringlight.data.options import SceneOptions
-from ringlight.errors import RecipeError, RinglightError, RunError
+from ringlight.errors import RecipeError, RunError
 from ringlight.files.atomic import write_text
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import method_of, recipe_of_method
@@ -109,7 +109,8 @@ class RunRecord:
 
     @staticmethod
     def read(folder: Path) -> "RunRecord":
-        """The record of a run folder. Raises RunError for one that is missing, damaged or of an unknown method."""
+        """The record of a run folder. Raises RunError for one that is missing or damaged, or of a method or setting
+        that this version does not know."""
         path = folder / RECORD_NAME
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
@@ -128,8 +129,8 @@ class RunRecord:
             raise RunError(
                 f"{folder}: holds no run ({RECORD_NAME} is missing); give a folder that train made"
             ) from None
-        except RinglightError:
-            raise
+        except RecipeError as error:  # of settings that nobody asks for now: the folder is at fault
+            raise RunError(str(error)) from error
         except OSError as error:
             check = what_helps(error, "check its permissions")
             raise RunError(f"{path}: cannot be read ({error.strerror}); {check}") from None
