@@ -22,6 +22,7 @@ from ringlight.measure.lpips import tensor_shapes
 from ringlight.measure.picture_names import picture_name
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs import start
 from ringlight.runs.as_harmonics import BakingLoss
 from ringlight.runs.export import Exported
 from ringlight.runs.resume import resume_run
@@ -144,6 +145,23 @@ def test_runs_without_a_name_stand_beside_each_other(
     words = ("train", tiny, "3dgs", "--steps", "2", "--initial-points", "50", "--lpips", "--quiet")
     assert [ringlight(*words).code for _ in range(2)] == [0, 0]
     assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["balls-3dgs", "balls-3dgs-2"]
+
+
+def test_a_run_without_a_name_takes_another_where_its_own_is_taken_meanwhile(
+    tiny: Path, tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare_run = start.prepare_run
+
+    def overtaken(*given: object) -> object:
+        (tmp_path / "runs" / "balls-3dgs").mkdir(parents=True)
+        (tmp_path / "runs" / "balls-3dgs" / "recipe.json").write_text("of another process")
+        return prepare_run(*given)  # type: ignore[arg-type]
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(start, "prepare_run", overtaken)
+    assert ringlight("train", tiny, "3dgs", "--steps", "2", "--initial-points", "50", "--quiet", "--lpips").code == 0
+    assert (tmp_path / "runs" / "balls-3dgs" / "recipe.json").read_text() == "of another process"
+    assert (tmp_path / "runs" / "balls-3dgs-2" / "report.json").exists()
 
 
 # eval

@@ -73,12 +73,12 @@ def main(arguments: list[str]) -> int:
 
 def _demo(asked: DemoArguments) -> "Demo":
     from ringlight.runs.demo import Demo
-    from ringlight.runs.folder import free_folder
+    from ringlight.runs.folder import make_free_folder
 
     if asked.resume is not None:
         _refuse_settings(asked)
         return Demo.open(asked.resume)
-    out = asked.out or free_folder(Path("runs") / f"demo-{asked.scene}")
+    out = asked.out or make_free_folder(Path("runs") / f"demo-{asked.scene}")
     return Demo.create(out, asked.scene, asked.steps, asked.seed)
 
 

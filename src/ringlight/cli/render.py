@@ -207,9 +207,9 @@ def _background(asked: RenderArguments, opened: "Opened") -> "Tensor":
 
 def _folder(asked: RenderArguments, opened: "Opened") -> Path:
     """The folder to write to. Raises RunError if it holds anything, unless that was agreed to."""
-    from ringlight.runs.folder import empty_folder, free_folder, make_folder
+    from ringlight.runs.folder import empty_folder, make_folder, make_free_folder
 
     if asked.out is None:
         name = asked.path if asked.path in PATHS else Path(asked.path).stem
-        return make_folder(free_folder(opened.file.parent / "renders" / name))
+        return make_free_folder(opened.file.parent / "renders" / name)
     return make_folder(asked.out) if asked.overwrite else empty_folder(asked.out, or_else="--overwrite")

@@ -111,7 +111,6 @@ def _start(arguments: list[str]) -> int:
     _warn_of(idle_settings(recipe, METHODS[preset]))
     with stages(asked.running.quiet) as line:
         line(f"reading {scene}")  # before torch is loaded, which takes seconds
-        from ringlight.runs.folder import free_folder
         from ringlight.runs.start import start_run
 
         check_watching(asked.running)
@@ -124,12 +123,13 @@ def _start(arguments: list[str]) -> int:
             if asked.from_ is not None:
                 raise RecipeError("--verify begins at the scene's points; leave out --from")
             return verify_run(scene, asked.options, recipe, asked.seed, asked.device, asked.verify, asked.running.json)
-        out = asked.out or free_folder(Path("runs") / f"{scene.resolve().name}-{preset}")
+        out = asked.out or Path("runs") / f"{scene.resolve().name}-{preset}"
         loaded = telling_of_scenes(asked.running.quiet)
         try:
             session = start_run(
-                out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded
-            )
+                out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded,
+                numbered=asked.out is None,
+            )  # fmt: skip
         except KeyboardInterrupt:
             line.wiped()
             sys.stderr.write("ringlight: interrupted before the first step; the same command begins again\n")

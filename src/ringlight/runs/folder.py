@@ -120,8 +120,7 @@ def make_folder(path: Path, flag: str = "--out") -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        give = what_helps(error, f"give another folder with {flag}")
-        raise RunError(f"{path}: cannot be made ({error.strerror}); {give}") from None
+        raise _not_made(path, error, flag) from None
     return path
 
 
@@ -132,9 +131,21 @@ def refuse_file_in_the_way(path: Path, flag: str = "--out") -> None:
         raise RunError(f"{path}: cannot be made ({there} is a file); give another folder with {flag}")
 
 
-def free_folder(wish: Path) -> Path:
-    """The folder, or with the first number behind it that is free."""
+def make_free_folder(wish: Path) -> Path:
+    """The folder, or with the first number behind it that is free, made: of two that ask at once each gets its own.
+    Raises RunError if it cannot be made."""
+    make_folder(wish.parent)
     number, folder = 2, wish
-    while folder.exists():
-        folder, number = wish.with_name(f"{wish.name}-{number}"), number + 1
-    return folder
+    while True:
+        try:
+            folder.mkdir()
+            return folder
+        except FileExistsError:
+            folder, number = wish.with_name(f"{wish.name}-{number}"), number + 1
+        except OSError as error:
+            raise _not_made(folder, error, "--out") from None
+
+
+def _not_made(path: Path, error: OSError, flag: str) -> RunError:
+    give = what_helps(error, f"give another folder with {flag}")
+    return RunError(f"{path}: cannot be made ({error.strerror}); {give}")

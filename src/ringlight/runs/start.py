@@ -14,7 +14,7 @@ from ringlight.measure.peak_memory import PeakMemory
 from ringlight.methods.recipe import Recipe
 from ringlight.rasterize.choose import refuse_without_gpu
 from ringlight.runs.clock import Clock
-from ringlight.runs.folder import RunFolder, refuse_taken
+from ringlight.runs.folder import RunFolder, make_free_folder, refuse_taken
 from ringlight.runs.limits import PreparedRun, prepare_run
 from ringlight.runs.lock import RunLock
 from ringlight.runs.record import LARGEST_SEED, RunRecord
@@ -46,18 +46,21 @@ def start_run(
     model: Path | None = None,
     loaded: Loaded = nobody,
     prepared: Callable[[PreparedRun], None] = unchanged,
+    numbered: bool = False,
 ) -> Session:
     """A new run, from a ``model`` or PLY if one is named; its checkpoint of step 0 then holds what it starts from.
 
     ``loaded`` hears of the scene before anything is tried on it, which may take long; ``prepared`` may change a
-    training before its first step. A folder ``out`` that holds anything is refused at once. Raises RecipeError,
-    BackendError, SceneError, ModelFileError or RunError, with nothing written.
+    training before its first step. A folder ``out`` that holds anything is refused at once; ``numbered`` takes the
+    first number behind its name that is free once the folder is made. Raises RecipeError, BackendError, SceneError,
+    ModelFileError or RunError, with nothing written.
     """
     if recipe.steps < 1:
         raise RecipeError(f"--steps is {recipe.steps}; give at least 1")
     if not 0 <= seed <= LARGEST_SEED:
         raise RecipeError(f"--seed is {seed}; give a whole number from 0 to {LARGEST_SEED}")
-    refuse_taken(out)
+    if not numbered:
+        refuse_taken(out)
     memory = PeakMemory()
     refuse_without_gpu(device)  # before photographs are read, which takes long
     options = kept_options(scene_path, with_points_of(recipe, options))
@@ -74,7 +77,7 @@ def start_run(
     if model is not None:
         record = replace(record, start=str(model.resolve()))
     record.to_json()  # what it refuses leaves no folder
-    folder = RunFolder.create(out)
+    folder = RunFolder(make_free_folder(out)) if numbered else RunFolder.create(out)
     lock = RunLock(folder.path)
     record.write(folder.path)
     undistorted.begin(folder.undistorted)
