@@ -85,7 +85,7 @@ Results = Mapping[str, Mapping[str, Mapping[int, Report]]]
 
 def study_rows(labels: Sequence[Label], results: Results) -> tuple[StudyRow, ...]:
     """A row for each scene and variant that has a report; of several scenes also their mean, for variants that have the
-    same seeds on all."""
+    same seeds on all. A scene of ``results`` may have no report: then no mean is over all."""
     rows = [
         _row(label, scene, [[report] for report in by_variant[label.name].values()])
         for scene, by_variant in results.items()
@@ -146,9 +146,10 @@ NOTES = {
 
 @dataclass(frozen=True)
 class StudyTable:
-    """The rows, printed by rich or as markdown or CSV."""
+    """The rows, printed by rich or as markdown or CSV; ``notes`` are sentences on what is missing."""
 
     rows: tuple[StudyRow, ...]
+    notes: tuple[str, ...] = ()
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
         """Rich's protocol: a table for each scene."""
@@ -165,6 +166,8 @@ class StudyTable:
                 table.add_row(*(cells[index] for index in shown))
             yield table
         yield Text(" ".join(note for heading, note in NOTES.items() if heading in headings), style="dim")
+        for note in self.notes:
+            yield Text(note, style="dim")
 
     def markdown(self) -> str:
         """A GitHub table for each scene."""
@@ -173,7 +176,7 @@ class StudyTable:
             rulers = [":--", ":--", *["--:"] * (len(HEADINGS) - 2)]
             lines += [f"**{markdown_text(scene.strip())}**", "", _markdown_row(HEADINGS), markdown_row(rulers)]
             lines += [*(_markdown_row(_cells(row)) for row in self.rows if row.scene == scene), ""]
-        return "\n".join([*lines, markdown_line(" ".join(NOTES.values())), ""])
+        return "\n".join([*lines, *(markdown_line(note) + "\n" for note in (" ".join(NOTES.values()), *self.notes))])
 
     def csv(self) -> str:
         """One line a row, mean and deviation in columns of their own; empty where there is none."""

@@ -81,8 +81,13 @@ class StudyRun:
         other = self.variant.waits_for
         return bounded() if other is None else Waiting(self._named(other), bounded)
 
+    @property
+    def scene_name(self) -> str:
+        """What rows call the scene: the name of its folder."""
+        return self.folder.parents[1].name
+
     def _named(self, variant: str) -> str:
-        return f"{self.folder.parents[1].name}/{variant}/{self.folder.name}"
+        return f"{self.scene_name}/{variant}/{self.folder.name}"
 
     def _bounded_recipe(self) -> Recipe:
         recipe, other = self.variant.recipe, self.variant.waits_for

@@ -1,6 +1,6 @@
 """What a study leaves behind: its table as markdown, CSV and JSON, and its curves as a picture."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ringlight.core.words import counted
@@ -18,15 +18,31 @@ from ringlight.runs.study import StudyRun
 
 def study_table(variants: Sequence[Variant], runs: Sequence[StudyRun]) -> StudyTable:
     """The table of the runs that are finished; empty while none is."""
-    results: dict[str, dict[str, dict[int, Report]]] = {}
+    results: dict[str, dict[str, dict[int, Report]]] = {run.scene_name: {} for run in runs}
+    missing: dict[str, list[str]] = {}
     for run in runs:
         report = run.report
-        if report is not None:
-            if report.psnr is None:
-                raise RunError(f"{run.folder}: has no test views, and a study compares on them; name some (--holdout)")
-            results.setdefault(report.scene, {}).setdefault(run.variant.name, {})[run.seed] = report
+        if report is None:
+            missing.setdefault(run.variant.name, []).append(f"seed {run.seed} of {run.scene_name}")
+            continue
+        if report.psnr is None:
+            raise RunError(f"{run.folder}: has no test views, and a study compares on them; name some (--holdout)")
+        results[run.scene_name].setdefault(run.variant.name, {})[run.seed] = report
     labels = [Label(variant.name, variant.about, variant.at, variant.paper) for variant in variants]
-    return StudyTable(study_rows(labels, results))
+    rows = study_rows(labels, results)
+    return StudyTable(rows, _without_mean(rows, missing) if len(results) > 1 else ())
+
+
+def _without_mean(rows: Sequence[StudyRow], missing: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """A sentence on variants that have rows, and none over all scenes; those that miss the same share one."""
+    with_mean = {row.variant for row in rows if row.scene == ALL_SCENES}
+    lacking: dict[str, list[str]] = {}
+    for variant in dict.fromkeys(row.variant for row in rows if row.variant not in with_mean):
+        lacking.setdefault(", ".join(missing[variant]), []).append(variant)
+    return tuple(
+        f"Over all scenes there is no mean of {', '.join(variants)}, for want of {runs}."
+        for runs, variants in lacking.items()
+    )
 
 
 def write_results(out: Path, study: str, base: str, runs: Sequence[StudyRun], table: StudyTable) -> tuple[Path, ...]:
@@ -34,7 +50,7 @@ def write_results(out: Path, study: str, base: str, runs: Sequence[StudyRun], ta
     OutputError."""
     steps = max(run.variant.recipe.steps for run in runs)
     folders = [str(run.folder) for run in runs]
-    record = {"study": study, "base": base, "steps": steps, "rows": table.rows, "runs": folders}
+    record = {"study": study, "base": base, "steps": steps, "rows": table.rows, "notes": table.notes, "runs": folders}
     texts = {"md": table.markdown(), "csv": table.csv(), "json": to_json(record)}
     for suffix, text in texts.items():
         write_text(out / f"{study}.{suffix}", text)
