@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ringlight.errors import RunError
+from ringlight.errors import BackendError, RunError
 from ringlight.runs.many import MOST_LOSSES, STOPPED, Happened, Waiting, run_many
 
 
@@ -111,6 +111,24 @@ def test_a_run_begins_after_that_which_it_waits_for_and_not_if_that_failed(
         expected[str(n)] = n in fails or (on < n and expected[str(on)])
     assert {name for name, fell in expected.items() if fell} == set(failed)
     assert Counter(event.name for event in heard if event.kind == "ended") == Counter(list(orders))
+
+
+@given(scripts=st.dictionaries(st.text("abc", min_size=1, max_size=3), ENDS, max_size=8), after=st.integers(0, 8))
+def test_what_a_place_leaves_that_is_gone_has_its_reason(scripts: dict[str, list[str]], after: int) -> None:
+    class Mortal(Scripted):
+        def events(self, seconds: float) -> list[Happened]:
+            if len(heard) >= after:
+                raise BackendError("the scheduler is gone")
+            return super().events(seconds)
+
+    place, heard = Mortal(2, scripts), list[Happened]()
+    failed = run_many({name: {"name": name} for name in scripts}, place, heard.append, lambda: 0)
+    assert place.closed
+    finished = {event.name for event in heard if event.kind == "ended" and event.reason is None}
+    assert finished | failed.keys() == scripts.keys()
+    assert not finished & failed.keys()
+    told = [event.reason for event in heard if event.kind == "told"]
+    assert told == ["the scheduler is gone"] * ("the scheduler is gone" in failed.values())
 
 
 def test_an_order_that_cannot_be_made_is_a_reason_and_no_error() -> None:

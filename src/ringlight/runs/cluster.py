@@ -4,6 +4,7 @@ Dask sends the functions of this file by name (its pickle of a function is its m
 are given as plain values. Folders are on a disk that all machines share, under the same path.
 """
 
+import asyncio
 import json
 import logging
 import platform
@@ -107,7 +108,7 @@ class Cluster:
         self._client.subscribe_topic(TOPIC, self._hear)
 
     def is_free(self) -> bool:
-        return bool(self._free())
+        return self._client.status == "running" and bool(self._free())
 
     def begin(self, name: str, order: dict[str, Any]) -> None:
         worker = self._free()[0]
@@ -167,7 +168,10 @@ class Cluster:
         for gone in self._judged.keys() - there:
             del self._judged[gone]
         new = sorted(there - self._judged.keys())
-        answers = self._client.run(versions, workers=new, on_error="return") if new else {}
+        try:
+            answers = self._client.run(versions, workers=new, on_error="return") if new else {}
+        except (OSError, asyncio.TimeoutError):  # they are asked again, if there still are any
+            new = []
         for worker in new:
             self._judged[worker] = reason = _refusal(worker, answers.get(worker))
             if reason is not None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, runtime_checkable
 
-from ringlight.errors import RinglightError
+from ringlight.errors import BackendError, RinglightError
 
 POLL_SECONDS = 0.25
 """Between two looks at what has happened, and at the keyboard."""
@@ -52,7 +52,8 @@ class Place(Protocol):
         ...
 
     def events(self, seconds: float) -> list[Happened]:
-        """What has happened since the last call; waits up to ``seconds`` for something to happen."""
+        """What has happened since the last call; waits up to ``seconds`` for something to happen. Raises BackendError
+        where no run can be done there any more."""
         ...
 
     def stop(self) -> None:
@@ -83,7 +84,7 @@ def run_many(
     hear: Callable[[Happened], None],
     stopping: Callable[[], int],
 ) -> dict[str, str]:
-    """Do all of the runs, by name; returns a sentence for each that failed.
+    """Do all of the runs, by name; returns a sentence for each that failed, or that ``place``, which is gone, left.
 
     ``stopping`` counts the signals that came: at the first no run begins and all under way save, at the second they end
     at once. What ends so is no failure and is not in the result, but a run that could not save is.
@@ -109,6 +110,9 @@ def run_many(
             for event in place.events(POLL_SECONDS):
                 if course.takes(event, is_stopping=stopping() > 0):
                     hear(event)
+    except BackendError as error:  # what is finished has its table all the same
+        course.failed |= dict.fromkeys([*sorted(course.under_way), *course.waiting], str(error))
+        hear(Happened("told", reason=str(error)))
     finally:
         place.close()
     return course.failed
