@@ -60,6 +60,19 @@ def test_a_run_is_plain_json_and_back(preset: str, tmp_path: Path) -> None:
     assert PlannedRun.from_plain(order["run"]) == run
 
 
+def test_a_run_is_read_alike_in_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by a worker of a cluster, which was started elsewhere."""
+    (tmp_path / "list.txt").write_text("a.png\nb.png\n")
+    (tmp_path / "scene" / "cut").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    options = SceneOptions(holdout="list.txt", masks="cut", photos="photographs")
+    run = PlannedRun(Path("scene"), "3dgs", METHODS["3dgs"], 0, Path("out"), options)
+    told = order_of(run, 1, "auto", ())["run"]["options"]
+    assert told["holdout"].split() == ["a.png", "b.png"]
+    assert told["masks"] == "cut", "the scene's own"
+    assert told["photos"] == str(tmp_path / "photographs")
+
+
 def test_each_pair_and_seed_has_its_folder_and_an_estimate(tmp_path: Path) -> None:
     methods = methods_named(["3dgs", "ringlight"], [], 100)
     runs = plan([Path("toaster"), Path("carpaint")], methods, (0, 5), tmp_path, SceneOptions())

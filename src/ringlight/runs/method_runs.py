@@ -146,7 +146,7 @@ def survey(run: PlannedRun) -> Surveyed:
 
 
 def order_of(run: PlannedRun, threads: int, device: str, lpips: Sequence[str]) -> dict[str, Any]:
-    """What ``cli/one_run.py`` is told, plain JSON."""
+    """What ``cli/one_run.py`` is told, plain JSON. Raises SceneError for a list of test images that cannot be read."""
     return {"run": run.to_plain(), "threads": threads, "device": device, "lpips": list(lpips)}
 
 

@@ -86,19 +86,21 @@ class PlannedRun:
         return session
 
     def to_plain(self) -> dict[str, Any]:
-        """Plain values, ready for JSON; paths are full, for a machine that shares the disk."""
+        """Plain values, ready for JSON; paths are full and a list of test images is its names, for a machine that
+        shares the disk and stands in another folder. Raises SceneError for a list that cannot be read."""
         return {
             "scene": str(self.scene.resolve()),
             "preset": self.preset,
             "recipe": recipe_to_dict(self.recipe),
             "seed": self.seed,
             "folder": str(self.folder.resolve()),
-            "options": asdict(self.options),
+            "options": asdict(kept_options(self.scene, self.options)),
         }
 
     @staticmethod
     def from_plain(values: Mapping[str, Any]) -> "PlannedRun":
-        """Inverse of :meth:`to_plain`. Raises RecipeError for settings of another version, KeyError for none."""
+        """The run that :meth:`to_plain` describes. Raises RecipeError for settings of another version, KeyError for
+        none."""
         preset = str(values["preset"])
         return PlannedRun(
             Path(values["scene"]),
