@@ -185,3 +185,20 @@ def test_a_test_photograph_that_is_gone_costs_no_step(
     assert "warning: step 15: the test views cannot be measured: " in ended.err
     assert "the model is saved, measure it with" in ended.err
     assert read_metadata(run / "checkpoint.safetensors")["step"] == "40"
+
+
+def test_test_views_are_measured_where_nothing_is_said_of_them(tiny: Path, tmp_path: Path, ringlight: Command) -> None:
+    pytest.importorskip("tensorboard", reason="the [tensorboard] extra is not installed")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    run = tmp_path / "run"
+    done = ringlight("train", tiny, "3dgs", "--out", run, "--tensorboard", "--eval-at", "10", "30", *QUICK)
+    assert "on the test views" not in done.err
+    measured = EventAccumulator(str(run / "tensorboard")).Reload().Scalars("test/psnr")
+    assert [event.step for event in measured] == [10, 30]
+
+
+def test_steps_that_are_done_are_told_of(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    run = Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
+    done = ringlight("train", "--resume", run, "--steps", "2", "--eval-at", "7", "40", "41", *QUIET)
+    assert "warning: --eval-at 7 40 has no effect: the run goes on after step 40\n" in done.err

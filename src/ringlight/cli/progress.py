@@ -12,12 +12,11 @@ from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
 
 from ringlight.cli.console import Screen
+from ringlight.cli.eval_at import measure_test_views, warn_of_steps_done
 from ringlight.core.origin import Origin
 from ringlight.core.words import MEGABYTE, counted
-from ringlight.errors import RinglightError
 from ringlight.fit.train import Progress
 from ringlight.measure.metrics import psnr
-from ringlight.runs.finish import psnr_of_views
 from ringlight.runs.saver import Saver
 from ringlight.runs.session import Session
 from ringlight.runs.watch import Watch
@@ -97,9 +96,11 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
     live = console.is_terminal and not options.quiet
     every = LIVE_SECONDS if live else FIRST_LOG_SECONDS
     warn = partial(_warn, console)
+    say: Callable[[str], None] = _nothing if options.quiet else partial(_say, console)
     meter, watch = _Meter(session), Watch(session, options.preview, options.tensorboard, warn)
-    if watch.about and not options.quiet:
-        console.print(watch.about, markup=False, highlight=False, soft_wrap=True)
+    if watch.about:
+        say(watch.about)
+    warn_of_steps_done(options.eval_at, session, warn)
     with closing(watch), _looked_at(session, options) as look, _bar(console, live) as bar:
         task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="")
         shown = time.monotonic()
@@ -113,8 +114,8 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
                 line = meter.line(progress, watch.words, room(console) if live else None)
                 _show(bar, task, line, live, options.quiet)
                 shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
-            if progress.step in options.eval_at and progress.step == session.training.step and not options.quiet:
-                _show_test_views(console, session, progress.step, watch, warn)
+            if progress.step in options.eval_at and progress.step == session.training.step:
+                measure_test_views(session, watch, say, warn)
             for warning in filter(None, (progress.fault, progress.collapse, unlooked)):
                 warn(warning)
             saver.save_if_due()
@@ -143,22 +144,16 @@ def _looked_at(session: Session, options: "RunOptions") -> Iterator[Callable[[Pr
         yield run.see
 
 
+def _say(console: Screen, sentence: str) -> None:
+    console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+
 def _warn(console: Screen, sentence: str) -> None:
-    console.print(f"warning: {sentence}", markup=False, highlight=False, soft_wrap=True)
+    _say(console, f"warning: {sentence}")
 
 
-def _show_test_views(console: Screen, session: Session, step: int, watch: Watch, warn: Callable[[str], None]) -> None:
-    """Or say why they cannot be measured: it costs no step."""
-    if not session.scene.test:
-        console.print(f"step {step}: there are no test views to measure on")
-        return
-    try:
-        decibels = psnr_of_views(session.training.model, session.scene)
-    except (RinglightError, OSError) as error:
-        warn(f"step {step}: the test views cannot be measured: {error}")
-        return
-    watch.tell_test(step, decibels)
-    console.print(f"step {step}: {decibels:.2f} dB on the test views")
+def _nothing(sentence: str) -> None:
+    """What is said where all is quiet."""
 
 
 class _Meter:
