@@ -52,6 +52,38 @@ def test_a_signal_ends_the_step_and_saves(
     assert model_of(run) == model_of(trained["3dgs"])
 
 
+@pytest.mark.parametrize("in_save", [False, True])
+def test_a_signal_in_the_last_step_or_its_saving_saves_and_measures_nothing(
+    in_save: bool,
+    tiny: Path,
+    trained: dict[str, Path],
+    tmp_path: Path,
+    ringlight: Command,
+    at_step,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    write = Session._write
+
+    def signalled(session: Session, *given: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+        write(session, *given)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patched:
+        if in_save:
+            patched.setattr(Session, "_write", signalled)
+        else:
+            at_step(40, lambda session: signal.raise_signal(signal.SIGTERM))
+        run = tmp_path / "run"
+        stopped = ringlight("train", tiny, "3dgs", "--out", run, *QUICK)
+    monkeypatch.undo()
+    assert stopped.code == 143
+    assert f"that was the last, measure it with: ringlight train --resume {run}" in stopped.err
+    assert not (run / "report.json").exists()
+    assert ringlight("train", "--resume", run, "--quiet", "--lpips").code == 0
+    assert json.loads((run / "report.json").read_text())["iterations"] == 40
+    assert model_of(run) == model_of(trained["3dgs"])
+
+
 def test_a_second_signal_stops_at_once_with_its_own_code(
     tiny: Path, tmp_path: Path, ringlight: Command, at_step
 ) -> None:

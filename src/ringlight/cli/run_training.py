@@ -126,8 +126,10 @@ def _train_save_measure(
                 session.save()
             raise DivergedError(f"{error}; {session.way_on()}") from error
         session.save()
-    if session.training.step < session.training.steps:
-        sys.stderr.write(f"stopped after step {session.training.step} and saved; go on with: {resume_with}\n")
+    left = session.training.steps - session.training.step
+    if left or stopping:
+        way = "go on with" if left else "that was the last, measure it with"
+        sys.stderr.write(f"stopped after step {session.training.step} and saved; {way}: {resume_with}\n")
         raise Stopped(next(iter(stopping), signal.SIGINT))
     with _saved_all_the_same(session), counting("measuring views", options.quiet) as tell:
         return measure_session(session, options.lpips, tell)
