@@ -83,6 +83,9 @@ def test_a_run_whose_scene_was_moved_leaves_its_new_place(
     shutil.rmtree(scene_copy)
     refused(ringlight("eval", small), 1, scene_copy, "name the folder")
     assert "not measured on photographs" in ringlight("compress", run_folder, tmp_path / "again.safetensors").out
+    assert json.loads(read_metadata(small)["metrics"]).keys() == {"psnr"}
+    assert json.loads(read_metadata(run_folder / "model.safetensors")["metrics"])["psnr"] is not None
+    assert json.loads(read_metadata(tmp_path / "again.safetensors")["metrics"]) == {}, "nobody measured it"
 
 
 def test_refusals_name_the_remedy_and_write_nothing(

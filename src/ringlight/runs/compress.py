@@ -70,7 +70,7 @@ def check_target(path: Path, overwrite: bool) -> None:
 
 @torch.no_grad()
 def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Compressed:
-    """Write the packed model; with a ``scene``, its test views say what packing costs.
+    """Write the packed model; with a ``scene``, its test views say what packing costs, without one it has no measures.
 
     ``tell`` hears (pictures done, pictures in all). A scene without test views counts as none. Raises RunError for a
     packed model, or one that packing makes no smaller, OutputError where the file cannot be written.
@@ -93,7 +93,7 @@ def compress(opened: Opened, path: Path, scene: Scene | None, tell: Tell) -> Com
     decibels = _picture_loss(stored, after)
     picture_psnr = metrics.psnr_of_different(decibels) if decibels else None
     losses = Losses(_bytes(tensors), _bytes(packed.tensors), len(decibels), picture_psnr)
-    measured = stored.header.metrics
+    measured: dict[str, object] = {}  # those of the model are not of what packing leaves of it
     if scene is not None:
         psnr_before, psnr_after = _test_loss(stored.model, after.model, scene, tell)
         losses = replace(losses, psnr_before=psnr_before, psnr_after=psnr_after, views=len(scene.test))
