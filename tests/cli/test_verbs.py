@@ -1,6 +1,7 @@
 """The commands as a person uses them, from photographs to a PLY."""
 
 import json
+import math
 import shutil
 import signal
 from dataclasses import replace
@@ -17,6 +18,7 @@ from scenes_on_disk import edit_json, picture
 from ringlight.cli import checks
 from ringlight.cli.export import _sentences
 from ringlight.cli.progress import announce
+from ringlight.core import gradients
 from ringlight.files.ply import read_gaussian_ply
 from ringlight.measure.lpips import tensor_shapes
 from ringlight.measure.picture_names import picture_name
@@ -458,6 +460,14 @@ def test_a_broken_module_is_essential(ringlight: Command, monkeypatch: pytest.Mo
     assert done.code == 1
     assert "problem  self test" in done.out
     assert json.loads(ringlight("doctor", "--json").out)["healthy"] is False
+
+
+def test_gradients_that_are_no_numbers_are_essential(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside a picture that is right."""
+    dense = gradients.dense
+    monkeypatch.setattr(gradients, "dense", lambda gradient: dense(gradient) * math.nan)
+    found = checks._self_test()
+    assert (found.state, found.essential) == ("problem", True)
 
 
 def test_lpips_weights_are_fetched_once(tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch) -> None:
