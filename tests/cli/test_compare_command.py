@@ -73,6 +73,7 @@ def test_markdown_has_every_run(runs, capsys):
         ([], 2, "no runs are named"),
         (["nowhere"], 1, "no such run folder"),
         (["nowhere", "--views", "0"], 1, "--views is 0"),
+        (["nowhere", "--views", "3"], 1, "give --sheet FILE.png with it"),
         (["nowhere", "--json", "--markdown"], 2, "cannot both"),
     ],
 )

@@ -32,6 +32,7 @@ def test_wrong_usage_and_wrong_input(tmp_path: Path, ringlight: Command):
     assert ringlight("poses").code == 2
     for threads in ("-1", "99999999999"):
         assert "give a number of threads" in ringlight("poses", tmp_path, "--threads", threads).err
+    assert "warning: --threads is 1024" in ringlight("poses", tmp_path, "--threads", 1024).err
     refused = ringlight("poses", tmp_path, "--features", "7")
     assert (refused.code, refused.out) == (1, "")
     assert "--features is 7: give a whole number of at least 100" in refused.err

@@ -57,6 +57,7 @@ def test_a_dry_run_lists_what_is_left_out(tiny: Path, tmp_path: Path, ringlight:
         (("toaster", "toaster", "--methods", "3dgs"), ["toaster"]),
         (("toaster", "--methods", "3dgs", "--set", "3dgs.nothing=1"), ["nothing"]),
         (("toaster", "--methods", "3dgs", "--holdout-every", "0"), ["--holdout-every"]),
+        (("toaster", "--methods", "3dgs", "--jobs", "1", "--scheduler", "tcp://h:1"), ["--jobs", "leave it out"]),
     ],
 )
 def test_bad_input_is_a_sentence(words: tuple[str, ...], names: list[str], tmp_path: Path, ringlight: Command) -> None:

@@ -47,6 +47,8 @@ def test_a_volume_goes_through_the_commands(method: str, ringlight: Command, tin
     both = ringlight("export", run, tmp_path / "a.ply", "--mesh", "--points")
     assert both.code == 1
     assert "--mesh and --points are given" in both.err
+    fitted = ringlight("export", run, tmp_path / "a.ply", "--mesh", "--fit-steps", "9")
+    assert (fitted.code, "--fit-steps is of harmonics" in fitted.err) == (1, True)
 
     # Stopped after its grid was refined and its rays were chosen, it goes on with the same bits.
     settings = {**COARSE, "steps": STEPS, "bounds": None}

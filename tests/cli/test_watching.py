@@ -63,6 +63,14 @@ def test_a_preview_that_is_no_number_of_steps_is_refused(tiny: Path, tmp_path: P
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("flag", [("--port", "0"), ("--host", "0.0.0.0")])
+def test_an_address_without_a_page_is_refused(
+    flag: tuple[str, str], tiny: Path, tmp_path: Path, ringlight: Command
+) -> None:
+    refused(ringlight("train", tiny, "3dgs", "--out", tmp_path / "run", *flag, *QUICK), 1, flag[0], "--view")
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_preview_that_cannot_be_written_costs_no_step(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command
 ) -> None:

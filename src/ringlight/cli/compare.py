@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from ringlight.cli.flags import flags_in
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.stages import stages
 from ringlight.errors import RecipeError
@@ -54,6 +55,8 @@ def main(arguments: list[str]) -> int:
     # Refused before anything is read.
     if asked.views < 1:
         raise RecipeError(f"--views is {asked.views}; give at least 1")
+    if asked.sheet is None and "--views" in flags_in(arguments):
+        raise RecipeError("--views is of the sheet; give --sheet FILE.png with it")
     for file in filter(None, (asked.sheet, asked.curves)):
         refuse_existing(file, asked.overwrite)
     with stages(quiet=not sys.stderr.isatty()) as line:

@@ -40,7 +40,7 @@ class EvalArguments:
     """Folder of photographs, or toaster or carpaint, which are bundled; by default the model's own."""
     options: Annotated[ReadingOptions, tyro.conf.arg(name="")] = field(default_factory=ReadingOptions)
     out: MaybeFolder = None
-    """New folder for report.json and images/. 'ringlight compare' reads it like a run."""
+    """New folder for report.json and, without --images, images/. 'ringlight compare' reads it like a run."""
     images: MaybeFolder = None
     """New folder for the pictures alone: test/ as rendered, truth/ as photographed."""
     lpips: tuple[Net, ...] = ("alex",)

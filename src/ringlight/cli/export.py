@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ringlight.cli.arguments import ModelPath
+from ringlight.cli.flags import flags_in
 from ringlight.cli.parse import parse
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
@@ -59,6 +60,9 @@ def main(arguments: list[str]) -> int:
         raise RecipeError(f"--fit-steps is {asked.fit_steps}; give 0 (none) or more")
     if asked.mesh and asked.points:
         raise RecipeError("--mesh and --points are given, and a file holds one of them; leave one away")
+    of_surface = asked.mesh or asked.points
+    if of_surface and "--fit-steps" in flags_in(arguments):
+        raise RecipeError(f"--fit-steps is of harmonics; leave out {'--mesh' if asked.mesh else '--points'} or it")
     with stages(asked.quiet) as line:
         line(f"reading {asked.model}")
         from ringlight.color.basis_opacities import BasisOpacities
@@ -66,7 +70,6 @@ def main(arguments: list[str]) -> int:
         from ringlight.runs.export import check_surface_target, check_target, export, export_surface
         from ringlight.runs.opened import open_model
 
-        of_surface = asked.mesh or asked.points
         (check_surface_target if of_surface else check_target)(asked.out, asked.overwrite)
         use_threads(asked.threads)
         opened = open_model(asked.model)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ringlight.cli.flags import flags_in
 from ringlight.cli.main import Stopped
 from ringlight.cli.signals import kept_signals
 from ringlight.cli.threads import MOST_THREADS
@@ -53,8 +54,10 @@ def expected_time(runs: "Sequence[Expected]") -> str:
     return f"about {spoken(seconds)} of one core ({source})" if seconds else ""
 
 
-def check_jobs(jobs: int) -> None:
-    """Raises RecipeError for fewer than one."""
+def check_jobs(jobs: int, scheduler: str | None, arguments: list[str]) -> None:
+    """Raises RecipeError for fewer than one, and where they are among the ``arguments`` with a scheduler."""
+    if scheduler is not None and "--jobs" in flags_in(arguments):
+        raise RecipeError("--jobs is of this machine, and each worker of --scheduler does one run; leave it out")
     if jobs < 1:
         raise RecipeError(f"--jobs is {jobs}; give at least 1")
 

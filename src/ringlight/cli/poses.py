@@ -41,13 +41,11 @@ class PosesArguments:
     quiet: bool = False
     """No progress line."""
 
-    def __post_init__(self) -> None:
-        check_threads(self.threads)
-
 
 def main(arguments: list[str]) -> int:
     """Find cameras; returns the exit code."""
     asked = parse(PosesArguments, "poses", arguments)
+    check_threads(asked.threads)  # not while its words are parsed: what is said then is a complaint
     if not asked.photos.exists():
         raise SceneError(f"{asked.photos}: no such folder or film; check the path")
     with stages(asked.quiet) as line:

@@ -92,11 +92,19 @@ class RenderArguments:
         if self.panorama and (self.stereo is not None or self.zoom is not None):
             other = "--stereo" if self.stereo is not None else "--zoom"
             raise RecipeError(f"--panorama shows all directions from one place; leave out {other}")
+        self._refuse_idle()
         self.baseline()  # refused before anything is read
         if self.path != "orbit" and (given := [f"--{name}" for name in OF_ORBITS if getattr(self, name) is not None]):
             raise RecipeError(f"{given[0]} is of an orbit; give --path orbit with it")
         if self.path in PATHS:
             self.refuse_fps()
+
+    def _refuse_idle(self) -> None:
+        """Raise RecipeError for a flag that another makes idle, or that wants another."""
+        if self.width is not None and self.scale is not None:
+            raise RecipeError("--width and --scale both say how large; give one of them")
+        if self.overwrite and self.out is None:
+            raise RecipeError("--overwrite is of a folder that is named, and another is new; give --out FOLDER with it")
 
     def refuse_fps(self) -> None:
         """Raise RecipeError for --fps without a film. Not asked of key frames, which take more pictures by it."""

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from ringlight.runs.session import Session
 
 
+OWN_HOST, VIEW_PORT = "127.0.0.1", 8080
+"""Where the page of a run is, unless somebody says otherwise: for this machine alone."""
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """What is watched and kept while a run trains; none of it changes the numbers."""
@@ -34,9 +38,9 @@ class RunOptions:
     """Write events for TensorBoard into RUN/tensorboard; needs the [tensorboard] extra."""
     view: bool = False
     """Show the run in a browser while it trains; needs the [view] extra."""
-    host: str = "127.0.0.1"
+    host: str = OWN_HOST
     """Address at which --view listens. 0.0.0.0 is all of this machine's: whoever reaches it may look, and pause."""
-    port: int = 8080
+    port: int = VIEW_PORT
     """Port at which --view listens; 0 is any that is free."""
     lpips: tuple[Net, ...] = ("alex",)
     """Networks of LPIPS, measured at the end; the flag without a name measures none. 'ringlight fetch-lpips' gets their
@@ -45,6 +49,11 @@ class RunOptions:
     """Print the report as JSON on standard output instead of the table."""
     quiet: bool = False
     """No progress line."""
+
+    def __post_init__(self) -> None:
+        if not self.view and (self.host, self.port) != (OWN_HOST, VIEW_PORT):
+            flag = "--port" if self.host == OWN_HOST else "--host"
+            raise RecipeError(f"{flag} is of the page in a browser; give --view with it")
 
 
 def check_steps(options: RunOptions, steps: int) -> None:

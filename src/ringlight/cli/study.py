@@ -88,7 +88,7 @@ def main(arguments: list[str]) -> int:
         raise RecipeError(f"--seeds is {asked.seeds}; give at least 1")
     if asked.steps is not None:
         check_length(asked.steps)
-    check_jobs(asked.jobs)
+    check_jobs(asked.jobs, asked.scheduler, arguments)
     check_threads(asked.threads, 0 if asked.scheduler else asked.jobs)
     from ringlight.methods.studies import base_of, study_named
 

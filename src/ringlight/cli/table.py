@@ -73,7 +73,7 @@ def main(arguments: list[str]) -> int:
     if not asked.scenes:
         refuse("table", "no scene is named; give folders of photographs, or toaster or carpaint")
     seeds = _seeds(asked.seeds)
-    check_jobs(asked.jobs)
+    check_jobs(asked.jobs, asked.scheduler, arguments)
     if asked.steps is not None:
         check_length(asked.steps)
     check_threads(asked.threads, 0 if asked.scheduler else asked.jobs)
