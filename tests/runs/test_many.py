@@ -66,6 +66,8 @@ def test_each_run_ends_once_and_none_stops_another(scripts: dict[str, list[str]]
         if last >= MOST_LOSSES:
             assert place.begun[name] == MOST_LOSSES
             assert "workers died" in failed[name]
+            of_run = [event.kind for event in heard if event.name == name and event.kind != "began"]
+            assert of_run == [*["lost"] * (MOST_LOSSES - 1), "ended"], "the last loss gives it up"
         else:
             assert place.begun[name] == last + 1
             assert (name in failed) == (ends[last] == "fail")

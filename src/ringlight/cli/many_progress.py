@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from threading import Lock
 from typing import Any
 
 from rich.console import Group
@@ -34,38 +35,47 @@ class ManyRuns:
         self.said: dict[str, float] = {}
         self.done = self.failed = 0
         self.is_live = console.is_terminal and not quiet
+        self._lock = Lock()
+        """rich draws in a thread of its own."""
 
     def hear(self, event: Happened) -> None:
         """Take it in; failures are said even where all else is quiet."""
-        now = time.monotonic()
+        with self._lock:
+            line, always = self._taken_in(event, time.monotonic())
+        # Outside the lock: rich's own is held while it draws, which waits for ours.
+        if line is not None and (always or not self.quiet):
+            self.console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    def _taken_in(self, event: Happened, now: float) -> tuple[str | None, bool]:
+        """What is said of it, and whether even where all else is quiet."""
+        if event.kind == "told":
+            return event.reason, True
         if event.kind == "began":
             self.under_way[event.name] = {}
             self.said[event.name] = now
-            self._say(f"{event.name}: begins" if not self.is_live else None)
-        elif event.kind == "at" and event.facts is not None and event.name in self.under_way:
-            self.under_way[event.name] = event.facts
-            self.begun.setdefault(event.name, (now, int(event.facts["step"])))
-            if not self.is_live and now - self.said[event.name] >= LOG_SECONDS:
-                self.said[event.name] = now
-                self._say(f"{event.name}: step {event.facts['step']}/{event.facts['steps']}  {self._facts(event.name)}")
-        elif event.kind in ("ended", "lost"):
-            self.under_way.pop(event.name, None)
-            self.begun.pop(event.name, None)
-            self.done += event.kind == "ended" and event.reason is None
-            self.failed += event.kind == "ended" and event.reason is not None
-            state = f"{self.done} of {self.total} done"
-            if event.reason is None:
-                self._say(f"{event.name}: done ({state})")
-            elif event.kind == "lost":
-                self._say(f"{event.name}: {event.reason}; it goes on elsewhere", always=True)
-            else:
-                self._say(f"{event.name}: {event.reason}", always=True)
-        elif event.kind == "told":
-            self._say(event.reason, always=True)
+            return (None if self.is_live else f"{event.name}: begins"), False
+        if event.kind == "at":
+            return self._moved(event, now), False
+        self.under_way.pop(event.name, None)
+        self.begun.pop(event.name, None)
+        if event.kind == "lost":
+            return f"{event.name}: {event.reason}; it goes on elsewhere", True
+        self.done += event.reason is None
+        self.failed += event.reason is not None
+        if event.reason is not None:
+            return f"{event.name}: {event.reason}", True
+        return f"{event.name}: done ({self.done} of {self.total} done)", False
 
-    def _say(self, line: str | None, always: bool = False) -> None:
-        if line is not None and (always or not self.quiet):
-            self.console.print(line, markup=False, highlight=False, soft_wrap=True)
+    def _moved(self, event: Happened, now: float) -> str | None:
+        """A line now and then, where there is no live picture."""
+        if event.facts is None or event.name not in self.under_way:
+            return None
+        self.under_way[event.name] = event.facts
+        self.begun.setdefault(event.name, (now, int(event.facts["step"])))
+        if self.is_live or now - self.said[event.name] < LOG_SECONDS:
+            return None
+        self.said[event.name] = now
+        return f"{event.name}: step {event.facts['step']}/{event.facts['steps']}  {self._facts(event.name)}"
 
     def _facts(self, name: str) -> str:
         facts = self.under_way[name]
@@ -83,6 +93,10 @@ class ManyRuns:
 
     def __rich__(self) -> Group:
         """The lines of a live picture."""
+        with self._lock:
+            return self._picture()
+
+    def _picture(self) -> Group:
         grid = Table.grid(padding=(0, 2))
         grid.add_column(no_wrap=True, max_width=max(16, self.console.width // 3))
         for _ in range(3):

@@ -102,14 +102,15 @@ def run_many(
                 order, reason = _made(orders[name], course)
                 if order is None:
                     ended = Happened("ended", name, reason)
-                    course.takes(ended, is_stopping=False)
+                    course.taken(ended, is_stopping=False)
                     hear(ended)
                     continue
                 place.begin(name, order)
                 hear(Happened("began", name))
             for event in place.events(POLL_SECONDS):
-                if course.takes(event, is_stopping=stopping() > 0):
-                    hear(event)
+                told = course.taken(event, is_stopping=stopping() > 0)
+                if told is not None:
+                    hear(told)
     except BackendError as error:  # what is finished has its table all the same
         course.failed |= dict.fromkeys([*sorted(course.under_way), *course.waiting], str(error))
         hear(Happened("told", reason=str(error)))
@@ -153,19 +154,19 @@ class _Course:
             self.under_way.add(name)
         return name
 
-    def takes(self, event: Happened, is_stopping: bool) -> bool:
-        """Take it in; whether it is worth telling: what was stopped did not fail."""
+    def taken(self, event: Happened, is_stopping: bool) -> Happened | None:
+        """What is told of it: None of what was stopped, which did not fail; that a run which is given up has ended."""
         if event.kind in ("ended", "lost"):
             self.under_way.discard(event.name)
         if event.kind == "lost":
             self.losses[event.name] += 1
             if self.losses[event.name] < MOST_LOSSES:
                 self.waiting.appendleft(event.name)
-            else:
-                self.failed[event.name] = f"{MOST_LOSSES} workers died with it; the last: {event.reason}"
+                return event
+            event = Happened("ended", event.name, f"{MOST_LOSSES} workers died with it; the last: {event.reason}")
         if event.kind != "ended" or event.reason is None:
-            return True
+            return event
         if is_stopping and event.reason.startswith(STOPPED):
-            return False
+            return None
         self.failed[event.name] = event.reason
-        return True
+        return event
