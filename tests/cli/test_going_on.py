@@ -19,6 +19,7 @@ from ringlight.files.ply import read_gaussian_ply, write_gaussian_ply
 from ringlight.files.tensor_file import read_tensors
 from ringlight.methods.store import load_model
 from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs import session
 from ringlight.runs.session import Session
 
 
@@ -164,6 +165,31 @@ def test_a_model_of_the_same_method_is_taken_whole(
     switch = {"3dgs": "color.active_degree", "ringlight-basis": "color.active_degree"}.get(method, "color.lit")
     after = read_tensors(run / "model.safetensors").tensors
     assert torch.equal(after[switch], expected[switch]), "what was on is not switched off"
+
+
+@pytest.mark.parametrize("part", ["write_checkpoint", "save_model"])
+def test_who_stops_the_first_checkpoint_hears_what_is_there(
+    part: str,
+    tiny: Path,
+    trained: dict[str, Path],
+    tmp_path: Path,
+    ringlight: Command,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    run = tmp_path / "run"
+    with monkeypatch.context() as patched:
+        patched.setattr(session, part, interrupt)
+        stopped = ringlight("train", tiny, "3dgs", "--from", trained["3dgs"], "--out", run, *SHORT)
+    assert stopped.code == 130
+    if part == "write_checkpoint":
+        assert "holds nothing to go on from: begin again with --out NEW" in stopped.err
+        refused(ringlight("train", "--resume", run, *QUIET), 1, run, "--out NEW")
+    else:
+        assert f"go on with: ringlight train --resume {run}" in stopped.err
+        assert ringlight("train", "--resume", run, *QUIET).code == 0
 
 
 @pytest.mark.parametrize(

@@ -132,10 +132,22 @@ def _start(arguments: list[str]) -> int:
             )  # fmt: skip
         except KeyboardInterrupt:
             line.wiped()
-            sys.stderr.write("ringlight: interrupted before the first step; the same command begins again\n")
+            sys.stderr.write(f"ringlight: interrupted before the first step; {_way_on(asked)}\n")
             raise Stopped(signal.SIGINT) from None
     _warn_of(start_without_effect(asked.options, recipe, session))
     return _train(session, asked.running)
+
+
+def _way_on(asked: TrainArguments) -> str:
+    """What goes on with a run that has done no step; it may have its folder already."""
+    from ringlight.runs.folder import RunFolder
+
+    folder = None if asked.out is None else RunFolder(asked.out)
+    if folder is None or not folder.recorded:
+        return "the same command begins again"
+    if asked.from_ is not None and not folder.checkpoints:  # without which nobody knows what it starts from
+        return f"{folder.path} holds nothing to go on from: begin again with --out NEW"
+    return f"go on with: {command('train', '--resume', folder.path)}"
 
 
 def _warn_of(sentences: list[str]) -> None:
