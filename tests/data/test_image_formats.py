@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 from deep_png import deep_png
 from heic_sample import HEIC
-from PIL import Image, features
+from PIL import ExifTags, Image, features
 from scene_folders import HEIGHT, WIDTH, write_blender
 
 from ringlight.data.deep_images import rounded
-from ringlight.data.image_files import decoded, read_header
+from ringlight.data.image_files import decoded, opened, read_header
 from ringlight.data.load import load_scene
+from ringlight.data.mask_files import MaskFile
 from ringlight.errors import SceneError
 
 HEIC_COLORS = [[(220, 200, 90), (40, 200, 90)], [(220, 60, 90), (40, 60, 90)]]
 """Of the quarters of that sample, rows first."""
+
+XMP = 700
+"""The tag of TIFF under which it lies."""
 
 RNG = np.random.default_rng(3)
 
@@ -27,14 +31,15 @@ def sixteen_bits(channels: int) -> np.ndarray:
     return RNG.integers(0, 65536, (HEIGHT, WIDTH, channels), dtype=np.uint16)
 
 
-def write_tiff(path: Path, values: np.ndarray, order: str, packed: bool) -> None:
+def write_tiff(path: Path, values: np.ndarray, order: str, packed: bool, orientation: int = 1) -> None:
     """One strip of 16-bit numbers in either byte order, stored or deflated."""
     height, width, channels = values.shape
     data = values.astype(f"{order}u2").tobytes()
     data = zlib.compress(data) if packed else data
     bits = struct.pack(f"{order}{channels}H", *[16] * channels)
     entries = [(256, 3, 1, width), (257, 3, 1, height), (258, 3, channels, None), (259, 3, 1, 8 if packed else 1)]
-    entries += [(262, 3, 1, 2 if channels > 1 else 1), (273, 4, 1, 8), (277, 3, 1, channels), (278, 3, 1, height)]
+    entries += [(262, 3, 1, 2 if channels > 1 else 1), (273, 4, 1, 8)]
+    entries += [(274, 3, 1, orientation), (277, 3, 1, channels), (278, 3, 1, height)]
     entries += [(279, 4, 1, len(data)), (284, 3, 1, 1)]
     entries += [(338, 3, 1, 2)] if channels == 4 else []  # the fourth is alpha, not premultiplied
     pad = data + b"\0" * (len(data) % 2)
@@ -90,6 +95,55 @@ def test_the_scene_says_that_it_rounds(tmp_path: Path):
     scene = load_scene(folder)
     assert "images: 16x12 pixels, 16 bits a channel rounded to 8, as they are" in scene.notes
     assert scene.train[1].load().shape == (HEIGHT, WIDTH, 4)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("compression", ["raw", "tiff_lzw"])
+@pytest.mark.parametrize("mode", ["L", "P", "RGB", "RGBA", "I;16"])
+def test_tiff_keeps_its_pixels_as_stored(tmp_path: Path, mode: str, compression: str, orientation: int):
+    values = RNG.integers(0, 256, (HEIGHT, WIDTH, 4), dtype=np.uint8)
+    if mode == "I;16":
+        stored = Image.fromarray(values[..., 0].astype(np.uint16) * 257)
+        expected = np.repeat(values[..., :1], 3, 2)
+    else:
+        stored = Image.fromarray(values[..., : 4 if mode == "RGBA" else 3]).convert(mode)
+        expected = np.asarray(stored.convert("RGBA" if mode == "RGBA" else "RGB"))
+    stored.save(tmp_path / "a.tif", compression=compression, tiffinfo={ExifTags.Base.Orientation: orientation})
+    header = read_header(tmp_path / "a.tif")
+    assert (header.width, header.height) == (WIDTH, HEIGHT)
+    np.testing.assert_array_equal(np.asarray(decoded(tmp_path / "a.tif")), expected)
+    with opened(tmp_path / "a.tif") as image:
+        assert image.getexif()[ExifTags.Base.Orientation] == orientation  # as who finds cameras wants to know
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("kind", ["<", ">", "<packed", ">packed"])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_deep_tiff_keeps_its_pixels_as_stored(tmp_path: Path, channels: int, kind: str, orientation: int):
+    values = sixteen_bits(channels)
+    write_tiff(tmp_path / "deep.tif", values, kind[0], "packed" in kind, orientation)
+    header = read_header(tmp_path / "deep.tif")
+    assert (header.width, header.height) == (WIDTH, HEIGHT)
+    expected = np.repeat(nearest(values), 3, 2) if channels == 1 else nearest(values)
+    np.testing.assert_array_equal(np.asarray(decoded(tmp_path / "deep.tif")), expected)
+
+
+def test_an_orientation_in_xmp_turns_no_tiff(tmp_path: Path):
+    values = RNG.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    xmp = b'<x:xmpmeta><rdf:Description tiff:Orientation="6"/></x:xmpmeta>'
+    Image.fromarray(values).save(tmp_path / "a.tif", tiffinfo={XMP: xmp})
+    np.testing.assert_array_equal(np.asarray(decoded(tmp_path / "a.tif")), values)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("compression", ["raw", "group4"])
+def test_a_mask_in_tiff_lies_as_it_is_stored(tmp_path: Path, compression: str, orientation: int):
+    kept = RNG.integers(0, 2, (HEIGHT, WIDTH)).astype(bool)
+    tags = {ExifTags.Base.Orientation: orientation}
+    Image.fromarray(kept).save(tmp_path / "m.tif", compression=compression, tiffinfo=tags)
+    mask = MaskFile(tmp_path / "m.tif")
+    mask.refuse_other_size(WIDTH, HEIGHT, "a.jpg")
+    np.testing.assert_array_equal(np.asarray(mask.alpha((WIDTH, HEIGHT))) > 0, kept)
 
 
 def test_numbers_that_are_no_colours_are_refused(tmp_path: Path):

@@ -48,10 +48,18 @@ def identified(path: Path) -> Image.Image:
         open_file, accepts = Image.OPEN[name]
         if accepts is None or accepts(beginning):
             try:
+                if name == "TIFF":
+                    return _tiff(path)
                 return open_file(str(path), str(path))  # type: ignore[arg-type]  # which opens and closes it
             except NOT_THIS_FORMAT:
                 continue
     raise UnidentifiedImageError
+
+
+def _tiff(path: Path) -> Image.Image:
+    from ringlight.data.stored_tiff import StoredTiff
+
+    return StoredTiff(str(path), str(path))
 
 
 def _of_media(path: Path, beginning: bytes) -> Image.Image:
