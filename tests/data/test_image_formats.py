@@ -12,8 +12,9 @@ from heic_sample import HEIC
 from PIL import ExifTags, Image, features
 from scene_folders import HEIGHT, WIDTH, write_blender
 
-from ringlight.data.deep_images import rounded
+from ringlight.data.deep_images import from_sixteen_bits, rounded
 from ringlight.data.image_files import decoded, opened, read_header
+from ringlight.data.image_formats import identified
 from ringlight.data.load import load_scene
 from ringlight.data.mask_files import MaskFile
 from ringlight.errors import SceneError
@@ -77,6 +78,19 @@ def test_sixteen_bits_are_rounded_not_cut(tmp_path: Path, channels: int, kind: s
     assert (header.width, header.height, header.has_alpha, header.is_deep) == (WIDTH, HEIGHT, channels == 4, True)
     expected = np.repeat(nearest(values), 3, 2) if channels == 1 else nearest(values)
     assert np.array_equal(np.asarray(decoded(path)), expected)
+
+
+def test_deep_colours_are_read_where_pillow_describes_files_by_plain_tuples(tmp_path: Path):
+    values, path = sixteen_bits(3), tmp_path / "deep.png"
+    path.write_bytes(deep_png(values))
+
+    def opened_by_an_older_pillow() -> Image.Image:
+        image = identified(path)
+        image.tile = [tuple(tile) for tile in image.tile]
+        return image
+
+    image = from_sixteen_bits(opened_by_an_older_pillow(), opened_by_an_older_pillow)
+    np.testing.assert_array_equal(np.asarray(image), nearest(values))
 
 
 def test_a_deep_image_that_is_cut_is_one_sentence(tmp_path: Path):

@@ -6,6 +6,7 @@ if its bytes stood in the other order, the same file gives the low ones.
 
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
@@ -57,7 +58,13 @@ def _turn_bytes(image: Image.Image) -> None:
     """Have the image decoded with the two bytes of each number exchanged."""
     is_little = (_stored(image) or "").endswith((";16L", ";16N") if sys.byteorder == "little" else ";16L")
     name = f"{image.mode}{';16B' if is_little else ';16L'}"
-    image.tile = [  # type: ignore[attr-defined]  # of all images that were opened from files
-        tile._replace(args=(name, *tile.args[1:]) if isinstance(tile.args, tuple) else name)
-        for tile in image.tile  # type: ignore[attr-defined]
-    ]
+    image.tile = [_stored_as(name, tile) for tile in image.tile]  # type: ignore[attr-defined]  # of opened files
+
+
+def _stored_as(name: str, tile: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The piece of a file with that name in the first of its arguments. Pillow before 11 has plain tuples of decoder,
+    extents, offset and arguments, and named ones since, whose names its decoding asks for."""
+    *place, arguments = tile
+    make = getattr(tile, "_make", tuple)
+    piece: tuple[Any, ...] = make((*place, (name, *arguments[1:]) if isinstance(arguments, tuple) else name))
+    return piece
