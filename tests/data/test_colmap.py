@@ -28,6 +28,7 @@ from scene_folders import (
 
 from ringlight.core.scene import Scene
 from ringlight.data.colmap_model import CAMERA_MODELS
+from ringlight.data.colmap_text import read_images
 from ringlight.data.load import load_scene
 from ringlight.data.options import SceneOptions
 from ringlight.errors import SceneError
@@ -426,6 +427,24 @@ def test_text_without_its_last_records_is_refused(tmp_path: Path):
     path.write_text("\n".join(path.read_text().split("\n")[:3]) + "\n")
     with pytest.raises(SceneError, match="says that it holds 6 records but holds 2"):
         load_scene(folder)
+
+
+@pytest.mark.parametrize("name", ["photo.png", "1 2.png", "my photo 1.png", "1 2 3.png"])
+def test_images_without_the_lines_of_their_observations_are_refused(tmp_path: Path, name: str):
+    """As a tool leaves them that drops empty lines; each other image would be taken for observations."""
+    pose = "1.0 0.0 0.0 0.0 0.0 0.0 4.0 7"
+    path = tmp_path / "images.txt"
+    path.write_text("".join(f"{index} {pose} {index}/{name}\n" for index in (1, 2, 3)))
+    with pytest.raises(SceneError, match=r"images\.txt, line 2: stands in place of the observations .*; put an empty line"):
+        read_images(path)
+    path.write_text("".join(f"{index} {pose} {index}/{name}\n\n" for index in (1, 2, 3)))
+    assert [image.name for image in read_images(path)] == [f"{index}/{name}" for index in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("line", ["", "  ", "\r", "1.5 2.5 -1", "1.5 2.5 1 3e2 4.5 18446744073709551615", "nan nan 7"])
+def test_observations_are_passed_over(tmp_path: Path, line: str):
+    (tmp_path / "images.txt").write_text(f"1 1 0 0 0 0 0 4 7 a.png\n{line}\n2 1 0 0 0 0 0 4 7 b.png\n")
+    assert [image.name for image in read_images(tmp_path / "images.txt")] == ["a.png", "b.png"]
 
 
 def observations(path: Path) -> dict[str, list[tuple[float, float, int]]]:

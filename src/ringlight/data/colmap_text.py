@@ -14,10 +14,15 @@ import numpy as np
 from ringlight.core.scene import PointCloud
 from ringlight.core.words import counted
 from ringlight.data.colmap_model import ColmapCamera, ColmapImage, cloud_of
-from ringlight.data.folder import read_bytes
+from ringlight.data.folder import MOST_SHOWN, read_bytes
 from ringlight.errors import SceneError
 
 STATED_COUNT = re.compile(r"^#\s*Number of (?:cameras|images|points):\s*(\d{1,18})\b", re.MULTILINE)
+
+OBSERVATION_WORDS = 3
+"""x, y in pixels, point id."""
+
+EMPTY_LINES = "put an empty line after that of each image without observations, or export the file again"
 
 Record = TypeVar("Record")
 
@@ -29,7 +34,7 @@ def read_cameras(path: Path) -> dict[int, ColmapCamera]:
 
 def read_images(path: Path) -> list[ColmapImage]:
     """Registered images, without their observations; SceneError where a line cannot be read."""
-    return _records(path, _image, lines_each=2)
+    return _records(path, _image, has_observations=True)
 
 
 def read_points(path: Path) -> PointCloud:
@@ -57,27 +62,45 @@ def _point(line: str) -> tuple[float, ...]:
     return tuple(float(word) for word in words[1:7])
 
 
-def _records(path: Path, parse: Callable[[str], Record], lines_each: int = 1) -> list[Record]:
-    """Every record's first line, parsed; the lines after it (observations, which may be empty) are passed over."""
+def _records(path: Path, parse: Callable[[str], Record], has_observations: bool = False) -> list[Record]:
+    """Every record's line, parsed; the line after each is passed over where it lists observations, or none."""
     try:
         text = read_bytes(path).decode()
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not a text file in UTF-8; copy or export the file again") from error
     records: list[Record] = []
-    pass_over = 0
+    passes_over = False
     for number, line in enumerate(text.split("\n"), start=1):
-        if pass_over:
-            pass_over -= 1
+        if passes_over:
+            passes_over = False
+            if not _lists_observations(line):
+                problem = "stands in place of the observations of the image before"
+                raise _refusal(path, number, line, problem, EMPTY_LINES)
         elif line.strip() and not line.startswith("#"):
             try:
                 records.append(parse(line))
             except (ValueError, OverflowError) as error:
-                where, shown = f"{path}, line {number}", line[:60].strip()
-                raise SceneError(f"{where}: cannot be read ({shown!r}); copy or export the file again") from error
-            pass_over = lines_each - 1
+                raise _refusal(path, number, line, "cannot be read", "copy or export the file again") from error
+            passes_over = has_observations
     stated = STATED_COUNT.search(text)
     if stated is not None and int(stated[1]) != len(records):
         raise SceneError(
             f"{path}: says that it holds {counted(int(stated[1]), 'record')} but holds {len(records)}; copy it again"
         )
     return records
+
+
+def _refusal(path: Path, number: int, line: str, problem: str, remedy: str) -> SceneError:
+    return SceneError(f"{path}, line {number}: {problem} ({line[:MOST_SHOWN].strip()!r}); {remedy}")
+
+
+def _lists_observations(line: str) -> bool:
+    """Whether it holds x, y and point id, any number of times. An image's line may have as many words, but those of its
+    name are not all numbers: photographs have a suffix."""
+    words = line.split()
+    try:
+        for word in words:
+            float(word)
+    except ValueError:
+        return False
+    return len(words) % OBSERVATION_WORDS == 0
