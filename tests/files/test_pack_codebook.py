@@ -5,9 +5,16 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ringlight.files.pack_codebook import pack_codebook, pack_codebook8, unpack_codebook, unpack_codebook8
+from ringlight.errors import ModelFileError
+from ringlight.files.pack_codebook import (
+    WIDEST_ROW,
+    pack_codebook,
+    pack_codebook8,
+    unpack_codebook,
+    unpack_codebook8,
+)
 from ringlight.files.pack_numbers import LARGEST_HALF
-from ringlight.files.packed import pack_exactly, unpack_tensors
+from ringlight.files.packed import Packed, pack_exactly, pack_tensors, unpack_tensors
 
 PLAN = (("columns.sh_rest", "codebook"), ("columns.*", "half"))
 
@@ -54,12 +61,46 @@ def test_a_shared_row_takes_two_bytes_and_a_bit():
         ("shared", torch.zeros(9, dtype=torch.uint8)),
         ("own", torch.zeros(80, 7, 3, dtype=torch.float16)),
         ("book", torch.zeros(5, 8, 3)),
+        ("book", torch.tensor(0.0, dtype=torch.float16)),
+        ("own", torch.tensor(0.0, dtype=torch.float16)),
     ],
 )
 def test_other_parts_are_refused(name: str, damage: torch.Tensor):
     parts = pack_codebook(rows(4000, 5, 80))
     with pytest.raises(ValueError, match=r"."):
         unpack_codebook(parts | {name: damage})
+
+
+def test_rows_without_dimensions_are_refused():
+    alone = torch.tensor(0.0, dtype=torch.float16)
+    with pytest.raises(ValueError, match="no rows, or rows of more than 64 numbers"):
+        unpack_codebook(pack_codebook(rows(4000, 5, 80)) | {"book": alone, "own": alone})
+
+
+@pytest.mark.parametrize(("kind", "packing"), [(torch.float16, "codebook"), (torch.uint8, "codebook8")])
+def test_few_bytes_that_announce_terabytes_are_refused_before_any_is_asked_for(kind: torch.dtype, packing: str):
+    """220,000 rows of a codebook of one row, as wide as half a megabyte allows."""
+    width, count = 250_000, 220_000
+    parts = {
+        "book": torch.zeros(1, width, dtype=kind),
+        "codes": torch.zeros(count, 2, dtype=torch.uint8),
+        "shared": torch.full((count // 8,), 255, dtype=torch.uint8),
+        "own": torch.zeros(0, width, dtype=kind),
+        "exponents": torch.zeros(width, dtype=torch.uint8),
+    }
+    packed = Packed({f"columns.sh_rest:{name}": part for name, part in parts.items()}, {"columns.sh_rest": packing})
+    with pytest.raises(
+        ModelFileError, match=rf"'columns\.sh_rest' does not fit its packing {packing} \(no rows, or rows of"
+    ):
+        unpack_tensors(packed)
+
+
+def test_rows_that_could_not_be_read_again_are_kept():
+    wide = {"columns.sh_rest": torch.zeros(3, WIDEST_ROW + 1)}
+    assert pack_tensors(wide, PLAN).packing == {}
+    widest = {"columns.sh_rest": torch.ones(3, WIDEST_ROW)}
+    assert pack_tensors(widest, PLAN).packing == {"columns.sh_rest": "codebook"}
+    assert torch.equal(unpack_tensors(pack_tensors(widest, PLAN))["columns.sh_rest"], widest["columns.sh_rest"])
 
 
 def test_only_what_loses_nothing_is_packed():

@@ -4,6 +4,8 @@ What vector quantisation leaves behind: rows of a codebook, and rows that were l
 LightGaussian, Fan et al. 2023, section 3.4, finds these). The packing asks nobody which rows are which.
 """
 
+import math
+
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
@@ -15,6 +17,10 @@ CODE_BYTES = 2
 
 MOST_CODES = 1 << BYTE * CODE_BYTES
 
+WIDEST_ROW = 64
+"""Numbers of a row: harmonics of degree 3 in three colours have 45. A file has two bytes and a bit for a row of the
+codebook, so that this bounds what it becomes: 121 times its bytes, as float32."""
+
 ZERO = 128
 """Of the signed numbers that a byte holds."""
 
@@ -23,7 +29,8 @@ LEAST_EXPONENT, MOST_EXPONENT = -24, 9
 
 
 def pack_codebook(values: Float[Tensor, "N *column"]) -> Parts:
-    """Half floats: relative error up to 2^-11; |values| up to LARGEST_HALF. The codebook is in ascending order."""
+    """Half floats: relative error up to 2^-11; |values| up to LARGEST_HALF. The codebook is in ascending order. Rows
+    are of WIDEST_ROW numbers at most, of others nothing comes back."""
     return _parts_of(values.half())
 
 
@@ -76,6 +83,8 @@ def _rows_of(parts: Parts, kind: torch.dtype) -> Tensor:
     """Inverse of :func:`_parts_of`."""
     book, own = part(parts, "book", kind), part(parts, "own", kind)
     codes, bits = part(parts, "codes", torch.uint8, 2), part(parts, "shared", torch.uint8, 1)
+    if not (book.dim() and own.dim()) or math.prod(own.shape[1:]) > WIDEST_ROW:
+        raise ValueError(f"no rows, or rows of more than {WIDEST_ROW} numbers")
     count = len(codes) + len(own)
     if book.shape[1:] != own.shape[1:] or codes.shape[1] != CODE_BYTES or len(bits) != -(-count // BYTE):
         raise ValueError("codebook, codes and other rows of different shapes")

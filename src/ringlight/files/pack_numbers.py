@@ -1,8 +1,9 @@
 """Numbers in fewer bytes: half floats, rows of bytes with a scale, fixed point over a column's range, shares in 8 bit.
 
 A packing turns a float32 tensor into *parts*, small named tensors, and back. What comes back has the shape of what went
-in; the shape is that of the codes, so that a file cannot announce more memory than it holds bytes. Unpacking parts that
-no packing wrote raises KeyError or ValueError.
+in; the shape is that of the codes, so that a file cannot announce more memory than a few times its bytes. Rows of a
+codebook (``pack_codebook.py``) may take more, and are bounded by their width. Unpacking parts that no packing wrote
+raises KeyError or ValueError.
 """
 
 import math

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ringlight.files.pack_codebook import WIDEST_ROW
 from ringlight.files.pack_numbers import LARGEST_HALF
 
 CODEBOOKS = ("codebook", "codebook8")
@@ -89,7 +90,7 @@ def chosen_packing(name: str, tensor: Tensor, log_scales: Tensor | None, pattern
     plan = next((packing for pattern, packing in patterns if fnmatchcase(name, pattern)), None)
     if plan == "rows8" and tensor.numel() < FEWEST_ROWS8:
         plan = "half" if tensor.numel() >= FEWEST_PACKED else None
-    if plan in CODEBOOKS and not tensor.numel():
+    if plan in CODEBOOKS and not 0 < tensor.numel() <= WIDEST_ROW * len(tensor):
         return None
     if plan in HALVES and tensor.numel() and tensor.abs().amax() > LARGEST_HALF:
         return None
