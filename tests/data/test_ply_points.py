@@ -1,6 +1,7 @@
 """PLY points: every encoding gives the same cloud, and damage is one sentence."""
 
 import struct
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,19 @@ def test_colours_may_be_floats_or_missing(tmp_path: Path):
     lines = ["ply", "format ascii 1.0", "element vertex 1", *(f"property float {a}" for a in "xyz"), "end_header"]
     path.write_text("\n".join([*lines, "1 2 3"]))
     assert read_ply_points(path).colors.tolist() == [[0.5, 0.5, 0.5]]
+
+
+def test_a_long_word_takes_no_more_memory_than_its_own(tmp_path: Path):
+    path, rows = tmp_path / "points.ply", 100
+    lines = [f"0.5{'0' * 100_000} 2 3 0 1 2 3", *["4 5 6 0 1 2 3"] * (rows - 1)]
+    path.write_text(header("ascii", rows) + "\n".join(lines))
+    tracemalloc.start()
+    try:
+        positions = read_ply_points(path).positions
+        assert tracemalloc.get_traced_memory()[1] < 10 * path.stat().st_size
+    finally:
+        tracemalloc.stop()
+    assert positions[:2].tolist() == [[0.5, 2, 3], [4, 5, 6]]
 
 
 def test_positions_that_are_not_finite_are_left_out(tmp_path: Path):

@@ -97,7 +97,8 @@ def _ascii_columns(data: bytes, header: Header, path: Path) -> dict[str, np.ndar
     if needed > len(words):
         raise SceneError(f"{path}: promises {header.count} vertices and ends before; copy the file again")
     try:
-        table = np.array(words[:needed], dtype="S").astype(np.float64).reshape(header.count, len(names))
+        # One by one: an array of the words would give each the width of the longest, which a stranger may choose.
+        table = np.fromiter(map(float, words[:needed]), np.float64, needed).reshape(header.count, len(names))
     except ValueError as error:
         raise SceneError(f"{path}: a vertex is not made of numbers; export the points again") from error
     return dict(zip(names, table.T, strict=True))
