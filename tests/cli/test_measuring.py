@@ -116,7 +116,7 @@ def test_numbers_are_shown_where_they_cannot_be_kept(
     before = snapshot(run)
 
     def refuses(path: Path, *content: object) -> None:
-        raise OutputError(f"{path}: cannot be written: permission is denied; choose a folder you may write to")
+        raise OutputError(f"{path}: cannot be written: permission is denied; choose a folder you may read and write")
 
     monkeypatch.setattr(module, "write_text" if module is finish else "save_image", refuses)
     done = ringlight("eval", run, "--lpips", "--quiet", "--json")

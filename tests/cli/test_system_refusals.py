@@ -47,7 +47,9 @@ def test_links_in_a_circle(tmp_path: Path, ringlight: Command, monkeypatch: pyte
         (errno.EISDIR, "name a file"),
         (errno.EFBIG, "largest size"),
         (errno.EMFILE, "ulimit -n"),
-        (errno.ENOSPC, "--out"),
+        (errno.ENOSPC, "free some space, or choose another place"),
+        (errno.EACCES, "change its permissions, or choose another place"),
+        (errno.EROFS, "choose another place"),
     ],
 )
 def test_each_number_has_its_remedy(number: int, remedy: str) -> None:
@@ -55,6 +57,7 @@ def test_each_number_has_its_remedy(number: int, remedy: str) -> None:
     assert sentence is not None
     assert sentence.startswith(f"place: {os.strerror(number)}; ")
     assert remedy in sentence
+    assert "--out" not in sentence, "export takes its file as a word, and others too"
 
 
 def test_too_many_files_are_not_blamed_on_standard_output() -> None:

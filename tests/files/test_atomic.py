@@ -3,6 +3,7 @@
 import errno
 import os
 import resource
+import stat
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -115,8 +116,80 @@ def test_a_folder_that_may_not_be_written_is_refused_before_long_work(tmp_path: 
         raise OSError(errno.EACCES, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "touch", refused)
-    with pytest.raises(OutputError, match="permission is denied; choose a folder you may write to"):
+    with pytest.raises(OutputError, match="permission is denied; choose a folder you may read and write"):
         refuse_existing(tmp_path / "x.ply", overwrite=False)
+
+
+WRITERS = (partial(write_text, text="new"), partial(refuse_existing, overwrite=True))
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_a_name_that_no_disk_takes_is_one_sentence(tmp_path: Path, write: Callable[[Path], None]) -> None:
+    with pytest.raises(OutputError, match="a: cannot be written: its name is too long for this disk; choose a shorter"):
+        write(tmp_path / ("a" * 300))
+    assert names_in(tmp_path) == []
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_links_in_a_circle_are_one_sentence(tmp_path: Path, write: Callable[[Path], None]) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OutputError, match=r"loop: cannot be written: .*; choose another path"):
+        write(tmp_path / "loop")
+    assert (tmp_path / "loop").is_symlink()
+
+
+@pytest.mark.parametrize("write", WRITERS)
+@pytest.mark.parametrize(
+    ("code", "remedy"),
+    [(errno.ESTALE, "mount it again"), (errno.EIO, "mount it again"), (errno.EACCES, "choose a folder you may read")],
+)
+def test_a_disk_that_tells_nothing_of_a_file_is_one_sentence(
+    tmp_path: Path, code: int, remedy: str, write: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(path: Path, **_: object) -> os.stat_result:
+        raise OSError(code, os.strerror(code), str(path))
+
+    with monkeypatch.context() as lost:
+        lost.setattr(Path, "stat", gone)
+        with pytest.raises(OutputError, match=rf"a\.txt: cannot be written: .*{remedy}"):
+            write(tmp_path / "a.txt")
+    assert names_in(tmp_path) == []
+
+
+def failing_on_folders(call: Callable, code: int) -> Callable:
+    """The call, which fails for a folder, be it named or open."""
+
+    def failing(what: object, *others: object) -> object:
+        if stat.S_ISDIR(os.fstat(what).st_mode) if isinstance(what, int) else Path(str(what)).is_dir():
+            raise OSError(code, os.strerror(code))
+        return call(what, *others)
+
+    return failing
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_a_folder_that_may_not_be_read_is_refused_before_a_file_is_replaced(
+    tmp_path: Path, write: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.txt").write_text("old")
+    with monkeypatch.context() as unreadable:
+        unreadable.setattr(os, "open", failing_on_folders(os.open, errno.EACCES))
+        with pytest.raises(OutputError, match="permission is denied; choose a folder you may read and write"):
+            write(tmp_path / "a.txt")
+    assert (tmp_path / "a.txt").read_text() == "old"
+    assert names_in(tmp_path) == ["a.txt"]
+
+
+@pytest.mark.parametrize("code", [errno.EINVAL, errno.ENOTSUP])
+def test_a_folder_that_knows_no_flushing_takes_files(
+    tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "fsync", failing_on_folders(os.fsync, code))
+    write_text(tmp_path / "a.txt", "new")
+    refuse_existing(tmp_path / "b.txt", overwrite=False)
+    assert (tmp_path / "a.txt").read_text() == "new"
+    with pytest.raises(OutputError, match="cannot be written"):  # a failure of the block is none of the folder's
+        write_atomically(tmp_path / "a.txt", failing_with(OSError(code, os.strerror(code))))
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="a folder that takes no files, whoever asks, is Linux's")

@@ -4,13 +4,17 @@ import errno
 
 from ringlight.core.lost_disk import LOST_DISK, MOUNT_AGAIN
 
-ANOTHER_PLACE = "choose another place with --out"
+ANOTHER_PLACE = "choose another place"
+"""Some commands take it as a word, others by a flag, and this is not told which one asks."""
+
+FREE_SPACE = f"free some space, or {ANOTHER_PLACE}"
+PERMISSIONS = f"change its permissions, or {ANOTHER_PLACE}"
 
 REMEDIES = {
-    errno.ENOSPC: ANOTHER_PLACE,
-    errno.EDQUOT: ANOTHER_PLACE,
-    errno.EACCES: ANOTHER_PLACE,
-    errno.EPERM: ANOTHER_PLACE,
+    errno.ENOSPC: FREE_SPACE,
+    errno.EDQUOT: FREE_SPACE,
+    errno.EACCES: PERMISSIONS,
+    errno.EPERM: PERMISSIONS,
     errno.EROFS: ANOTHER_PLACE,
     errno.EFBIG: f"raise the largest size allowed for a file, or {ANOTHER_PLACE}",
     errno.ENAMETOOLONG: "give a shorter name",

@@ -3,8 +3,9 @@
 import errno
 import os
 import secrets
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,14 +16,17 @@ REMEDIES = {
     errno.ENOSPC: "no space is left on the disk; free some or choose another folder",
     errno.EDQUOT: "your disk quota is used up; free some space or choose another folder",
     errno.EFBIG: "the file would exceed the largest size allowed here; raise that limit or choose another folder",
-    errno.EACCES: "permission is denied; choose a folder you may write to",
-    errno.EPERM: "permission is denied; choose a folder you may write to",
+    errno.EACCES: "permission is denied; choose a folder you may read and write",
+    errno.EPERM: "permission is denied; choose a folder you may read and write",
     errno.EROFS: "the disk is read-only; choose another folder",
     errno.ENOENT: "its folder does not exist; create it first",
     errno.ENOTDIR: "part of its path is a file, not a folder; choose another path",
     errno.ENAMETOOLONG: "its name is too long for this disk; choose a shorter one",
 }
 """What the user can do about the usual failures, by error number."""
+
+NOT_FLUSHED = frozenset([errno.EINVAL, errno.ENOTSUP])
+"""What file systems say whose folders know no flushing; they keep names in their own way."""
 
 BEGUN, HALF_DONE = ".ringlight-", ".part"
 """How temporary names begin and end."""
@@ -34,23 +38,23 @@ def written_atomically(path: Path, flushed: bool = True) -> Iterator[BinaryIO]:
 
     The bytes go to a temporary name in the same folder (a rename never crosses disks), and both the file and
     the folder are ``flushed`` to the disk. After any failure, an interrupt included, the temporary file is gone and
-    an old file under ``path`` is as it was. A symbolic link is followed. Raises OutputError.
+    an old file under ``path`` is as it was; unless the disk fails at the very last, when it is to keep the new name. A
+    symbolic link is followed. Raises OutputError.
     """
     target = Path(os.path.realpath(path))
-    _refuse_what_is_no_file(path, target)
-    temporary = _temporary(target)
     try:
-        try:
-            with temporary.open("xb") as file:
-                yield file
-                if flushed:
-                    file.flush()
-                    os.fsync(file.fileno())
-            temporary.replace(target)
-            if flushed:
-                flush_folder(target.parent)
-        finally:
-            temporary.unlink(missing_ok=True)
+        _refuse_what_is_no_file(path, target)
+        temporary = _temporary(target)
+        with flushed_names(target.parent) if flushed else nullcontext():
+            try:
+                with temporary.open("xb") as file:
+                    yield file
+                    if flushed:
+                        file.flush()
+                        os.fsync(file.fileno())
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {_reason(error, target.parent)}") from error
 
@@ -72,14 +76,15 @@ def write_text(path: Path, text: str) -> None:
 def refuse_existing(path: Path, overwrite: bool) -> None:
     """Raises OutputError for a file that exists and may not be replaced, or whose folder does not exist or takes no
     files, which is tried; for those who work long before they write."""
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
     target = Path(os.path.realpath(path))
-    _refuse_what_is_no_file(path, target)
-    trial = _temporary(target)
     try:
-        trial.touch(exist_ok=False)
-        trial.unlink()
+        if path.exists() and not overwrite:
+            raise OutputError(f"{path}: exists already; give another name, or --overwrite to replace it")
+        _refuse_what_is_no_file(path, target)
+        trial = _temporary(target)
+        with flushed_names(target.parent):
+            trial.touch(exist_ok=False)
+            trial.unlink()
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {_reason(error, target.parent)}") from error
 
@@ -89,10 +94,15 @@ def _temporary(target: Path) -> Path:
 
 
 def _refuse_what_is_no_file(path: Path, target: Path) -> None:
-    """A rename would replace a device by a file, and fails over a folder after all the work is done."""
-    if target.is_dir():
+    """A rename would replace a device by a file, and fails over a folder after all the work is done. Raises OSError for
+    a name that no file can have, or of which the disk says nothing."""
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return
+    if stat.S_ISDIR(mode):
         raise OutputError(f"{path}: cannot be written: it is a folder; name a file inside it")
-    if target.exists() and not target.is_file():
+    if not stat.S_ISREG(mode):
         raise OutputError(f"{path}: cannot be written: it is not a regular file; name a file")
 
 
@@ -103,12 +113,20 @@ def sweep(folder: Path) -> None:
             path.unlink()
 
 
-def flush_folder(folder: Path) -> None:
-    """Make renames survive a power cut; Windows cannot open folders and needs no such call."""
+@contextmanager
+def flushed_names(folder: Path) -> Iterator[None]:
+    """Make renames in the block survive a power cut. Raises OSError before it where the folder cannot be opened, which
+    takes the right to read it; Windows cannot open folders and needs no such call."""
     if os.name == "nt":
+        yield
         return
     handle = os.open(folder, os.O_RDONLY)
     try:
-        os.fsync(handle)
+        yield
+        try:
+            os.fsync(handle)
+        except OSError as error:
+            if error.errno not in NOT_FLUSHED:
+                raise
     finally:
         os.close(handle)

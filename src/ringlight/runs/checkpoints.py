@@ -7,7 +7,7 @@ from torch import Tensor
 
 from ringlight.core.lost_disk import what_helps
 from ringlight.errors import ModelFileError, OutputError, RunError
-from ringlight.files.atomic import flush_folder
+from ringlight.files.atomic import flushed_names
 from ringlight.files.tensor_file import TensorFile, read_tensors, write_tensors
 from ringlight.files.tensor_header import REMEDY
 from ringlight.fit.guard import good_state
@@ -42,10 +42,10 @@ def write_checkpoint(folder: RunFolder, state: Mapping[str, Tensor], facts: Mapp
     fresh = folder.path / FRESH_NAME
     write_tensors(fresh, state, facts)
     try:
-        if folder.checkpoint.exists():
-            folder.checkpoint.replace(folder.path / EARLIER_NAME)
-        fresh.replace(folder.checkpoint)
-        flush_folder(folder.path)
+        with flushed_names(folder.path):
+            if folder.checkpoint.exists():
+                folder.checkpoint.replace(folder.path / EARLIER_NAME)
+            fresh.replace(folder.checkpoint)
     except OSError as error:
         choose = what_helps(error, "choose another folder")
         raise OutputError(f"{folder.checkpoint}: cannot be written: {error.strerror}; {choose}") from error
