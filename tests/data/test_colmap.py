@@ -435,7 +435,9 @@ def test_images_without_the_lines_of_their_observations_are_refused(tmp_path: Pa
     pose = "1.0 0.0 0.0 0.0 0.0 0.0 4.0 7"
     path = tmp_path / "images.txt"
     path.write_text("".join(f"{index} {pose} {index}/{name}\n" for index in (1, 2, 3)))
-    with pytest.raises(SceneError, match=r"images\.txt, line 2: stands in place of the observations .*; put an empty line"):
+    with pytest.raises(
+        SceneError, match=r"images\.txt, line 2: stands in place of the observations .*; put an empty line"
+    ):
         read_images(path)
     path.write_text("".join(f"{index} {pose} {index}/{name}\n\n" for index in (1, 2, 3)))
     assert [image.name for image in read_images(path)] == [f"{index}/{name}" for index in (1, 2, 3)]

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from ringlight.core.words import counted
-from ringlight.data.folder import IMAGE_SUFFIXES, file_inside, shown
+from ringlight.data.folder import IMAGE_SUFFIXES, first_inside, shown
 from ringlight.data.frame import Frame
 from ringlight.data.mask_files import MaskFile
 from ringlight.data.options import FOUND, UNUSED, ReadingOptions
@@ -96,8 +96,7 @@ def _of_folder(frames: Sequence[Frame], place: Path) -> list[Path | None]:
 
 def _mask_called(place: Path, name: str) -> Path | None:
     stem = name.rpartition(".")[0] or name
-    candidates = (f"{name}.png", name, *(stem + suffix for suffix in IMAGE_SUFFIXES))
-    return next((path for one in candidates if (path := file_inside(place, one, str(place)))), None)
+    return first_inside(place, [f"{name}.png", name, *(stem + suffix for suffix in IMAGE_SUFFIXES)], str(place))
 
 
 def _none_found(place: Path | None, folder: Path, frames: Sequence[Frame], options: ReadingOptions) -> tuple[str, ...]:

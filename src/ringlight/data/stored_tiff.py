@@ -1,5 +1,5 @@
-"""TIFF with its pixels as they lie in the file. Pillow turns or mirrors those of a TIFF by its EXIF orientation while it
-decodes, as it does for no other format; and while it maps uncompressed grey into memory it confuses the sides."""
+"""TIFF with its pixels as they lie in the file. Pillow turns or mirrors those of a TIFF by its EXIF orientation when it
+decodes, as it does for no other format; and where it maps uncompressed grey into memory it confuses the sides."""
 
 from PIL import ExifTags
 from PIL.TiffImagePlugin import IMAGELENGTH, IMAGEWIDTH, TiffImageFile
