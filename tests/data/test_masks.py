@@ -144,6 +144,22 @@ def test_a_mask_outside_the_folder_is_refused(tmp_path: Path):
         load_scene(write_nerfstudio(tmp_path / "scene", document))
 
 
+@pytest.mark.parametrize("name", ["../secret.png", "dangling.png", "a\0b", "x" * 300, "missing.png"])
+def test_masks_of_the_scene_that_cannot_be_do_no_harm_where_others_or_none_are_wanted(tmp_path: Path, name: str):
+    document, folder = nerfstudio_document(), tmp_path / "scene"
+    document["frames"][2]["mask_path"] = name
+    write_nerfstudio(folder, document)
+    (folder / "dangling.png").symlink_to("gone.png")
+    for index in range(9):
+        write_mask(folder / "own" / f"{index:04d}.png")
+    with pytest.raises(SceneError, match=r"images/0002\.png"):
+        load_scene(folder)
+    bare = load_scene(folder, SceneOptions(masks="none"))
+    assert not bare.train[0].has_alpha
+    assert "masks: those of the scene are not used, as --masks none asks" in bare.notes
+    assert_masked(load_scene(folder, SceneOptions(masks="own")))
+
+
 @pytest.mark.parametrize("inside", [True, False])
 def test_any_scene_takes_a_folder_of_masks(tmp_path: Path, inside: bool, monkeypatch: pytest.MonkeyPatch):
     scene = write_blender(tmp_path / "scene", mode="RGB")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ringlight.core.camera import Camera
 from ringlight.data.image_files import ImageHeader
-from ringlight.data.mask_files import MaskFile
+from ringlight.data.mask_files import MaskFile, NamedMask
 from ringlight.data.undistort import Undistortion
 
 
@@ -13,7 +13,7 @@ from ringlight.data.undistort import Undistortion
 class Frame:
     """One image file and its camera. ``name`` is the path below the images' folder, with slashes; the camera has the
     size of the file, or of the picture that ``undistortion`` makes of it; ``mask`` becomes its alpha, where there is
-    one."""
+    one; ``named_mask`` is what the scene says of it, and becomes ``mask`` where masks of the scene are wanted."""
 
     name: str
     path: Path
@@ -21,6 +21,7 @@ class Frame:
     header: ImageHeader
     mask: MaskFile | None = None
     undistortion: Undistortion | None = None
+    named_mask: NamedMask | None = None
 
     @property
     def has_alpha(self) -> bool:

@@ -49,12 +49,10 @@ def with_masks(frames: Sequence[Frame], folder: Path, options: ReadingOptions) -
     """
     place = _folder(folder, options)
     if options.masks == UNUSED:
-        bare = [replace(frame, mask=None) for frame in frames]
-        has_some = place is not None or any(frame.mask for frame in frames)
-        return Masked(bare, ("masks: those of the scene are not used, as --masks none asks",) * has_some)
-    named = options.masks == FOUND and any(frame.mask for frame in frames)
-    if named:
-        masks, label = [frame.mask.path if frame.mask else None for frame in frames], "mask_path"
+        has_some = place is not None or any(frame.named_mask for frame in frames)
+        return Masked(list(frames), ("masks: those of the scene are not used, as --masks none asks",) * has_some)
+    if options.masks == FOUND and any(frame.named_mask for frame in frames):
+        masks, label = [frame.named_mask.path() if frame.named_mask else None for frame in frames], "mask_path"
     elif place is not None:
         masks, label = _of_folder(frames, place), f"{_below(place, folder)}/"
     else:

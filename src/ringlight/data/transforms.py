@@ -13,7 +13,7 @@ from ringlight.data.image_files import ImageHeader, read_header
 from ringlight.data.intrinsics import COEFFICIENTS, Intrinsics, checked_intrinsics, checked_lens
 from ringlight.data.json_fields import Fields, number, pose_matrix, text
 from ringlight.data.lens import Lens
-from ringlight.data.mask_files import MaskFile
+from ringlight.data.mask_files import NamedMask
 from ringlight.data.poses import camera_of, world_to_camera_from_opengl
 from ringlight.data.undistort import undistortion_of
 from ringlight.errors import SceneError
@@ -69,14 +69,13 @@ def _frame(fields: Fields, path: Path, base: Path, where: str) -> Frame:
     undistortion = undistortion_of(photographed, where)
     camera = camera_of(pose, undistortion.pinhole if undistortion else photographed)
     name = path.relative_to(base.resolve()).as_posix()
-    return Frame(name, path, camera, header, _mask(fields, base, where), undistortion)
+    return Frame(name, path, camera, header, undistortion=undistortion, named_mask=_mask(fields, base, where))
 
 
-def _mask(fields: Fields, base: Path, where: str) -> MaskFile | None:
-    """nerfstudio's ``mask_path``, null where the frame has none; a file that is missing is refused where masks are
-    wanted."""
+def _mask(fields: Fields, base: Path, where: str) -> NamedMask | None:
+    """nerfstudio's ``mask_path``, null where the frame has none."""
     name = None if fields.get("mask_path") is None else text(fields, "mask_path", where)
-    return None if name is None else MaskFile(image_inside(base, name, where) or base / name)
+    return None if name is None else NamedMask(base, name, where)
 
 
 def read_intrinsics(fields: Fields, header: ImageHeader, where: str) -> Intrinsics:
