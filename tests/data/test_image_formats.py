@@ -93,6 +93,19 @@ def test_deep_colours_are_read_where_pillow_describes_files_by_plain_tuples(tmp_
     np.testing.assert_array_equal(np.asarray(image), nearest(values))
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_deep_colour_may_be_transparent(tmp_path: Path, channels: int):
+    values = sixteen_bits(channels)
+    values[2, 3:7] = values[5, 5]
+    values[0, 0] = values[5, 5] ^ 1  # the same once it is rounded
+    (tmp_path / "deep.png").write_bytes(deep_png(values, transparent=values[5, 5]))
+    assert read_header(tmp_path / "deep.png").has_alpha
+    pixels = np.asarray(decoded(tmp_path / "deep.png"))
+    np.testing.assert_array_equal(pixels[..., 3] == 0, (values == values[5, 5]).all(-1))
+    assert set(np.unique(pixels[..., 3])) == {0, 255}
+    np.testing.assert_array_equal(pixels[..., :3], np.broadcast_to(nearest(values), (HEIGHT, WIDTH, 3)))
+
+
 def test_a_deep_image_that_is_cut_is_one_sentence(tmp_path: Path):
     (tmp_path / "deep.png").write_bytes(deep_png(sixteen_bits(3)))
     whole = (tmp_path / "deep.png").read_bytes()
@@ -158,6 +171,22 @@ def test_a_mask_in_tiff_lies_as_it_is_stored(tmp_path: Path, compression: str, o
     mask = MaskFile(tmp_path / "m.tif")
     mask.refuse_other_size(WIDTH, HEIGHT, "a.jpg")
     np.testing.assert_array_equal(np.asarray(mask.alpha((WIDTH, HEIGHT))) > 0, kept)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("largest", [0, 1, 2, 65535])
+@pytest.mark.parametrize("name", ["m.png", "m.tif"])
+def test_a_deep_mask_of_labels_is_black_and_white(tmp_path: Path, name: str, largest: int, channels: int):
+    kept = RNG.integers(0, 2, (HEIGHT, WIDTH)).astype(bool)
+    values = np.repeat(kept[..., None] * np.uint16(largest), channels, 2)
+    values[..., 3:] = 65535
+    if name == "m.png":
+        (tmp_path / name).write_bytes(deep_png(values))
+    else:
+        write_tiff(tmp_path / name, values, "<", packed=False)
+    expected = kept * 255 if largest in (1, 65535) else np.zeros_like(kept)
+    np.testing.assert_array_equal(np.asarray(MaskFile(tmp_path / name).alpha((WIDTH, HEIGHT))), expected)
+    assert not largest or largest > 2 or not np.asarray(decoded(tmp_path / name))[..., :3].any()
 
 
 def test_numbers_that_are_no_colours_are_refused(tmp_path: Path):

@@ -9,8 +9,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Bool, UInt8
 from PIL import Image
+
+Bytes = UInt8[np.ndarray, "H W C"]
+
+OPAQUE = 255
 
 DEEP_GREY = ("I;16", "I;16B", "I;16L", "I;16N")
 """Pillow's modes of 16-bit grey."""
@@ -24,14 +28,43 @@ def is_deep(image: Image.Image) -> bool:
     return image.mode in DEEP_GREY or (image.mode in ("RGB", "RGBA") and _stored(image) is not None)
 
 
-def from_sixteen_bits(image: Image.Image, again: Callable[[], Image.Image]) -> Image.Image:
-    """RGB or RGBA of 8 bits; ``again`` opens the same file a second time. Raises what Pillow's decoders raise."""
+def has_transparency(image: Image.Image) -> bool:
+    """Whether the colours of a deep image come with alpha, or with one that is transparent (PNG's tRNS)."""
+    return image.mode == "RGBA" or "transparency" in image.info
+
+
+def from_sixteen_bits(image: Image.Image, again: Callable[[], Image.Image], keeps_labels: bool = False) -> Image.Image:
+    """RGB or RGBA of 8 bits; ``again`` opens the same file a second time. Raises what Pillow's decoders raise.
+
+    Colours of which none is above 1 of 65535, as labels are stored, stay 0 and 1 if ``keeps_labels``.
+    """
+    transparent = image.info.get("transparency")
+    high, low = _bytes(image, again)
+    eight = rounded(high, low)
+    colors = slice(0, 3)
+    if keeps_labels and not high[..., colors].any() and not (low[..., colors] > 1).any():
+        eight[..., colors] = low[..., colors]
+    picture = Image.fromarray(eight[..., 0]).convert("RGB") if eight.shape[2] == 1 else Image.fromarray(eight)
+    if transparent is not None and picture.mode == "RGB":
+        picture.putalpha(Image.fromarray(np.where(_equal(high, low, transparent), 0, OPAQUE).astype(np.uint8)))
+    return picture
+
+
+def _bytes(image: Image.Image, again: Callable[[], Image.Image]) -> tuple[Bytes, Bytes]:
+    """The high and the low one of each number; grey has one channel."""
     if image.mode in DEEP_GREY:
-        values = np.asarray(image)
-        return Image.fromarray(rounded((values >> 8).astype(np.uint8), (values & 255).astype(np.uint8))).convert("RGB")
+        values = np.asarray(image)[..., None]
+        return (values >> 8).astype(np.uint8), (values & 255).astype(np.uint8)
     with again() as turned:
         _turn_bytes(turned)
-        return Image.fromarray(rounded(np.asarray(image), np.asarray(turned)))
+        return np.asarray(image), np.asarray(turned)
+
+
+def _equal(high: Bytes, low: Bytes, color: int | tuple[int, ...]) -> Bool[np.ndarray, "H W"]:
+    """Where all 16 bits are those of the colour."""
+    wanted = np.asarray(color)
+    same: Bool[np.ndarray, "H W"] = ((high == wanted >> 8) & (low == wanted & 255)).all(-1)
+    return same
 
 
 def rounded(high: UInt8[np.ndarray, "*shape"], low: UInt8[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape"]:

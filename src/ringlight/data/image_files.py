@@ -13,7 +13,7 @@ from pathlib import Path
 from PIL import Image, UnidentifiedImageError
 
 from ringlight.core.lost_disk import LOST_DISK, MOUNT_AGAIN
-from ringlight.data.deep_images import from_sixteen_bits, is_deep
+from ringlight.data.deep_images import from_sixteen_bits, has_transparency, is_deep
 from ringlight.data.image_formats import KNOWN, identified
 from ringlight.errors import SceneError
 
@@ -69,8 +69,9 @@ def read_header(path: Path) -> ImageHeader:
     return ImageHeader(width, height, has_alpha, deep)
 
 
-def decoded(path: Path) -> Image.Image:
-    """The pixels, RGB or RGBA with straight alpha.
+def decoded(path: Path, keeps_labels: bool = False) -> Image.Image:
+    """The pixels, RGB or RGBA with straight alpha. Of 16 bits a channel 0 and 1, where there are no others, stay so if
+    ``keeps_labels``; they are black else.
 
     Raises:
         SceneError: the file is damaged or gone.
@@ -78,7 +79,7 @@ def decoded(path: Path) -> Image.Image:
     try:
         with opened(path) as image:
             if is_deep(image):
-                return from_sixteen_bits(image, lambda: identified(path))
+                return from_sixteen_bits(image, lambda: identified(path), keeps_labels)
             return image.convert("RGBA" if _has_alpha(image) else "RGB")
     except BROKEN_IMAGE as error:
         raise unreadable(path, error) from error
@@ -98,7 +99,7 @@ def opened(path: Path) -> Iterator[Image.Image]:
 
 def _has_alpha(image: Image.Image) -> bool:
     if is_deep(image):
-        return image.mode == "RGBA"
+        return has_transparency(image)
     return image.mode in ("RGBA", "LA", "PA", "La", "RGBa") or "transparency" in image.info
 
 

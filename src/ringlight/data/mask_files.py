@@ -48,7 +48,7 @@ class MaskFile:
         """What is kept, 0 to 255, at this (width, height)."""
         if self.path is None:
             return Image.new("L", size, OPAQUE)
-        kept = _kept(decoded(self.path))
+        kept = _kept(decoded(self.path, keeps_labels=True))
         if self.is_inverted:
             kept = ImageChops.invert(kept)
         return kept if kept.size == size else kept.resize(size, Image.Resampling.BILINEAR)
