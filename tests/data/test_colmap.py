@@ -195,6 +195,15 @@ def test_a_focal_length_that_cannot_be_is_refused(tmp_path: Path, parameters: tu
         load_scene(write_colmap(tmp_path, camera=("PINHOLE", 1, parameters)))
 
 
+@pytest.mark.parametrize("width", ["9" * 310, "-" + "9" * 4000, "9" * 4300, "9" * 4301, "0", str(2**64)])
+def test_a_size_that_cannot_be_is_refused(tmp_path: Path, width: str):
+    folder = write_colmap(tmp_path, text=True)
+    cameras = folder / "sparse" / "0" / "cameras.txt"
+    cameras.write_text(cameras.read_text().replace(f" {WIDTH} ", f" {width} "))
+    with pytest.raises(SceneError, match=r"cameras\.txt.*(has an image size of|cannot be read)"):
+        load_scene(folder)
+
+
 def test_the_camera_is_scaled_to_the_image(tmp_path: Path):
     write_colmap(tmp_path)
     write_photographs(tmp_path / "images", size=(8, 6))

@@ -1,5 +1,6 @@
 """COLMAP's records: cameras, registered images, and what its camera models mean."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Float
 from ringlight.core.scene import PointCloud
 from ringlight.core.words import counted
 from ringlight.data.folder import shown
-from ringlight.data.intrinsics import Intrinsics, checked_intrinsics, checked_lens
+from ringlight.data.intrinsics import MAX_PIXELS, Intrinsics, checked_intrinsics, checked_lens
 from ringlight.data.poses import MAX_COORDINATE
 from ringlight.errors import SceneError
 
@@ -96,8 +97,13 @@ def intrinsics_of(camera: ColmapCamera, where: str, remedy: str) -> Intrinsics:
         raise SceneError(f"{where} has the camera model {model.name!r}, which cannot be undistorted here; {remedy}")
     named = dict(zip((model.coefficients or "").split(), distortion, strict=False))
     lens = checked_lens(model.name, model.by_angle, named, where)
-    size = (float(camera.width), float(camera.height))
+    size = (_pixels(camera.width), _pixels(camera.height))
     return checked_intrinsics((focal[0], focal[-1]), (center[0], center[1]), size, where, lens)
+
+
+def _pixels(side: int) -> float:
+    """Infinite beyond what is believed: text may hold more digits than a float."""
+    return float(side) if abs(side) <= MAX_PIXELS else math.inf
 
 
 def cloud_of(rows: Float[np.ndarray, "P 6"]) -> PointCloud:
