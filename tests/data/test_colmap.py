@@ -430,6 +430,18 @@ def test_numbers_near_the_end_of_their_range_do_no_harm(tmp_path: Path):
     assert len(load_scene(tmp_path).points.positions) == 5
 
 
+@pytest.mark.parametrize("before", ["\ufeff", "  ", "\t", "\ufeff \t"])
+def test_text_may_begin_with_a_mark_and_comments_may_be_indented(tmp_path: Path, before: str):
+    plain = load_scene(write_colmap(tmp_path, text=True))
+    for path in (tmp_path / "sparse" / "0").iterdir():
+        comment, records = path.read_text().split("\n", 1)
+        path.write_text(f"{before}{comment}\n{records}", encoding="utf-8")
+    assert_same(load_scene(tmp_path), plain)
+    path.write_text(f"{before}{comment.replace(': ', ': 1')}\n{records}", encoding="utf-8")
+    with pytest.raises(SceneError, match="says that it holds"):
+        load_scene(tmp_path)
+
+
 def test_text_without_its_last_records_is_refused(tmp_path: Path):
     folder = write_colmap(tmp_path, text=True)
     path = folder / "sparse" / "0" / "points3D.txt"

@@ -17,7 +17,7 @@ from ringlight.data.colmap_model import ColmapCamera, ColmapImage, cloud_of
 from ringlight.data.folder import MOST_SHOWN, read_bytes
 from ringlight.errors import SceneError
 
-STATED_COUNT = re.compile(r"^#\s*Number of (?:cameras|images|points):\s*(\d{1,18})\b", re.MULTILINE)
+STATED_COUNT = re.compile(r"^[ \t]*#\s*Number of (?:cameras|images|points):\s*(\d{1,18})\b", re.MULTILINE)
 
 OBSERVATION_WORDS = 3
 """x, y in pixels, point id."""
@@ -65,7 +65,7 @@ def _point(line: str) -> tuple[float, ...]:
 def _records(path: Path, parse: Callable[[str], Record], has_observations: bool = False) -> list[Record]:
     """Every record's line, parsed; the line after each is passed over where it lists observations, or none."""
     try:
-        text = read_bytes(path).decode()
+        text = read_bytes(path).decode("utf-8-sig")  # some programs put a mark before the first byte
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not a text file in UTF-8; copy or export the file again") from error
     records: list[Record] = []
@@ -76,7 +76,7 @@ def _records(path: Path, parse: Callable[[str], Record], has_observations: bool 
             if not _lists_observations(line):
                 problem = "stands in place of the observations of the image before"
                 raise _refusal(path, number, line, problem, EMPTY_LINES)
-        elif line.strip() and not line.startswith("#"):
+        elif line.strip() and not line.lstrip().startswith("#"):
             try:
                 records.append(parse(line))
             except (ValueError, OverflowError) as error:
