@@ -204,6 +204,17 @@ def test_a_split_that_names_no_frame_is_refused(tmp_path: Path, names: object):
         load_scene(write_nerfstudio(tmp_path, document))
 
 
+def test_listed_training_images_alone_train_and_none_is_held_out(tmp_path: Path):
+    document = nerfstudio_document() | {"train_filenames": ["images/0003.png", "images/0000.png"]}
+    scene = load(tmp_path, document)
+    assert [view.name for view in scene.train] == ["images/0003.png", "images/0000.png"]
+    assert scene.test == ()
+    note = "split: train_filenames of transforms.json, which lists no test images: there are no test views"
+    assert note in scene.notes
+    with pytest.raises(SceneError, match="no training image"):
+        load(tmp_path, nerfstudio_document() | {"train_filenames": []})
+
+
 @pytest.mark.parametrize("key", ["file_path", "camera_model", "mask_path", "ply_file_path", "test_filenames"])
 def test_what_no_file_can_be_called_is_not_shown_whole(tmp_path: Path, key: str):
     document, name = nerfstudio_document(), "x" * 100_000

@@ -45,12 +45,15 @@ def load(folder: Path, options: SceneOptions, keeper: Keeper | None = None) -> S
 
 def _listed_split(document: Fields, frames: list[Frame], file: Path) -> Split | None:
     """What the file states: test images, or else validation images, are kept from training. An empty list means that
-    there are none."""
+    there are none, and so does its absence where training images are listed: other frames are in no list."""
     train_names = texts(document, "train_filenames", str(file))
     test_key = "test_filenames" if "test_filenames" in document else "val_filenames"
     test_names = texts(document, test_key, str(file))
     if test_names is None:
-        return None
+        if train_names is None:
+            return None
+        note = f"split: train_filenames of {file.name}, which lists no test images: there are no test views"
+        return Split(_named(frames, train_names, "train_filenames", file), [], note)
     test = _named(frames, test_names, test_key, file)
     none = "" if test else ", which is empty: there are no test views"
     if train_names is None:
