@@ -39,6 +39,7 @@ def scene_from(capture: Capture, folder: Path, options: SceneOptions, keeper: Ke
 
     Raises:
         SceneError: no image to train on, or masks that cannot be used.
+        RecipeError: see :func:`ringlight.data.images.target_size`.
     """
     split = capture.split
     if not split.train:

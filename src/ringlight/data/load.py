@@ -35,6 +35,7 @@ def load_scene(path: str | Path, options: SceneOptions | None = None, keeper: Ke
 
     Raises:
         SceneError: one sentence on what cannot be read, where, and the remedy.
+        RecipeError: ``options`` shrink a photograph to fewer pixels than show anything.
     """
     folder, options = Path(path), options or SceneOptions()
     try:
