@@ -181,6 +181,21 @@ def test_damage_is_one_sentence(written, document: dict, words: str) -> None:
     assert str(error.value).startswith(str(file))
 
 
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_flight_of_many_stops_that_says_no_seconds_is_asked_for_them(closed: bool, written) -> None:
+    stops = [LOOKING["stops"][index % 4] for index in range(1802)]
+    with pytest.raises(SceneError, match=r"its 1802 stops take 360[24] seconds by 2 from each to the next; add 'secon"):
+        read(written(change(stops=stops, closed=closed)))
+    assert read(written(change(stops=stops, closed=closed, seconds=3600))).seconds == 3600
+    assert read(written(change(stops=stops[:1800], closed=closed))).seconds <= 3600
+
+
+def test_a_closed_flight_that_says_no_seconds_is_not_told_of_them(written) -> None:
+    stops = [dict(stop, time=1000 * time) for time, stop in enumerate(LOOKING["stops"])]
+    with pytest.raises(SceneError, match=r"json: takes 4000 seconds; give up to 3600"):
+        read(written(change(stops=stops, closed=True)))
+
+
 def test_times_and_seconds_of_an_open_flight_are_refused(written) -> None:
     stops = [dict(stop, time=time) for time, stop in enumerate(LOOKING["stops"])]
     with pytest.raises(SceneError, match="leave one out"):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ringlight.core.camera import Camera
 from ringlight.core.kernel_limits import MAX_IMAGE_SIDE
-from ringlight.data.json_fields import Fields, finite, matrix_of, number, read_object
+from ringlight.data.json_fields import Fields, finite, matrix_of, read_object
 from ringlight.data.poses import MAX_COORDINATE, OPENGL_TO_OPENCV, world_to_camera_from_opengl
 from ringlight.errors import SceneError
 from ringlight.files.atomic import write_text
@@ -176,6 +176,9 @@ def _times(document: Fields, stops: list[Fields], closed: bool, path: Path) -> t
     legs = len(stops) if closed else len(stops) - 1
     if not any(said):
         seconds = _between(document, "seconds", str(path), PACE * legs or 1 / FPS, 0.0, LONGEST)
+        if seconds > LONGEST:
+            took = f"take {seconds:g} seconds by {PACE:g} from each to the next; add 'seconds', up to {LONGEST:g}"
+            raise SceneError(f"{path}: its {len(stops)} stops {took}")
         return [seconds * index / max(legs, 1) for index in range(len(stops))], seconds
     if "seconds" in document and not closed:
         raise SceneError(f"{path}: gives 'seconds' and the 'time' of its stops, which end the flight; leave one out")
@@ -224,7 +227,10 @@ def _side(document: Fields, name: str, path: Path, like: Camera | None) -> int:
 
 
 def _between(fields: Fields, name: str, where: str, otherwise: float, low: float, high: float) -> float:
-    value = number(fields, name, where, otherwise)
+    """What the file says, which is refused beyond these, or ``otherwise``, whatever that is."""
+    if name not in fields:
+        return otherwise
+    value = finite(fields[name], f"{where}: {name!r}")
     if not (low < value <= high or value == low > 0):
         raise SceneError(f"{where}: {name!r} is {value:g}; give above {low:g}, up to {high:g}")
     return value
