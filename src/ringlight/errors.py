@@ -24,7 +24,7 @@ class ModelFileError(RinglightError):
 
 
 class OutputError(RinglightError):
-    """A file cannot be written; what stood there before is untouched."""
+    """A file cannot be written; what stood there before is untouched, unless the disk fails at the very last."""
 
 
 class RunError(RinglightError):

@@ -97,7 +97,7 @@ def test_mistakes_are_one_sentence(words, sentence, capsys, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert run(["demo", *words]) == 1
     assert sentence in capsys.readouterr().err
-    assert not any(tmp_path.rglob("*.json"))
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def stopped_by(
             signal.raise_signal(signal.SIGTERM)
         while is_wanted():
             time.sleep(0.01)
-        if signals > 1:
+        if order["name"] == "b" and signals > 1:
             signal.raise_signal(signal.SIGTERM)
         return reason
 

@@ -94,6 +94,23 @@ def test_light_is_learned_and_all_else_stays(
     assert float(((pictures[0] - pictures[1]) ** 2).mean()) < 1e-4
 
 
+@pytest.mark.parametrize(("during", "said"), [("read_start", "the same command begins"), ("session", "go on with:")])
+def test_who_stops_before_the_first_step_hears_what_goes_on(
+    during: str, said: str, trained: dict[str, Path], evening: Path, tmp_path: Path, ringlight: Command, monkeypatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    if during == "read_start":
+        monkeypatch.setattr("ringlight.runs.start.read_start", interrupt)
+    else:
+        save = Session.save
+        monkeypatch.setattr(Session, "save", lambda session: (save(session), interrupt()))
+    done = ringlight("relight", trained["ringlight-ring"], evening, tmp_path / "out", *STEPS)
+    assert done.code == 128 + signal.SIGINT
+    assert f"interrupted before the first step; {said}" in done.err
+
+
 def test_a_stopped_run_goes_on_to_the_same_pack_on_any_threads(
     trained: dict[str, Path],
     evening: Path,

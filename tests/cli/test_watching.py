@@ -164,6 +164,17 @@ def test_events_that_cannot_be_written_cost_no_step(
     assert json.loads((run / "report.json").read_text())["iterations"] == 50
 
 
+def test_events_that_cannot_begin_cost_no_step(trained: dict[str, Path], tmp_path: Path, ringlight: Command) -> None:
+    pytest.importorskip("tensorboard", reason="the [tensorboard] extra is not installed")
+    run = Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
+    shutil.rmtree(run / "tensorboard", ignore_errors=True)
+    (run / "tensorboard").write_text("a file")
+    done = ringlight("train", "--resume", run, "--steps", "2", "--tensorboard", *QUIET)
+    assert done.code == 0, done.err
+    assert "training goes on without tensorboard" in done.err
+    assert json.loads((run / "report.json").read_text())["iterations"] == 42
+
+
 def test_events_that_are_refused_at_the_end_cost_no_model(
     trained: dict[str, Path], tmp_path: Path, ringlight: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:

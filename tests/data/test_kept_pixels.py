@@ -127,7 +127,7 @@ def test_all_that_makes_the_pixels_counts():
     """Of this folder: what the modules that are counted import, but for records and words."""
     folder, innocent = Path(kept_pixels.__file__).parent, {"file_marks", "kept_pixels", "options"}
     for maker in kept_pixels.MAKERS:
-        imported = re.findall(r"^from ringlight\.data\.(\w+) import", (folder / f"{maker}.py").read_text(), re.M)
+        imported = re.findall(r"^\s*from ringlight\.data\.(\w+) import", (folder / f"{maker}.py").read_text(), re.M)
         assert set(imported) <= {*kept_pixels.MAKERS, *innocent}, maker
 
 

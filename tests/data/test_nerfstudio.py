@@ -211,6 +211,12 @@ def test_listed_training_images_alone_train_and_none_is_held_out(tmp_path: Path)
     assert scene.test == ()
     note = "split: train_filenames of transforms.json, which lists no test images: there are no test views"
     assert note in scene.notes
+    held = load_scene(write_nerfstudio(tmp_path, document), SceneOptions(holdout_every=2))
+    assert ([view.name for view in held.train], [view.name for view in held.test]) == (
+        ["images/0003.png"],
+        ["images/0000.png"],
+    )
+    assert not any("no effect" in note for note in held.notes)
     with pytest.raises(SceneError, match="no training image"):
         load(tmp_path, nerfstudio_document() | {"train_filenames": []})
 

@@ -51,7 +51,7 @@ def test_a_rate_of_zero_freezes():
 def test_a_rate_that_falls_to_zero_is_refused_by_its_name(ends: dict[str, float]):
     """A rate that falls by factors would be 0 from the first step on."""
     with pytest.raises(RecipeError, match=r"rates\.(means|scales)_end is 0, .* above 0"):
-        GaussianRates(**ends)
+        GaussianRates(**ends).at_length(100).groups(1.0)
     with pytest.raises(RecipeError, match="to 0"):
         Rate(1e-3, 0.0)
     assert GaussianRates(means=0.0, means_end=0.0).at_length(100).groups(1.0)["columns.means"].rate.at(1.0) == 0.0

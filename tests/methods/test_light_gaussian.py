@@ -13,6 +13,7 @@ from ringlight.data.batches import ImageBatch
 from ringlight.data.options import SceneOptions
 from ringlight.errors import RecipeError
 from ringlight.files.model_file import read_model_file
+from ringlight.fit.rates import GaussianRates
 from ringlight.fit.strategies.drop_insignificant import DropInsignificant
 from ringlight.fit.strategies.global_significance import global_significance
 from ringlight.fit.strategies.removal_effects import removal_effects
@@ -90,6 +91,11 @@ def test_settings_that_decide_nothing_are_named(settings: dict[str, object], idl
 def test_the_papers_phases_are_settings():
     found = replace(recipe(), steps=40_000, grow_share=0.75, distill_share=0.5, prune_rounds=1)
     assert (found.grown, found.recovered, found.prune_steps()) == (30_000, 35_000, (30_000,))
+
+
+def test_what_is_frozen_stays_so_while_harmonics_are_distilled():
+    frozen = LightGaussianRecipe(steps=5_000, rates=GaussianRates(means=0.0, scales=0.0)).groups(SCENE)
+    assert [frozen[f"columns.{name}"].rate.at(1.0) for name in ("means", "log_scales")] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(("grow_share", "last"), [(0.1, 800), (0.5, 3_760)])

@@ -12,7 +12,9 @@ from ringlight.core.later import came_later, value_before
 from ringlight.errors import RecipeError
 from ringlight.methods.recipe import Recipe, recipe_from_dict, recipe_to_dict
 from ringlight.methods.table import CHOOSERS, METHODS
+from ringlight.rasterize.choose import rasterizer_for
 from small_recipes import SPLATS
+from tiny_scene import tiny_scene
 
 
 @pytest.mark.parametrize("preset", METHODS)
@@ -45,6 +47,16 @@ def test_a_file_that_lacks_a_later_setting_means_what_there_was_before(preset: s
     recipe = METHODS[preset]
     older, expected = without_later(recipe)
     assert recipe_from_dict(type(recipe), json.loads(json.dumps(older))) == expected
+
+
+def test_a_model_whose_rates_fell_to_zero_is_still_read():
+    """Nothing more is trained of them; models of before have them."""
+    stored = recipe_to_dict(METHODS["ringlight-ring"])
+    stored |= {"rates": stored["rates"] | {"means_end": 0.0, "scales_end": 0.0}, "field_rate_end": 0.0}
+    recipe = recipe_from_dict(type(METHODS["ringlight-ring"]), stored)
+    assert recipe.rates.scales_end == 0
+    with pytest.raises(RecipeError, match=r"field_rate_end is 0, .* above 0"):
+        recipe.build(tiny_scene(), rasterizer_for("auto"), 0)
 
 
 def without_later(record: Any) -> tuple[dict[str, Any], Any]:

@@ -57,7 +57,8 @@ def test_rounds_of_propagation_come_only_if_asked_for():
 
 def test_what_a_round_would_do_decides_nothing_where_there_is_none():
     recipe = ThreeDGSDRRecipe(steps=7000)
-    assert recipe.without_effect()["propagation.opacity"] == "no round comes until --propagation.until 0 of the run"
+    reason = "no round comes until 0 of the run, 1,000 steps after the reflection is on"
+    assert recipe.without_effect()["propagation.opacity"] == recipe.without_effect()["propagation.until"] == reason
     asked = replace(recipe, propagation=replace(recipe.propagation, until=0.5))
     assert not any(name.startswith("propagation") for name in asked.without_effect())
 

@@ -39,8 +39,8 @@ def test_there_is_no_mean_without_a_scene_that_was_asked_for(runs: list[StudyRun
     table = study_table(VARIANTS, runs)
     assert {row.scene for row in table.rows} == {"a", "b"}
     expected = (
-        "Over all scenes there is no mean of full, for want of seed 0 of c, seed 1 of c.",
-        "Over all scenes there is no mean of half, for want of seed 1 of b, seed 0 of c, seed 1 of c.",
+        "Over all scenes there is no mean of full, for want of 2 runs of c.",
+        "Over all scenes there is no mean of half, for want of 1 run of b, 2 runs of c.",
     )
     assert table.notes == expected
     write_results(tmp_path, "ablation", "3dgs", runs, table)

@@ -72,12 +72,14 @@ def main(arguments: list[str]) -> int:
 
 
 def _demo(asked: DemoArguments) -> "Demo":
+    from ringlight.data.bundled import bundled_scene
     from ringlight.runs.demo import Demo
     from ringlight.runs.folder import make_free_folder
 
     if asked.resume is not None:
         _refuse_settings(asked)
         return Demo.open(asked.resume)
+    bundled_scene(asked.scene)  # before there is a folder of that name
     out = asked.out or make_free_folder(Path("runs") / f"demo-{asked.scene}")
     return Demo.create(out, asked.scene, asked.steps, asked.seed)
 

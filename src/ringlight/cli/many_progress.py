@@ -4,7 +4,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from threading import Lock
 from typing import Any
 
 from rich.console import Group
@@ -24,7 +23,11 @@ BAR = 20
 
 
 class ManyRuns:
-    """Hears what happens, and shows it."""
+    """Hears what happens, and shows it.
+
+    rich draws in a thread of its own, whenever it wants to: no lock is held, for a signal's handler prints too, and
+    would wait for the thread that it interrupts.
+    """
 
     def __init__(self, names: list[str], quiet: bool, console: Screen):
         self.total, self.quiet, self.console = len(names), quiet, console
@@ -35,14 +38,10 @@ class ManyRuns:
         self.said: dict[str, float] = {}
         self.done = self.failed = 0
         self.is_live = console.is_terminal and not quiet
-        self._lock = Lock()
-        """rich draws in a thread of its own."""
 
     def hear(self, event: Happened) -> None:
         """Take it in; failures are said even where all else is quiet."""
-        with self._lock:
-            line, always = self._taken_in(event, time.monotonic())
-        # Outside the lock: rich's own is held while it draws, which waits for ours.
+        line, always = self._taken_in(event, time.monotonic())
         if line is not None and (always or not self.quiet):
             self.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
@@ -70,22 +69,22 @@ class ManyRuns:
         """A line now and then, where there is no live picture."""
         if event.facts is None or event.name not in self.under_way:
             return None
-        self.under_way[event.name] = event.facts
         self.begun.setdefault(event.name, (now, int(event.facts["step"])))
+        self.under_way[event.name] = event.facts
         if self.is_live or now - self.said[event.name] < LOG_SECONDS:
             return None
         self.said[event.name] = now
-        return f"{event.name}: step {event.facts['step']}/{event.facts['steps']}  {self._facts(event.name)}"
+        facts = self._facts(event.name, event.facts)
+        return f"{event.name}: step {event.facts['step']}/{event.facts['steps']}  {facts}"
 
-    def _facts(self, name: str) -> str:
-        facts = self.under_way[name]
+    def _facts(self, name: str, facts: Mapping[str, Any]) -> str:
         if not facts:
             return "reading"
         if facts["step"] >= facts["steps"]:
             return "measuring"
         parts = [f"{facts['psnr']:.2f} dB"] if facts.get("psnr") is not None else []
         parts.append(f"{facts['count']:,}")
-        since, first = self.begun[name]
+        since, first = self.begun.get(name, (0.0, facts["step"]))  # it may have ended since
         done = facts["step"] - first
         if done > 0:
             parts.append(f"about {spoken((time.monotonic() - since) / done * (facts['steps'] - facts['step']))} left")
@@ -93,20 +92,18 @@ class ManyRuns:
 
     def __rich__(self) -> Group:
         """The lines of a live picture."""
-        with self._lock:
-            return self._picture()
-
-    def _picture(self) -> Group:
         grid = Table.grid(padding=(0, 2))
         grid.add_column(no_wrap=True, max_width=max(16, self.console.width // 3))
         for _ in range(3):
             grid.add_column(no_wrap=True)
-        for name, facts in self.under_way.items():
+        under_way = self.under_way.copy()
+        for name, facts in under_way.items():
             step, steps = (facts["step"], facts["steps"]) if facts else (0, 1)
             bar = ProgressBar(total=steps, completed=step, width=BAR)
-            grid.add_row(Text(name), Text(f"{step}/{steps}" if facts else "", justify="right"), bar, self._facts(name))
-        rest = self.total - self.done - self.failed - len(self.under_way)
-        state = f"{self.done} of {counted(self.total, 'run')} done, {len(self.under_way)} under way, {rest} to come"
+            place = Text(f"{step}/{steps}" if facts else "", justify="right")
+            grid.add_row(Text(name), place, bar, self._facts(name, facts))
+        rest = self.total - self.done - self.failed - len(under_way)
+        state = f"{self.done} of {counted(self.total, 'run')} done, {len(under_way)} under way, {rest} to come"
         return Group(grid, Text(state + (f", {self.failed} failed" if self.failed else ""), style="dim"))
 
 

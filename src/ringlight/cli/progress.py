@@ -101,6 +101,7 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
     if watch.about:
         say(watch.about)
     warn_of_steps_done(options.eval_at, session, warn)
+    asked = options.eval_at if options.tensorboard or not options.quiet else ()  # else nobody would see
     with closing(watch), _looked_at(session, options) as look, _bar(console, live) as bar:
         task = bar.add_task("", total=session.training.steps, completed=session.training.step, facts="")
         shown = time.monotonic()
@@ -110,11 +111,11 @@ def show_steps(session: Session, options: "RunOptions", stopping: list[int]) -> 
             bar.update(task, completed=session.training.step)
             watch.see(progress)
             unlooked = look(progress, stopping)
-            if now - shown >= every or progress.step in options.eval_at:
+            if now - shown >= every or progress.step in asked:
                 line = meter.line(progress, watch.words, room(console) if live else None)
                 _show(bar, task, line, live, options.quiet)
                 shown, every = time.monotonic(), LIVE_SECONDS if live else LOG_SECONDS
-            if progress.step in options.eval_at and progress.step == session.training.step:
+            if progress.step in asked and progress.step == session.training.step:
                 measure_test_views(session, watch, say, warn)
             for warning in filter(None, (progress.fault, progress.collapse, unlooked)):
                 warn(warning)

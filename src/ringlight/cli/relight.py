@@ -15,6 +15,7 @@ from ringlight.cli.run_length import check_length
 from ringlight.cli.run_training import RunOptions, check_steps, check_watching, train_and_measure
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
+from ringlight.cli.unbegun import stopped_unbegun
 from ringlight.core.command_line import command
 from ringlight.data.bundled import scene_folder
 
@@ -88,7 +89,11 @@ def _start(arguments: list[str]) -> int:
         use_threads(asked.running.threads)
         loaded = telling_of_scenes(asked.running.quiet)
         opened = open_model(asked.model)
-        session = start_relighting(opened, photographs, asked.out, asked.steps, asked.seed, asked.device, loaded)
+        try:
+            session = start_relighting(opened, photographs, asked.out, asked.steps, asked.seed, asked.device, loaded)
+        except KeyboardInterrupt:
+            line.wiped()
+            raise stopped_unbegun("relight", asked.out, True, "another OUT") from None
     return _train(session, asked.running)
 
 

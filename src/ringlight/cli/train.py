@@ -1,6 +1,5 @@
 """``ringlight train SCENE METHOD``: learn a scene from a folder of posed photographs."""
 
-import signal
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,6 @@ from ringlight.cli.flags import flags_in, flags_of
 from ringlight.cli.gpu_build import tell_of_build
 from ringlight.cli.ineffective import idle_settings, start_without_effect
 from ringlight.cli.loading import telling_of_scenes
-from ringlight.cli.main import Stopped
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.poses import scene_with_cameras
@@ -22,6 +20,7 @@ from ringlight.cli.run_training import RunOptions, check_steps, check_watching, 
 from ringlight.cli.stages import stages
 from ringlight.cli.threads import check_threads, use_threads
 from ringlight.cli.train_flags import method_among, refuse_flags_of_other_methods, refuse_unknown_and_misplaced_flags
+from ringlight.cli.unbegun import stopped_unbegun
 from ringlight.cli.verifying import verify_run
 from ringlight.core.command_line import command
 from ringlight.data.bundled import scene_folder
@@ -132,22 +131,9 @@ def _start(arguments: list[str]) -> int:
             )  # fmt: skip
         except KeyboardInterrupt:
             line.wiped()
-            sys.stderr.write(f"ringlight: interrupted before the first step; {_way_on(asked)}\n")
-            raise Stopped(signal.SIGINT) from None
+            raise stopped_unbegun("train", asked.out, asked.from_ is not None, "--out NEW") from None
     _warn_of(start_without_effect(asked.options, recipe, session))
     return _train(session, asked.running)
-
-
-def _way_on(asked: TrainArguments) -> str:
-    """What goes on with a run that has done no step; it may have its folder already."""
-    from ringlight.runs.folder import RunFolder
-
-    folder = None if asked.out is None else RunFolder(asked.out)
-    if folder is None or not folder.recorded:
-        return "the same command begins again"
-    if asked.from_ is not None and not folder.checkpoints:  # without which nobody knows what it starts from
-        return f"{folder.path} holds nothing to go on from: begin again with --out NEW"
-    return f"go on with: {command('train', '--resume', folder.path)}"
 
 
 def _warn_of(sentences: list[str]) -> None:

@@ -46,7 +46,7 @@ def from_sixteen_bits(image: Image.Image, again: Callable[[], Image.Image], keep
         eight[..., colors] = low[..., colors]
     picture = Image.fromarray(eight[..., 0]).convert("RGB") if eight.shape[2] == 1 else Image.fromarray(eight)
     if transparent is not None and picture.mode == "RGB":
-        picture.putalpha(Image.fromarray(np.where(_equal(high, low, transparent), 0, OPAQUE).astype(np.uint8)))
+        picture.putalpha(Image.fromarray(np.where(_equal(high, low, transparent), np.uint8(0), np.uint8(OPAQUE))))
     return picture
 
 

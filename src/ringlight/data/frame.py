@@ -4,9 +4,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ringlight.core.camera import Camera
+from ringlight.data.folder import image_inside
 from ringlight.data.image_files import ImageHeader
-from ringlight.data.mask_files import MaskFile, NamedMask
+from ringlight.data.mask_files import MaskFile
 from ringlight.data.undistort import Undistortion
+
+
+@dataclass(frozen=True)
+class NamedMask:
+    """A mask as a scene names it, below the folder ``base``; nobody has looked for it yet. ``where`` says who names
+    it."""
+
+    base: Path
+    name: str
+    where: str
+
+    def path(self) -> Path:
+        """Where it lies, or should. Raises SceneError for a name that leaves the folder, that no file can have, or of a
+        link that leads nowhere."""
+        return image_inside(self.base, self.name, self.where) or self.base / self.name
 
 
 @dataclass(frozen=True)

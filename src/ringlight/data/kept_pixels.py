@@ -15,7 +15,8 @@ from ringlight.data.mask_files import MaskFile
 from ringlight.data.undistort import Undistortion
 
 MAKERS = (
-    "deep_images", "image_files", "image_formats", "images", "intrinsics", "lens", "mask_files", "resample", "undistort"
+    "deep_images", "image_files", "image_formats", "images", "intrinsics", "lens", "mask_files", "resample",
+    "stored_tiff", "undistort",
 )  # fmt: skip
 """Modules of this folder that take part in making the pixels: where one is changed, all pixels are made anew."""
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from PIL import Image, ImageChops
 
-from ringlight.data.folder import image_inside
 from ringlight.data.image_files import decoded, read_header
 from ringlight.data.intrinsics import is_rescaled
 from ringlight.errors import SceneError
@@ -52,21 +51,6 @@ class MaskFile:
         if self.is_inverted:
             kept = ImageChops.invert(kept)
         return kept if kept.size == size else kept.resize(size, Image.Resampling.BILINEAR)
-
-
-@dataclass(frozen=True)
-class NamedMask:
-    """A mask as a scene names it, below the folder ``base``; nobody has looked for it yet. ``where`` says who names
-    it."""
-
-    base: Path
-    name: str
-    where: str
-
-    def path(self) -> Path:
-        """Where it lies, or should. Raises SceneError for a name that leaves the folder, that no file can have, or of a
-        link that leads nowhere."""
-        return image_inside(self.base, self.name, self.where) or self.base / self.name
 
 
 def _kept(mask: Image.Image) -> Image.Image:

@@ -43,7 +43,9 @@ def split_of(frames: Sequence[Frame], own: Split | None, options: ReadingOptions
     stated = options.holdout_every not in (0, ReadingOptions.holdout_every)
     useless = (f"warning: --holdout-every {options.holdout_every} has no effect: the split is another",) * stated
     if own is not None and options.holdout is None and options.holdout_every != 0:
-        return replace(own, warnings=useless)
+        if own.test or not stated:
+            return replace(own, warnings=useless)
+        frames = own.train  # of a scene that states no test images
     ordered = sorted({frame.path: frame for frame in frames}.values(), key=lambda frame: frame.name)
     twice = _twice(frames, "listed", " and used once")
     return replace(_split(ordered, options, source), warnings=(*twice, *(useless if options.holdout else ())))

@@ -8,12 +8,11 @@ from pathlib import Path
 
 from ringlight.core.stages import counted
 from ringlight.data.folder import image_inside, require_none_missing, shown
-from ringlight.data.frame import Frame
+from ringlight.data.frame import Frame, NamedMask
 from ringlight.data.image_files import ImageHeader, read_header
 from ringlight.data.intrinsics import COEFFICIENTS, Intrinsics, checked_intrinsics, checked_lens
 from ringlight.data.json_fields import Fields, number, pose_matrix, text
 from ringlight.data.lens import Lens
-from ringlight.data.mask_files import NamedMask
 from ringlight.data.poses import camera_of, world_to_camera_from_opengl
 from ringlight.data.undistort import undistortion_of
 from ringlight.errors import SceneError

@@ -56,8 +56,9 @@ def unpack_codebook8(parts: Parts) -> Float[Tensor, "N *column"]:
     codes, exponents = _rows_of(parts, torch.uint8), part(parts, "exponents", torch.uint8)
     if exponents.shape != codes.shape[1:]:
         raise ValueError("a codebook with another number of exponents than a row has numbers")
-    steps = 2.0 ** (exponents.double() - ZERO).clamp(LEAST_EXPONENT, MOST_EXPONENT)
-    return ((codes.double() - ZERO) * steps).float()
+    # Exact in floats: codes of a byte times powers of two.
+    steps = 2.0 ** (exponents.float() - ZERO).clamp(LEAST_EXPONENT, MOST_EXPONENT)
+    return codes.float().sub_(ZERO).mul_(steps)
 
 
 def _parts_of(values: Tensor) -> Parts:

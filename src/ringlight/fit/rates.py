@@ -77,9 +77,10 @@ def check_rates(**rates: float) -> None:
             raise RecipeError(f"{name} is {rate:g}; give 0 (frozen) or more")
 
 
-def check_fall(name: str, start: float | None, end: float) -> None:
-    """Raises RecipeError, by the name of the end, for a rate that falls to 0; ``start`` None is above 0."""
-    if end == 0 and start != 0:
+def check_fall(name: str, start: float, end: float) -> None:
+    """Raises RecipeError, by the name of the end, for a rate that falls to 0. Asked where something is trained: models
+    of before can be shown."""
+    if end == 0 < start:
         raise RecipeError(f"{name} is 0, where a rate that falls by factors is at once; give a small number above 0")
 
 
@@ -170,8 +171,6 @@ class GaussianRates:
         if self.hold is not None and not 0 <= self.hold <= 1:
             raise RecipeError(f"rates.hold is {self.hold:g}; give a share of the run, from 0 to 1")
         check_rates(**{f"rates.{name}": rate for name, rate in vars(self).items() if rate is not None})
-        check_fall("rates.means_end", self.means, self.means_end)
-        check_fall("rates.scales_end", self.scales, self.scales_end)
 
     def held(self, rate: float) -> Rate:
         """``rate``, and its fall at the end of the run. Raises RecipeError where that is left to the run's length."""
@@ -189,9 +188,11 @@ class GaussianRates:
 
     def groups(self, extent: float) -> dict[str, Adam]:
         """Adam groups by parameter name, for a scene of this extent in world units. Raises RecipeError where rates are
-        still left to the run's length."""
+        still left to the run's length, or fall to 0."""
         if self.means is None or self.scales is None:
             raise RecipeError("rates.means or rates.scales is left to the run's length; ask at_length first")
+        check_fall("rates.means_end", self.means, self.means_end)
+        check_fall("rates.scales_end", self.scales, self.scales_end)
         return {
             "columns.means": Adam(Rate(self.means * extent, self.means_end * extent)),
             "columns.opacity_logits": Adam(self.held(self.opacities)),

@@ -221,4 +221,4 @@ def _after(name: str, rate: Rate) -> Rate:
     """A parameter's rate while harmonics are distilled: they learn anew, opacities stay, the others go on."""
     if name.startswith("columns.sh_"):
         return Rate(DISTILLING.start * rate.start, DISTILLING.end * rate.start)
-    return Rate.constant(STILL if name == "columns.opacity_logits" else rate.end)
+    return Rate.constant(STILL if name == "columns.opacity_logits" else rate.at(1.0))

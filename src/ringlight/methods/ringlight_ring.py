@@ -119,7 +119,6 @@ class RingLightRingRecipe(SplatRecipe):
     def __post_init__(self) -> None:
         self.check_shares()
         check_rates(**{name: value for name, value in vars(self).items() if name.endswith(("_rate", "_rate_end"))})
-        check_fall("field_rate_end", self.field_rate, self.field_rate_end)
         check_warmup(self.warmup)
         if not 0 <= self.mask_penalty < math.inf:
             raise RecipeError(f"mask_penalty is {self.mask_penalty:g}; give 0 (none) or more")
@@ -143,6 +142,7 @@ class RingLightRingRecipe(SplatRecipe):
         from ringlight.methods.assembly import Course
 
         first_lit = max(int(self.warmup * self.steps), 1) if self.light.base_color else 1
+        check_fall("field_rate_end", self.field_rate, self.field_rate_end)
         rate, betas = Rate(self.field_rate, self.field_rate_end), (0.9, self.field_beta2)
         last = self.densify.last_step(self.steps)
         every = max((self.steps - last) // PRUNE_ROUNDS, 1)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 from ringlight.core.later import later
+from ringlight.core.words import counted
 from ringlight.errors import RecipeError
 from ringlight.fit.photometric import PhotometricLoss
 from ringlight.fit.rates import Adam, GaussianRates, Rate, check_rates, shorter_by
@@ -36,7 +37,7 @@ PAPER_REFLECTION_RATE, MOST_REFLECTION_RATE = 6e-3, 0.05
 """3DGS-DR's learning rate of the strengths' logits, and the largest in a short run: at 6e-3 half of a run of 1,500
 steps passes before a strength of a thousandth is one that shows."""
 
-OF_PROPAGATION = tuple(f"propagation.{f.name}" for f in fields(PropagationSettings) if f.name != "until")
+OF_PROPAGATION = tuple(f"propagation.{f.name}" for f in fields(PropagationSettings))
 """Settings that decide nothing where no round of it comes."""
 
 
@@ -165,7 +166,8 @@ class ThreeDGSDRRecipe(SplatRecipe):
         """See :meth:`SplatRecipe.without_effect`: also what a round of propagation does, where there is none."""
         if self.propagation.rounds(self.first_lit, self.steps):
             return super().without_effect()
-        reason = f"no round comes until --propagation.until {self.propagation.until:g} of the run"
+        apart, until = self.propagation.paced(self.steps), self.propagation.until
+        reason = f"no round comes until {until:g} of the run, {counted(apart, 'step')} after the reflection is on"
         return super().without_effect() | dict.fromkeys(OF_PROPAGATION, reason)
 
     def course(self, scene: "Scene") -> "Course":

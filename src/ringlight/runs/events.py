@@ -19,16 +19,18 @@ class Events:
     """Those of a run after ``step``: events of later ones, of a run that was stopped since, no longer count.
 
     TensorBoard writes in a thread of its own, and gives what failed there to whoever asks for the next event. ``warn``
-    hears of it once, and nothing more is written. Raises BackendError where the library is not there, RunError where
-    the folder cannot be made.
+    hears of it once, and nothing more is written. Raises BackendError where the library is not there.
     """
 
     def __init__(self, folder: RunFolder, step: int, warn: Callable[[str], None]):
         writers = event_library()
-        self._folder, self._warn = make_folder(folder.path / EVENTS), warn
-        self._hook = threading.excepthook
-        self._writer: Any = writers(str(self._folder), purge_step=step + 1)
-        threading.excepthook = self._without_traceback
+        self._folder, self._warn = folder.path / EVENTS, warn
+        self._writer: Any = None
+        self._hook, threading.excepthook = threading.excepthook, self._without_traceback
+        try:
+            self._writer = writers(str(make_folder(self._folder)), purge_step=step + 1)
+        except Exception as error:
+            self._give_up(error)
 
     def numbers(self, values: Mapping[str, float], step: int) -> None:
         """A curve's next point each."""
@@ -54,15 +56,17 @@ class Events:
         try:
             write(self._writer)
         except Exception as error:  # of a file system that TensorBoard was given, also no OSError
-            reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
             with suppress(Exception):
                 self._writer.file_writer.close()  # else its thread would try again
-            self._end()
-            self._warn(f"{self._folder}: cannot be written ({reason}); training goes on without tensorboard")
+            self._give_up(error)
+
+    def _give_up(self, error: Exception) -> None:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
+        self._end()
+        self._warn(f"{self._folder}: cannot be written ({reason}); training goes on without tensorboard")
 
     def _end(self) -> None:
-        if self._writer is not None:
-            self._writer, threading.excepthook = None, self._hook
+        self._writer, threading.excepthook = None, self._hook
 
     def _without_traceback(self, failed: threading.ExceptHookArgs) -> None:
         """What TensorBoard's thread met is told as a sentence."""

@@ -1,5 +1,6 @@
 """What a study leaves behind: its table as markdown, CSV and JSON, and its curves as a picture."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,11 +20,11 @@ from ringlight.runs.study import StudyRun
 def study_table(variants: Sequence[Variant], runs: Sequence[StudyRun]) -> StudyTable:
     """The table of the runs that are finished; empty while none is."""
     results: dict[str, dict[str, dict[int, Report]]] = {run.scene_name: {} for run in runs}
-    missing: dict[str, list[str]] = {}
+    missing: dict[str, Counter[str]] = {}
     for run in runs:
         report = run.report
         if report is None:
-            missing.setdefault(run.variant.name, []).append(f"seed {run.seed} of {run.scene_name}")
+            missing.setdefault(run.variant.name, Counter())[run.scene_name] += 1
             continue
         if report.psnr is None:
             raise RunError(f"{run.folder}: has no test views, and a study compares on them; name some (--holdout)")
@@ -33,12 +34,13 @@ def study_table(variants: Sequence[Variant], runs: Sequence[StudyRun]) -> StudyT
     return StudyTable(rows, _without_mean(rows, missing) if len(results) > 1 else ())
 
 
-def _without_mean(rows: Sequence[StudyRow], missing: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+def _without_mean(rows: Sequence[StudyRow], missing: Mapping[str, Mapping[str, int]]) -> tuple[str, ...]:
     """A sentence on variants that have rows, and none over all scenes; those that miss the same share one."""
     with_mean = {row.variant for row in rows if row.scene == ALL_SCENES}
     lacking: dict[str, list[str]] = {}
     for variant in dict.fromkeys(row.variant for row in rows if row.variant not in with_mean):
-        lacking.setdefault(", ".join(missing[variant]), []).append(variant)
+        runs = ", ".join(f"{counted(count, 'run')} of {scene}" for scene, count in missing[variant].items())
+        lacking.setdefault(runs, []).append(variant)
     return tuple(
         f"Over all scenes there is no mean of {', '.join(variants)}, for want of {runs}."
         for runs, variants in lacking.items()

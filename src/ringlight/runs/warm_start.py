@@ -101,7 +101,7 @@ def begin_with(training: Training, recipe: Recipe, scene: Scene, start: Start) -
     has no memory for, or that no photograph shows.
     """
     model = training.model
-    rows, most = start.stored.model.counted(), most_rows(model)
+    rows, most = start.stored.model.counted(), most_rows(model, guarded=training.guard is not None)
     if rows.number > most:
         raise RunError(f"{start.path}: has {rows}, and {SHARE:.0%} of this machine's memory holds {most:,}; prune it")
     methods = {start.stored.header.method, method_of(recipe)}
