@@ -103,7 +103,7 @@ def intrinsics_of(camera: ColmapCamera, where: str, remedy: str) -> Intrinsics:
 
 def _pixels(side: int) -> float:
     """Infinite beyond what is believed: text may hold more digits than a float."""
-    return float(side) if abs(side) <= MAX_PIXELS else math.copysign(math.inf, side)
+    return float(side) if abs(side) <= MAX_PIXELS else math.inf if side > 0 else -math.inf
 
 
 def cloud_of(rows: Float[np.ndarray, "P 6"]) -> PointCloud:
