@@ -133,8 +133,8 @@ def _from_step_0(folder: RunFolder, record: RunRecord, lock: RunLock, memory: Pe
     """
     if record.start is not None:
         raise RunError(
-            f"{folder.path}: ended before its start from {record.start} was saved; begin it again in another folder, as "
-            "by --out NEW"
+            f"{folder.path}: ended before its start from {record.start} was saved; begin it again in another folder, "
+            "as by --out NEW"
         )
     scene, photographs = _reloaded(folder, record, loaded)
     run = prepare_run(scene, record.recipe, record.seed, record.device)
