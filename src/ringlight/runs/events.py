@@ -61,7 +61,8 @@ class Events:
             self._give_up(error)
 
     def _give_up(self, error: Exception) -> None:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
+        of_system = error.strerror if isinstance(error, OSError) else None
+        reason = of_system or " ".join(str(error).split()) or type(error).__name__
         self._end()
         self._warn(f"{self._folder}: cannot be written ({reason}); training goes on without tensorboard")
 
