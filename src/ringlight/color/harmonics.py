@@ -47,7 +47,7 @@ class SphericalHarmonics(nn.Module):
         self.register_load_state_dict_post_hook(_refuse_other_degrees)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
-        """The points' own colours, the same from every side; none is all black, where it would not learn."""
+        """The points' own colours, the same from every side; no channel starts at black, where it would not learn."""
         rest = torch.zeros(len(points.colors), basis_count(self.degree) - 1, 3)
         return {"sh_dc": sh_from_rgb(points.colors.clamp_min(DARKEST)), "sh_rest": rest}
 

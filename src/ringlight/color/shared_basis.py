@@ -58,7 +58,7 @@ class SharedBasis(SphericalHarmonics):
         self.basis = nn.Parameter(FIRST_DEVIATION * drawn)
 
     def new_columns(self, points: PointCloud) -> dict[str, Tensor]:
-        """The points' own colours, the same from every side; none is all black, where it would not learn."""
+        """The points' own colours, the same from every side; no channel starts at black, where it would not learn."""
         weights = torch.zeros(len(points.colors), len(self.basis), device=points.colors.device)
         return {DC: sh_from_rgb(points.colors.clamp_min(DARKEST)), WEIGHTS: weights}
 
