@@ -98,6 +98,5 @@ def _stored_as(name: str, tile: tuple[Any, ...]) -> tuple[Any, ...]:
     """The piece of a file with that name in the first of its arguments. Pillow before 11 has plain tuples of decoder,
     extents, offset and arguments, and named ones since, whose names its decoding asks for."""
     *place, arguments = tile
-    make = getattr(tile, "_make", tuple)
-    piece: tuple[Any, ...] = make((*place, (name, *arguments[1:]) if isinstance(arguments, tuple) else name))
-    return piece
+    piece = (*place, (name, *arguments[1:]) if isinstance(arguments, tuple) else name)
+    return piece if type(tile) is tuple else type(tile)(*piece)

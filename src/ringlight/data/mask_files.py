@@ -5,11 +5,10 @@ from pathlib import Path
 
 from PIL import Image, ImageChops
 
+from ringlight.data.deep_images import OPAQUE
 from ringlight.data.image_files import decoded, read_header
 from ringlight.data.intrinsics import is_rescaled
 from ringlight.errors import SceneError
-
-OPAQUE = 255
 
 
 @dataclass(frozen=True)
