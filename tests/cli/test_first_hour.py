@@ -3,6 +3,7 @@
 import json
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -263,4 +264,25 @@ def test_who_stops_before_the_first_step_hears_that_nothing_is_lost(
     done = ringlight("train", tiny, "3dgs", "--out", tmp_path / "out", *SHORT)
     assert done.code == 130
     assert "interrupted before the first step; the same command begins again" in done.err
+    assert not (tmp_path / "out").exists()
+
+
+STOPPED_UNBEGUN = """
+import signal, sys
+import ringlight.runs.start
+from ringlight.cli.main import main
+signal.signal(int(sys.argv[1]), signal.SIG_DFL)  # nohup, which tests may run under, has it ignored
+ringlight.runs.start.prepare_run = lambda *_, **__: signal.raise_signal(int(sys.argv[1]))
+main(sys.argv[2:])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are other there")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_any_signal_before_the_first_step_is_answered(number: signal.Signals, tiny: Path, tmp_path: Path) -> None:
+    words = ("train", tiny, "3dgs", "--out", tmp_path / "out", *SHORT)
+    line = [sys.executable, "-c", STOPPED_UNBEGUN, str(int(number)), *map(str, words)]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 128 + number
+    assert "interrupted before the first step; the same command begins again" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -221,3 +221,15 @@ def test_steps_that_are_done_are_told_of(trained: dict[str, Path], tmp_path: Pat
     run = Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
     done = ringlight("train", "--resume", run, "--steps", "2", "--eval-at", "7", "40", "41", *QUIET)
     assert "warning: --eval-at 7 40 has no effect: the run goes on after step 40\n" in done.err
+
+
+def test_what_watches_steps_is_told_of_where_none_is_left(
+    trained: dict[str, Path], tmp_path: Path, ringlight: Command
+) -> None:
+    run = Path(shutil.copytree(trained["3dgs"], tmp_path / "run"))
+    done = ringlight("train", "--resume", run, "--eval-at", "7", "40", "--preview", "5", "--save-every", "9", *QUIET)
+    assert done.code == 0
+    assert done.err.splitlines() == [
+        f"warning: {flag} has no effect: no step is left to do"
+        for flag in ("--eval-at 7 40", "--preview 5", "--save-every 9.0")
+    ]

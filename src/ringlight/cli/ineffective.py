@@ -11,6 +11,7 @@ from ringlight.methods.surface_start import FEWEST_FOR_DISCS, FEWEST_VIEWS, Surf
 from ringlight.methods.table import METHODS
 
 if TYPE_CHECKING:
+    from ringlight.cli.run_training import RunOptions
     from ringlight.runs.session import Session
 
 HULLS: tuple[Origin, ...] = ("hull", "in hull")
@@ -33,6 +34,18 @@ def idle_settings(recipe: Recipe, preset: Recipe) -> list[str]:
 def start_without_effect(asked: SceneOptions, recipe: Recipe, session: "Session") -> list[str]:
     """A sentence on each, of where a new run was asked to start."""
     return [*_of_random_points(asked, session), *_of_surface(recipe, METHODS[session.record.preset], session)]
+
+
+def watching_without_effect(asked: "RunOptions") -> list[str]:
+    """A sentence on each flag that watches steps, of a run that has none left."""
+    flags = {
+        f"--eval-at {' '.join(map(str, asked.eval_at))}": asked.eval_at,
+        f"--preview {asked.preview}": asked.preview,
+        f"--save-every {asked.save_every}": asked.save_every,
+        "--tensorboard": asked.tensorboard,
+        "--view": asked.view,
+    }
+    return [f"{flag} has no effect: no step is left to do" for flag, given in flags.items() if given]
 
 
 def _of_random_points(asked: SceneOptions, session: "Session") -> list[str]:

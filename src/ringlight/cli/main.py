@@ -6,7 +6,6 @@ Each verb is a module of this folder, imported only when it is asked for: ``--he
 """
 
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -18,6 +17,7 @@ from typing import Any, NoReturn
 
 from ringlight import __version__
 from ringlight.cli.flags import by_flag
+from ringlight.cli.signals import interrupt, signal_of, signals_to
 from ringlight.cli.streams import Lasting, lasting_streams, what_flushing_met
 from ringlight.cli.system_refusals import met_in_links, sentence_on
 from ringlight.errors import FallbackWarning, RinglightError, RunError
@@ -99,7 +99,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     lasting_streams()
     try:
-        code = run(list(sys.argv[1:] if arguments is None else arguments))
+        with signals_to(interrupt):
+            code = run(list(sys.argv[1:] if arguments is None else arguments))
     except OSError as error:
         code = _system_refused(error)
     lost = what_flushing_met()
@@ -141,8 +142,8 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
         return _complain(by_flag(str(error), arguments), WRONG_INPUT)
     except Stopped as stopped:
         return stopped.code
-    except KeyboardInterrupt:
-        return _complain("interrupted", SIGNALLED + signal.SIGINT)
+    except KeyboardInterrupt as interruption:
+        return _complain("interrupted", SIGNALLED + signal_of(interruption))
     except (MemoryError, RuntimeError) as error:
         circle = met_in_links(error)
         if circle is not None:

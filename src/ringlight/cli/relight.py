@@ -9,6 +9,7 @@ import tyro
 
 from ringlight.cli.arguments import Device, ModelPath
 from ringlight.cli.flags import flags_in
+from ringlight.cli.ineffective import watching_without_effect
 from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.parse import parse, refuse
 from ringlight.cli.run_length import check_length
@@ -91,9 +92,9 @@ def _start(arguments: list[str]) -> int:
         opened = open_model(asked.model)
         try:
             session = start_relighting(opened, photographs, asked.out, asked.steps, asked.seed, asked.device, loaded)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interruption:
             line.wiped()
-            raise stopped_unbegun("relight", asked.out, True, "another OUT") from None
+            raise stopped_unbegun(interruption, "relight", asked.out, True, "another OUT") from None
     return _train(session, asked.running)
 
 
@@ -117,7 +118,11 @@ def _resume(arguments: list[str]) -> int:
         check_watching(wish.running)
         session = resume_run(wish.resume, loaded=telling_of_scenes(wish.running.quiet))
         report = complete_report(session)
-    return _train(session, wish.running) if report is None else _finish(session, report, wish.running)
+    if report is None:
+        return _train(session, wish.running)
+    for sentence in watching_without_effect(wish.running):
+        sys.stderr.write(f"warning: {sentence}\n")
+    return _finish(session, report, wish.running)
 
 
 def _train(session: "Session", options: RunOptions) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ringlight.cli.arguments import Net
 from ringlight.cli.main import NO_MEMORY, Stopped, is_out_of_memory
-from ringlight.cli.signals import kept_signals
+from ringlight.cli.signals import kept_signals, signal_of
 from ringlight.core.command_line import command
 from ringlight.errors import BackendError, DivergedError, RecipeError, RinglightError, RunError
 
@@ -99,8 +99,8 @@ def train_and_measure(
     """
     try:
         return _train_save_measure(session, options, resume_with, hear)
-    except KeyboardInterrupt as pressed:
-        number = pressed.args[0] if pressed.args else signal.SIGINT
+    except KeyboardInterrupt as interruption:
+        number = signal_of(interruption)
         if not session.folder.checkpoints:
             sys.stderr.write(f"stopped at once; begin again with: {resume_with}\n")
             raise Stopped(number) from None

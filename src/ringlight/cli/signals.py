@@ -22,6 +22,16 @@ def signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[Non
             signal.signal(number, before)
 
 
+def signal_of(interruption: KeyboardInterrupt) -> int:
+    """Its number: Python raises one of its own at Ctrl-C, which has none."""
+    return int(interruption.args[0]) if interruption.args else signal.SIGINT
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Ends what runs as Ctrl-C does, in order, whichever signal it was."""
+    raise KeyboardInterrupt(number)
+
+
 def nothing(number: int, before: list[int]) -> None:
     """What is done besides keeping a signal's number, unless something is asked for."""
 

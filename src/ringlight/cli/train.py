@@ -10,7 +10,7 @@ import tyro
 from ringlight.cli.arguments import Device, MaybeFolder
 from ringlight.cli.flags import flags_in, flags_of
 from ringlight.cli.gpu_build import tell_of_build
-from ringlight.cli.ineffective import idle_settings, start_without_effect
+from ringlight.cli.ineffective import idle_settings, start_without_effect, watching_without_effect
 from ringlight.cli.loading import telling_of_scenes
 from ringlight.cli.methods import Method, preset_of
 from ringlight.cli.parse import parse, refuse
@@ -129,9 +129,9 @@ def _start(arguments: list[str]) -> int:
                 out, scene, preset, recipe, asked.options, asked.seed, asked.device, asked.from_, loaded,
                 numbered=asked.out is None,
             )  # fmt: skip
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interruption:
             line.wiped()
-            raise stopped_unbegun("train", asked.out, asked.from_ is not None, "--out NEW") from None
+            raise stopped_unbegun(interruption, "train", asked.out, asked.from_ is not None, "--out NEW") from None
     _warn_of(start_without_effect(asked.options, recipe, session))
     return _train(session, asked.running)
 
@@ -173,6 +173,7 @@ def _resume(arguments: list[str]) -> int:
         report = complete_report(session)
     if report is None:
         return _train(session, wish.running)
+    _warn_of(watching_without_effect(wish.running))
     if not wish.running.quiet:
         sys.stderr.write(
             f"{wish.resume}: is complete after step {record.steps} and was measured; add steps by: "

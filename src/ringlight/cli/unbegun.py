@@ -1,18 +1,20 @@
 """A run that was interrupted before its first step: what goes on with it."""
 
-import signal
 import sys
 from pathlib import Path
 
 from ringlight.cli.main import Stopped
+from ringlight.cli.signals import signal_of
 from ringlight.core.command_line import command
 
 
-def stopped_unbegun(verb: str, out: Path | None, from_model: bool, anew: str) -> Stopped:
+def stopped_unbegun(
+    interruption: KeyboardInterrupt, verb: str, out: Path | None, from_model: bool, anew: str
+) -> Stopped:
     """Says that it was, and what ``verb`` does next; ``out`` is where it was to be, ``anew`` how another place is
     named."""
     sys.stderr.write(f"ringlight: interrupted before the first step; {_way_on(verb, out, from_model, anew)}\n")
-    return Stopped(signal.SIGINT)
+    return Stopped(signal_of(interruption))
 
 
 def _way_on(verb: str, out: Path | None, from_model: bool, anew: str) -> str:
