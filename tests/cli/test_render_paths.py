@@ -204,6 +204,8 @@ def test_what_is_of_orbits_is_of_no_other_path(run: Path, ringlight: Command) ->
 
 def test_what_has_no_effect_is_said(run: Path, tmp_path: Path, ringlight: Command) -> None:
     refused(ringlight("render", run, "--path", "train", "--fps", "2"), 1, "--fps", "give --video")
+    for fps in ("1e10", "0.0004"):  # films of which rate there are none
+        refused(ringlight("render", run, "--path", "train", "--video", "--fps", fps), 1, "--fps", "0.001 to 1000")
     for frames, told in (("2", False), ("9", True)):
         done = ringlight("render", run, "--frames", frames, "--out", tmp_path / frames)
         assert len(list((tmp_path / frames / "color").iterdir())) == 2

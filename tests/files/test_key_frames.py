@@ -157,6 +157,7 @@ def stop_with(**values: object) -> dict:
         (change(height=1e9), "height"),
         (change(fov=180), "fov"),
         (change(fps=0), "fps"),
+        (change(fps=4e-4), "fps"),
         (change(clsoed=True), "clsoed"),
         (stop_with(look_At=[0, 0, 0]), "look_At"),
         (change(closed=3), "closed"),

@@ -90,6 +90,7 @@ def test_rows_of_four_and_a_missing_type_are_understood(tmp_path: Path) -> None:
         ({"render_height": math.nan}, "render_height"),
         ({"render_height": None}, "render_height"),
         ({"fps": -1}, "fps"),
+        ({"fps": 4e-4}, "fps"),
         ({"fps": "fast"}, "fps"),
         (with_frame(fov=0), "fov"),
         (with_frame(fov=180), "fov"),

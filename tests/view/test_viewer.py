@@ -1,6 +1,7 @@
 """What browsers get: coarse while they move, fine when they rest, and nothing twice."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from ringlight.errors import OutputError, SceneError
 from ringlight.view.curves import Curves
 from ringlight.view.key_frames import FRAMES
 from ringlight.view.pacing import REST_SECONDS
-from ringlight.view.subject import PHOTOGRAPH, subject
+from ringlight.view.subject import MOST_CAMERAS, PHOTOGRAPH, subject
 from ringlight.view.viewer import Trained, Viewer, first_wishes
 from ringlight.view.wishes import Ask
 from tiny_scene import tiny_scene
@@ -204,8 +205,6 @@ def test_key_frames_are_previewed_and_written(looking: Looking, scene: Scene, tm
 
 
 def test_a_damaged_photograph_is_one_sentence(scene: Scene, tmp_path: Path):
-    from dataclasses import replace
-
     def fail():
         raise SceneError("r_0.png: is damaged; copy it again")
 
@@ -213,10 +212,43 @@ def test_a_damaged_photograph_is_one_sentence(scene: Scene, tmp_path: Path):
     looking = Looking(subject("t", {}, [], broken, tmp_path))
     looking.wishes.stand(0, standing(scene.test[0].camera), looking.clock())
     looking.rest()
-    assert {(sentence, trouble) for _, sentence, trouble in looking.page.sentences} == {
-        ("r_0.png: is damaged; copy it again", True)
-    }
+    told = (0, "r_0.png: is damaged; copy it again", True)
+    assert looking.page.sentences == [told]
     assert looking.last is None
+    looking.wishes.stand(0, standing(scene.test[1].camera), looking.clock())
+    looking.rest()
+    looking.wishes.stand(0, standing(scene.test[0].camera), looking.clock())
+    looking.rest()
+    assert looking.page.sentences == [told, told], "who comes back is told again"
+
+
+def test_a_training_does_not_tell_of_a_damaged_photograph_at_each_step(scene: Scene, model, tmp_path: Path):
+    def fail():
+        raise SceneError("r_0.png: is damaged; copy it again")
+
+    broken = replace(scene, test=(replace(scene.test[0], load=fail), *scene.test[1:]))
+    steps = Steps()
+    looking = Looking(subject_of(broken, tmp_path, gaussians=model), steps.trained())
+    looking.wishes.stand(0, standing(scene.test[0].camera), looking.clock())
+    looking.wishes.wish("left", PHOTOGRAPH)
+    for _ in range(20):
+        steps.step += 1
+        looking.viewer.turn()
+        looking.clock.seconds += REST_SECONDS
+    assert [sentence for _, sentence, trouble in looking.page.sentences if trouble] == [
+        "r_0.png: is damaged; copy it again"
+    ]
+
+
+def test_photographs_hang_in_the_cameras_that_are_drawn(scene: Scene, tmp_path: Path):
+    many = replace(scene, train=tuple(replace(scene.train[0], name=f"r_{index}") for index in range(700)), test=())
+    about = subject("t", {}, [], many, tmp_path)
+    looking = Looking(about)
+    looking.wishes.stand(0, standing(scene.train[0].camera), looking.clock())
+    looking.rest(400)
+    assert len(looking.page.thumbnails) <= MOST_CAMERAS
+    assert set(looking.page.thumbnails) == set(about.drawn_views)
+    assert {"r_0", "r_699"} <= set(about.drawn_views)
 
 
 class Steps:

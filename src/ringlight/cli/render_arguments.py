@@ -7,6 +7,7 @@ import tyro
 
 from ringlight.cli.arguments import Device, MaybeFolder, ModelPath
 from ringlight.errors import RecipeError
+from ringlight.files.frame_rate import FASTEST, SLOWEST
 
 Layer = Literal["color", "base", "residual", "modulation", "normal", "depth", "alpha"]
 
@@ -85,6 +86,8 @@ class RenderArguments:
             raise RecipeError(
                 f"--frames is {self.frames}: give at most {MOST_FRAMES}, an hour of film, and join several"
             )
+        if self.fps is not None and not SLOWEST <= self.fps <= FASTEST:
+            raise RecipeError(f"--fps is {self.fps:g}: give {SLOWEST:g} to {FASTEST:g} frames a second")
         if not self.layers:
             raise RecipeError("--layers names nothing; give at least one, such as color")
         if self.video and self.format != "png":

@@ -22,7 +22,8 @@ from ringlight.data.json_fields import Fields, finite, matrix_of, read_object
 from ringlight.data.poses import MAX_COORDINATE, OPENGL_TO_OPENCV, world_to_camera_from_opengl
 from ringlight.errors import SceneError
 from ringlight.files.atomic import write_text
-from ringlight.files.nerfstudio_path import FASTEST, NARROWEST, WIDEST
+from ringlight.files.frame_rate import FASTEST, SLOWEST
+from ringlight.files.nerfstudio_path import NARROWEST, WIDEST
 
 Array = NDArray[np.float64]
 
@@ -91,7 +92,7 @@ def read_key_frames(path: Path, like: Camera | None, up: Array | None) -> KeyFra
     if not isinstance(entries, list) or not 1 <= len(entries) <= MOST_STOPS:
         raise SceneError(f"{path}: holds no list of 1 to {MOST_STOPS:,} 'stops'; see docs/render.md")
     width, height = _side(document, "width", path, like), _side(document, "height", path, like)
-    fps = _between(document, "fps", str(path), FPS, 0.0, FASTEST)
+    fps = _between(document, "fps", str(path), FPS, SLOWEST, FASTEST)
     closed = document.get("closed", False)
     if not isinstance(closed, bool):
         raise SceneError(f"{path}: 'closed' is not true or false; correct it")

@@ -23,6 +23,7 @@ from ringlight.data.json_fields import Fields, finite, number, read_object, text
 from ringlight.data.poses import world_to_camera_from_opengl
 from ringlight.errors import SceneError
 from ringlight.files.atomic import write_text
+from ringlight.files.frame_rate import FASTEST, SLOWEST
 from ringlight.files.nerfstudio_frame import UNMOVED, Moved
 
 NARROWEST, WIDEST = 1e-3, 179.0
@@ -30,9 +31,6 @@ NARROWEST, WIDEST = 1e-3, 179.0
 
 FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])
 """Between OpenCV's axes of a camera and OpenGL's."""
-
-FASTEST = 1000.0
-"""Frames a second: what a film is ever played at."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,8 @@ def read_nerfstudio_path(path: Path, most: int, moved: Moved = UNMOVED) -> Nerfs
         raise SceneError(f"{path}: its camera_type is {kind[:40]!r}; only 'perspective' can be drawn, export it so")
     size = _side(document, "render_width", path), _side(document, "render_height", path)
     fps = number(document, "fps", str(path), None)
-    if fps is not None and not 0 < fps <= FASTEST:
-        raise SceneError(f"{path}: 'fps' is {fps:g}; give above 0 and at most {FASTEST:g}")
+    if fps is not None and not SLOWEST <= fps <= FASTEST:
+        raise SceneError(f"{path}: 'fps' is {fps:g}; give {SLOWEST:g} to {FASTEST:g}")
     cameras = tuple(_camera(frame, size, moved, f"{path}: camera {index}") for index, frame in enumerate(frames))
     return NerfstudioPath(cameras, fps)
 

@@ -14,7 +14,7 @@ from ringlight.runs.opened import Opened, recorded_scene, scene_of
 from ringlight.runs.record import RECORD_NAME
 from ringlight.view.on_disk import Following, OnDisk
 from ringlight.view.standpoint import is_same_pose
-from ringlight.view.subject import Subject, subject
+from ringlight.view.subject import PHOTOGRAPH, Subject, subject
 
 
 def is_scene(path: Path) -> bool:
@@ -43,7 +43,7 @@ def open_subject(paths: Sequence[Path], asked: Path | None, device: str) -> Foun
             raise RecipeError("a scene's folder is looked at alone; name the photographs of runs by --scene FOLDER")
         alone = load_scene(paths[0])
         return Found(subject(alone.name, {}, [], alone, Path.cwd()), {}, [])
-    files = {name: OnDisk(path, device) for name, path in _named(paths).items()}
+    files = {name: OnDisk(path, device) for name, path in named_apart(paths).items()}
     models = {name: file.opened for name, file in files.items()}
     first = next(iter(models.values()))
     for opened in models.values():
@@ -58,13 +58,13 @@ def open_subject(paths: Sequence[Path], asked: Path | None, device: str) -> Foun
     return Found(about, files, missing)
 
 
-def _named(paths: Sequence[Path]) -> Mapping[str, Path]:
-    """By their last names, numbered where these are the same."""
+def named_apart(paths: Sequence[Path]) -> Mapping[str, Path]:
+    """By their last names, numbered where these are the same, or that of the photographs."""
     named: dict[str, Path] = {}
     for path in paths:
         name = path.resolve().name
         number = 2
-        while name in named:
+        while name in named or name == PHOTOGRAPH:
             name, number = f"{path.resolve().name} {number}", number + 1
         named[name] = path
     return named

@@ -1,5 +1,6 @@
 """What is looked at: models of one scene, its cameras with their photographs, its points."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,6 +25,12 @@ FIRST_SIDE, FIRST_FOCAL = 400, 500.0
 
 NEAR_SHARE = 0.1
 """Of the extent: twice the length of a camera as it is drawn."""
+
+SMALLEST_SPREAD = 0.1
+"""Of the distance between cameras and what they see: cameras may all stand in one place."""
+
+MOST_CAMERAS = 300
+"""Drawn ones: each is an object of its own in the browser."""
 
 OUTER = 0.02
 """Share of the Gaussians on each side that is no part of what such a camera shall see."""
@@ -82,6 +89,11 @@ class Subject:
         return frozenset(name for name, is_near in zip(self.views, near, strict=True) if is_near)
 
     @property
+    def drawn_views(self) -> tuple[str, ...]:
+        """Views whose cameras are drawn, evenly chosen."""
+        return tuple(self.views)[:: max(math.ceil(len(self.views) / MOST_CAMERAS), 1)]
+
+    @property
     def layers(self) -> tuple[str, ...]:
         """Those that any of the models has."""
         return tuple(dict.fromkeys(name for source in self.sources.values() for name in source.layers))
@@ -98,11 +110,14 @@ def subject(
     """Of models with their backgrounds, the training ``cameras`` that they bring, and the scene if its photographs are
     at hand; at least one of the two last, or a model of Gaussians."""
     views = _views(cameras, scene)
+    everything = _means([model for model, _ in models.values()])
+    if scene is not None and not len(everything):
+        everything = scene.points.positions
     if views:
         orbit = orbit_of(list(views.values()))
-        start, extent = next(iter(views.values())), camera_extent(list(views.values()))
+        start, extent = next(iter(views.values())), _extent(list(views.values()), everything)
     else:
-        orbit, extent = _round([model for model, _ in models.values()])
+        orbit, extent = _round(everything)
         start = orbit.cameras(1)[0]
     sources = {name: Source(model, behind, layers_of(model, start)) for name, (model, behind) in models.items()}
     return Subject(
@@ -137,10 +152,23 @@ def _photographs(scene: Scene | None) -> dict[str, Callable[[], Float[Tensor, "3
     return {view.name: loader(view) for view in (*scene.test, *scene.train)}
 
 
-def _round(models: Sequence[Model]) -> tuple[Orbit, float]:
-    """An orbit round the Gaussians, with z for up, and their spread."""
+def _means(models: Sequence[Model]) -> Float[Tensor, "N 3"]:
+    """Of all their Gaussians."""
     tables = [splats.gaussians.means.detach().cpu() for model in models if (splats := model.splats()) is not None]
-    means = torch.cat(tables) if tables else torch.zeros(0, 3)
+    return torch.cat(tables) if tables else torch.zeros(0, 3)
+
+
+def _extent(cameras: list[Camera], seen: Float[Tensor, "N 3"]) -> float:
+    """Spread of the cameras, or a share of how far the middle of what they see is from the first, world units."""
+    spread = camera_extent(cameras)
+    if not len(seen):
+        return spread
+    apart = np.median(np.linalg.norm(seen.double().numpy() - position_of(cameras[0]), axis=1))
+    return max(spread, SMALLEST_SPREAD * float(apart))
+
+
+def _round(means: Float[Tensor, "N 3"]) -> tuple[Orbit, float]:
+    """An orbit round these places, with z for up, and their spread."""
     means = means if len(means) else torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     low, high = np.quantile(means.double().numpy(), (OUTER, 1 - OUTER), axis=0)
     extent = max(float(np.linalg.norm(high - low)), 1e-3)

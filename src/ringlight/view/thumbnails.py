@@ -11,15 +11,13 @@ from ringlight.view.subject import Subject
 SIDE = 96
 """Pixels of the longer side: a few kilobytes each."""
 
-MOST = 300
-"""Cameras that get one; decoding the photographs of a large scene takes minutes."""
-
 
 class Thumbnails:
-    """Of the subject's photographs, each once."""
+    """Of the photographs whose cameras are drawn, each once; to decode all of a large scene takes minutes."""
 
     def __init__(self, subject: Subject):
-        self._left = list(subject.photographs.items())[:MOST][::-1]
+        drawn = [name for name in subject.drawn_views if name in subject.photographs]
+        self._left = [(name, subject.photographs[name]) for name in reversed(drawn)]
 
     def hang_one(self, page: Page) -> bool:
         """The next; whether there was one. A photograph that cannot be decoded is passed over: it is told of where

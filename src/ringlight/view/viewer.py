@@ -30,12 +30,13 @@ STATUS_SECONDS = 1.0
 @dataclass(frozen=True)
 class Shown:
     """What a browser has: drawn where, how, of which state of the models, and with which factor on the window's
-    sides."""
+    sides; ``trouble`` is why it has no picture, if so."""
 
     seen: Seen
     look: Look
     state: int
     scale: float
+    trouble: str | None = None
 
 
 @dataclass(frozen=True)
@@ -145,15 +146,17 @@ class Viewer:
 
     def _draw(self, browser: int, seen: Seen, look: Look, scale: float, is_final: bool) -> None:
         begun, state = self._now(), self._state()
-        camera = seen.standpoint.camera(scale)
+        camera, before = seen.standpoint.camera(scale), self._shown.get(browser)
+        picture, trouble = None, None
         try:
             picture = self._pictures.picture(camera, look)
         except RinglightError as error:
-            picture = None
-            self.page.tell(browser, str(error), is_trouble=True)
+            trouble = str(error)
+            if before is None or before.trouble != trouble:  # else it is told at each turn
+                self.page.tell(browser, trouble, is_trouble=True)
         self.page.show(browser, picture, is_final)
         self._pace.note(self._pictures.kind(look), camera.width * camera.height, self._now() - begun)
-        self._shown[browser] = Shown(seen, look, state, scale)
+        self._shown[browser] = Shown(seen, look, state, scale, trouble)
 
     @property
     def _is_training(self) -> bool:

@@ -18,9 +18,6 @@ CAMERA_SHARE = 0.05
 
 KEY_COLOR, VIEW_COLOR = (220, 60, 30), (60, 110, 200)
 
-MOST_CAMERAS = 300
-"""Drawn ones: each is an object of its own in the browser."""
-
 MOST_POINTS = 200_000
 """Of a scene's points, evenly chosen."""
 
@@ -70,9 +67,7 @@ class ViserWorld:
 
     def _add_cameras(self) -> None:
         self._cameras = self._nodes.add_frame("/cameras", show_axes=False, visible=not self.subject.sources)
-        names = list(self.subject.views)
-        step = max(math.ceil(len(names) / MOST_CAMERAS), 1)
-        for index, name in enumerate(names[::step]):
+        for index, name in enumerate(self.subject.drawn_views):
             frustum = self._frustum(f"/cameras/{index}", self.subject.views[name], VIEW_COLOR)
             frustum.on_click(self._going_to(name))
             self._frustums[name] = frustum
