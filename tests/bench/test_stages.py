@@ -15,6 +15,12 @@ def test_every_stage_is_timed_in_order(rounds):
     assert all(milliseconds > 0 for milliseconds in row.stages.values())
 
 
+def test_stages_are_of_their_own_size():
+    """One rasterizer draws all sizes: what the smaller left is not the larger one's fastest round."""
+    small, large = bench_raster([Size(50, 16), Size(20_000, 200)], rasterizer_for("cpu"), Budget(1, 0.0))
+    assert large.stages["blend"] > 5 * small.stages["blend"]
+
+
 def test_another_rasterizer_has_no_stages():
     (row,) = bench_raster([Size(20, 8)], rasterizer_for("reference"), Budget(1, 0.0))
     assert row.stages == {}

@@ -49,7 +49,7 @@ class PageRow:
     first_ms: float
     """From the page's begin to its first exact picture, inflating and compiling included."""
     seen: int
-    """Gaussians that the last picture shows."""
+    """Gaussians that a picture shows, the median."""
     project_ms: float
     sort_ms: float
     lists_ms: float

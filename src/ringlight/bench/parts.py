@@ -18,7 +18,8 @@ OURS, SHOW = "ours", "show"
 
 @dataclass(frozen=True)
 class Beside:
-    """The same work done otherwise, in turns with the part. Ratios are its time over the part's."""
+    """The same work done otherwise, or more of it where ``step_parts.py`` says so, in turns with the part. Ratios are
+    its time over the part's."""
 
     name: str
     both: Timing

@@ -74,6 +74,7 @@ class OneView:
         shape = (work.size.channels, work.size.pixels, work.size.pixels)
         upstream = torch.randn(shape, generator=generator(seed, 0, "image gradient")) / work.size.pixels**2
         self.upstream = upstream.to(there).permute(1, 2, 0)
+        self.is_drawn = False
 
     def forward(self) -> None:
         self.raster = self.rasterize.draw(
@@ -83,6 +84,7 @@ class OneView:
     def backward(self) -> None:
         self.gradients = Gradients()
         self.raster.backward(self.upstream, None, self.gradients)
+        self.is_drawn = True
 
     def pairs(self) -> Pairs:
         """What the compiled kernels evaluate and blend; slow."""
@@ -102,13 +104,14 @@ def _row(size: Size, rasterize: Rasterizer, budget: Budget, seed: int) -> Raster
     is_native = rasterize.name == NATIVE
 
     def read_clock() -> None:
-        """Of the round before."""
-        for place in cast(CpuRasterizer, rasterize).spare[-1:] if is_native else ():
+        """Of the round before, if there was one: the rasterizer may have drawn another size."""
+        for place in cast(CpuRasterizer, rasterize).spare[-1:] if is_native and view.is_drawn else ():
             for name, seconds in place.workspace.stage_seconds.items():
                 stages[name] = min(stages.get(name, math.inf), 1e3 * seconds)
 
     contestant = Contestant({FORWARD: view.forward, BACKWARD: view.backward}, prepare=read_clock)
     timings = interleaved({"": contestant}, budget)[""]
+    read_clock()
     passes = Passes(timings[FORWARD], timings[BACKWARD], timings[TOTAL])
     visible = int(view.raster.footprint.visible.sum())
     if not is_native:

@@ -103,21 +103,26 @@ def color_part(model: Callable[[], ColorModel]) -> Maker:
 
 
 def reflection_part(settings: ReflectionSettings) -> Maker:
-    """The deferred shader on a ball in the middle of the image, beside its reference in torch."""
+    """The deferred shader on a ball in the middle of the image. Beside it is its reference in torch, which hands on the
+    gradients of all pixels, and where training takes a share of them the shader "whole", which does too."""
 
     def make(size: Size, seed: int, device: torch.device) -> Part:
         pixels = size.pixels
         focal, middle = float(pixels), pixels / 2
         camera = Camera(torch.eye(4), (focal, focal), (middle, middle), pixels, pixels)
-        shader = ReflectionShader(settings, BOX + torch.tensor([0.0, 0.0, BALL_DISTANCE]), seed)
+        box = BOX + torch.tensor([0.0, 0.0, BALL_DISTANCE])
+        shader, whole = (
+            ReflectionShader(each, box, seed) for each in (settings, replace(settings, gradient_share=1.0))
+        )
         move(shader, device)
+        move(whole, device)
         planes = {name: plane.to(device) for name, plane in ball(pixels, settings.latents, seed).items()}
         image = torch.cat([planes[name] for name in shader.needs]).permute(1, 2, 0)
         alpha, background = planes["alpha"].permute(1, 2, 0), torch.ones(3, device=device)
         upstream = torch.randn(3, pixels, pixels, generator=generator(seed, 0, "upstream")).to(device).permute(1, 2, 0)
 
-        def shaded(want: Want) -> Shaded:
-            return shader.shade(image, alpha, camera, background, want)
+        def shaded(want: Want, by: ReflectionShader = shader) -> Shaded:
+            return by.shade(image, alpha, camera, background, want)
 
         def by_torch() -> Shaded:
             return shader.shaded_by_torch(image, alpha, camera, background, Want.GRADIENTS)
@@ -125,11 +130,17 @@ def reflection_part(settings: ReflectionSettings) -> Maker:
         def backward(record: Shaded) -> None:
             record.backward(upstream, Gradients())
 
+        def stages(by: ReflectionShader) -> Stages:
+            return there_and_back(lambda: shaded(Want.GRADIENTS, by), backward)
+
         return Part(
             int((alpha > 0).sum()),
-            there_and_back(lambda: shaded(Want.GRADIENTS), backward),
+            stages(shader),
             show=lambda: shaded(Want.EXACT),
-            beside={"reference": there_and_back(by_torch, backward)},
+            beside={
+                **({"whole": stages(whole)} if settings.gradient_share < 1 else {}),
+                "reference": there_and_back(by_torch, backward),
+            },
             results=lambda: (shaded(Want.EXACT).color, by_torch().color),
         )
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from ringlight.bench.timing import WARMUP_ROUNDS, Timing, timing_of, wait_for_gpu
+from ringlight.bench.timing import Timing, timed_of, timing_of, wait_for_gpu
 from ringlight.fit.train import Training
 from ringlight.models.splats import SplatModel
 
@@ -57,10 +57,10 @@ class Stopwatch:
         self._seconds = {}
 
     def timings(self) -> dict[str, Timing]:
-        """By stage, without the first rounds, which warm up; a stage that took no time is left out."""
+        """By stage, of the rounds that :func:`interleaved` times; a stage that took no time is left out."""
         timings = {}
         for stage in STAGES:
-            found = [seconds.get(stage, (0.0, 0.0)) for seconds in self._rounds[WARMUP_ROUNDS:]]
+            found = [seconds.get(stage, (0.0, 0.0)) for seconds in timed_of(self._rounds)]
             if any(wall for wall, _ in found):
                 timings[stage] = timing_of(found)
         return timings

@@ -12,6 +12,10 @@ from typing import TypeVar
 WARMUP_ROUNDS = 2
 """The first rounds allocate memory and fill caches."""
 
+RUNS_A_TURN = 2
+"""The first wakes a contestant's threads, sends another's to sleep, and fills the caches, as in training; the last is
+timed."""
+
 SHORTEST_MS = 1e-6
 """A nanosecond: no ratio divides by zero where a clock is coarse."""
 
@@ -46,6 +50,7 @@ class Budget:
 
 
 Name = TypeVar("Name", bound=Hashable)
+Run = TypeVar("Run")
 
 
 def interleaved(contestants: Mapping[Name, Contestant], budget: Budget) -> dict[Name, dict[str, Timing]]:
@@ -63,8 +68,7 @@ def interleaved(contestants: Mapping[Name, Contestant], budget: Budget) -> dict[
             if index and time.perf_counter() - begun > budget.seconds:
                 break
             for name, contestant in contestants.items():
-                _round(contestant)  # wakes its threads, sends another's to sleep, and fills the caches: as in training
-                records[name].append(_round(contestant))
+                records[name].append([_round(contestant) for _ in range(RUNS_A_TURN)][-1])
     finally:
         if collecting:
             gc.enable()
@@ -72,6 +76,11 @@ def interleaved(contestants: Mapping[Name, Contestant], budget: Budget) -> dict[
         name: {stage: timing_of([each[stage] for each in rounds]) for stage in rounds[0]}
         for name, rounds in records.items()
     }
+
+
+def timed_of(runs: Sequence[Run]) -> Sequence[Run]:
+    """Of what a contestant noted at each of its runs in :func:`interleaved`, in their order, what is of timed ones."""
+    return runs[WARMUP_ROUNDS + RUNS_A_TURN - 1 :: RUNS_A_TURN]
 
 
 def _round(contestant: Contestant) -> dict[str, tuple[float, float]]:
