@@ -47,6 +47,9 @@ void colors_of(Logits logits, Numbers places, Numbers sources, Colors colors) {
 }
 
 EnvironmentPlanes planes_of(const Camera& camera, const Input& image, const Input& alpha) {
+  require(std::min(camera.width, camera.height) >= 1 &&
+              std::max(camera.width, camera.height) <= convention::MAX_IMAGE_SIDE,
+          "environment: the picture has no pixels or too many");
   const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
   require(image.size() == 7 * pixels && alpha.size() == pixels, "environment: image must be [7 H W], alpha [1 H W]");
   return {image.data(), alpha.data()};

@@ -32,7 +32,8 @@ class IlluminatedJob {
     constexpr std::size_t MOST_ROWS = std::size_t{1} << 30;  // numbers of rows fit an int
     const std::size_t known = means.shape(0), width = features.shape(1), hidden = parameters.size() == 6 ?
         parameters[1].size() : 0;
-    require(known < MOST_ROWS && roughness.shape(0) == known && features.shape(0) == known,
+    require(std::max(known, rows.shape(0)) < MOST_ROWS, "illuminated: there are too many rows");
+    require(roughness.shape(0) == known && features.shape(0) == known,
             "illuminated: columns must have the same rows");
     require(mix.shape(0) == width && offset.shape(0) == width &&
                 mix.shape(1) == static_cast<std::size_t>(PLANE_PAIRS * shape_.channels),
@@ -98,6 +99,7 @@ std::size_t backward(const IlluminatedJob& job, Tensor<const float, -1, 3> of_sp
                      const Planes<float>& of_planes, const Lines<float>& of_lines) {
   const LightField field = job.field();
   const std::size_t width = field.features, joined = field.joined(), count = job.count();
+  require(share > 0, "illuminated: the share must be above 0");
   require(of_specular.shape(0) == count, "illuminated: there must be a gradient for each lit row");
   require(of_roughness.shape(0) == job.known() && of_features.shape(0) == job.known() &&
               of_features.shape(1) == width && of_mix.shape(0) == width && of_mix.shape(1) == joined &&
@@ -115,7 +117,8 @@ std::size_t backward(const IlluminatedJob& job, Tensor<const float, -1, 3> of_sp
   const std::unique_ptr<float[]> upstream(new float[3 * drawn]), points(new float[3 * drawn]),
       of_products(new float[joined * drawn]);
   for (std::size_t i = 0; i < drawn; i++) {
-    for (int c = 0; c < 3; c++) upstream[3 * i + c] = of_specular.data()[3 * rows[i] + c] * weights[i];
+    const float* const from = of_specular.data() + 3 * static_cast<std::size_t>(rows[i]);
+    for (int c = 0; c < 3; c++) upstream[3 * i + c] = from[c] * weights[i];
     rows[i] = job.rows()[rows[i]];
   }
   const LightGradients to{of_roughness.data(), of_features.data(), of_layers,    of_mix.data(),

@@ -26,7 +26,7 @@ void sparse_product(const SparseRows& rows, const float* values, float* sums) {
       Quad a{}, b{}, c{}, d{};
       const std::int32_t last = rows.starts[row + 1];
       std::int32_t i = rows.starts[row];
-      for (; i + CHAINS <= last; i += CHAINS)
+      for (; last - i >= CHAINS; i += CHAINS)
         a += term(i), b += term(i + 1), c += term(i + 2), d += term(i + 3);
       for (; i < last; i++) a += term(i);
       const Quad sum = (a + b) + (c + d);

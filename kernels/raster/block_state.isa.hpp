@@ -18,13 +18,14 @@ struct RowList {
 };
 
 // Stops the blocks through whose pixels less than EARLY_STOP of what lies behind shows, as if that were what is in
-// front; returns the others. Blocks whose pixels are all finished are not asked: less is missing of them.
+// front; returns the others. The final transmittance says it: a finished pixel keeps what was left before the Gaussian
+// that finished it, up to a tenth, while its running one is past the threshold.
 RINGLIGHT_INLINE std::uint64_t stop_early(std::uint64_t blocks, float* states, int floats) {
   std::uint64_t open = blocks;
   for (std::uint64_t left = blocks; left; left &= left - 1) {
     const int block = __builtin_ctzll(left);
     float* const state = states + block * floats;
-    if (any(ge(load(state + RUNNING), Vec(convention::EARLY_STOP)))) continue;
+    if (any(ge(load(state + FINAL), Vec(convention::EARLY_STOP)))) continue;
     const Vec filling = Vec(1.f) / (Vec(1.f) - load(state + FINAL));
     for (int i = COLOR; i < floats; i += LANES) store(state + i, load(state + i) * filling);
     store(state + FINAL, Vec(0.f));

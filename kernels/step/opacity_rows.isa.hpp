@@ -12,6 +12,7 @@ using Coefficients = Lanes[LANES];  // of one channel, at most HARMONICS
 // it, the less the farther away.
 inline void add_to_means(const Lanes by_sum, int degree, const Block& block, const Coefficients& coefficients,
                          float* means) {
+  if (degree == 0) return;  // the same from everywhere
   Lanes by_direction[3], by_means[3];
   direction_slope<1>(degree, block, coefficients, by_direction);
   load_triples(means, block, by_means);

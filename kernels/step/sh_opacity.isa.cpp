@@ -38,7 +38,7 @@ void by_opacities(const DirectionalOpacities& table, const float* upstream, cons
   for (int i = 0; i < LANES; i++) {
     const float free = of.free[i], over = of.over[i], mean = of.mean[i];
     const float shown = free < 0 ? 0 : free > 1 ? 1 : free;
-    by_opacity[i] = free > 0 && free < 1 ? upstream[i] / over : 0.0f;
+    by_opacity[i] = free >= 0 && free <= 1 ? upstream[i] / over : 0.0f;
     const float divided = mean > table.least ? upstream[i] * shown / (over * over) : 0.0f;
     by_logit[i] = (by_opacity[i] - divided) * mean * of.light[i];
   }

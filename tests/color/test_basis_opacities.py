@@ -138,6 +138,21 @@ def test_harmonics_above_the_degree_are_not_shown_and_get_zero_gradient(kernels,
     assert all(tensor.isfinite().all() for tensor in found.values())
 
 
+def test_harmonics_of_degree_0_move_no_mean(kernels):
+    """Nor does what a call before them left in memory."""
+    drawn = torch.Generator().manual_seed(0)
+    means, logits, weights, shared = (
+        torch.randn(shape, generator=drawn) for shape in ((40, 3), (40,), (40, 2), (2, 15))
+    )
+    for degree in (3, 0):
+        by_means = torch.zeros(40, 3)
+        kernels.sh_basis_opacity_gradient(
+            means, logits, weights, shared, camera().native, degree, LEAST_MEAN, torch.ones(40), by_means,
+            torch.zeros(40), torch.zeros(40, 2), torch.empty(2, 15),
+        )  # fmt: skip
+    assert not by_means.any()
+
+
 def test_the_same_bits_for_any_number_of_threads(kernels):
     results = []
     for threads in (1, 2, 3):

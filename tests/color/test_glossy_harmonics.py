@@ -152,6 +152,30 @@ def test_any_mean_gives_numbers(kernels, logit: float):
         assert float(table.opacities[0]) < LEAST_MEAN, "the mean itself is next to nothing"
 
 
+def test_an_opacity_of_exactly_one_learns(kernels):
+    """As every one of a large logit is, before its harmonics have learned anything."""
+    table, upstream = table_of(40, spread=0.0), upstream_of(40)
+    table.opacity_logits.fill_(20.0)
+    native = found_by(table, upstream)[COLUMNS + OPACITY_REST]
+    rest = torch.zeros(40, 15, requires_grad=True)
+    factors = opacity_factors_reference(table.means, table.opacity_logits, rest, camera().position, 3)
+    factors.backward(upstream[1])
+    assert rest.grad.any()
+    torch.testing.assert_close(native, rest.grad)
+
+
+def test_harmonics_of_degree_0_move_no_mean(kernels):
+    """Nor does what a call before them left in memory."""
+    table, native = table_of(40), camera().native
+    for degree in (3, 0):
+        by_means = torch.zeros(40, 3)
+        kernels.sh_opacity_gradient(
+            table.means, table.opacity_logits, table.appearance[OPACITY_REST], native, degree, LEAST_MEAN,
+            torch.ones(40), by_means, torch.zeros(40), torch.empty(40, 15),
+        )  # fmt: skip
+    assert not by_means.any()
+
+
 def test_what_is_not_a_number_stays_in_its_row_and_is_not_hidden(kernels):
     table = table_of(50)
     table.appearance[OPACITY_REST][20, 3] = float("nan")

@@ -118,6 +118,15 @@ def test_a_camera_at_the_gaussians_centre_sees_finite_values(dtype: torch.dtype)
     torch.testing.assert_close(results[0][5], base[5])
 
 
+def test_base_colour_and_residual_are_the_colour_where_the_constant_is_below_black():
+    table = random_table(20)
+    table.appearance["sh_dc"].fill_(-2.5)
+    model, camera = SphericalHarmonics(3), camera_at(torch.zeros(3))
+    layers, shown = model.layers(table, camera), model.emit(table, camera, ("rgb",), Want.EXACT).channels
+    assert shown.any()
+    torch.testing.assert_close(layers["base"] + layers["residual"], shown)
+
+
 def test_gradients_of_the_reference_equal_finite_differences():
     table = random_table(6, torch.float64)
     # Far enough from black that a difference step never reaches the clamp.

@@ -140,6 +140,14 @@ def test_grids_and_rows_that_do_not_fit_are_refused(camera: Camera):
             view(other)
 
 
+@pytest.mark.parametrize("share", [0.0, -1.0, float("nan")])
+def test_a_share_that_is_none_is_refused(camera: Camera, share: float):
+    model = Illuminated(ILLUMINATION, BOX, 1, gradient_share=share)
+    emission = model.emit(table(model, 40), camera, ["rgb"], Want.GRADIENTS)
+    with pytest.raises(ValueError, match="share must be above 0"):
+        emission.backward(torch.ones_like(emission.channels), None, Gradients())
+
+
 def test_rows_that_nobody_sees_get_no_gradient(camera: Camera):
     model = Illuminated(ILLUMINATION, BOX, 1)
     gaussians = table(model, 40)

@@ -183,6 +183,23 @@ def test_its_state_is_all_of_it(name: str):
     assert torch.equal(emitted(again, table, Want.EXACT).channels, emitted(model, table, Want.EXACT).channels)
 
 
+def test_a_gaussian_seen_from_its_own_centre_is_finite(name: str):
+    """Point clouds may hold the cameras' centres; nothing of such a row is drawn."""
+    model, table = model_and_table(name)
+    table.means[7] = camera().position
+    assert emitted(model, table, Want.EXACT).channels.isfinite().all()
+    assert all(layer.isfinite().all() for layer in model.layers(table, camera()).values())
+    emission, into = emitted(model, table, Want.GRADIENTS), Gradients()
+    by_channels, by_factor = upstream(emission)
+    by_channels[7] = 0
+    if by_factor is not None:
+        by_factor[7] = 0
+    emission.backward(by_channels, by_factor, into)
+    assert all(dense(gradient).isfinite().all() for _, gradient in into.items())
+    double, rows = doubled(model, table)
+    assert emitted(double, rows, Want.EXACT).channels.isfinite().all()
+
+
 def test_no_rows_are_fine(name: str):
     model, table = model_and_table(name)
     none = table.rows(torch.zeros(0, dtype=torch.int64))

@@ -25,6 +25,12 @@ def test_every_centre_shows_its_own_texel(side: int):
     torch.testing.assert_close(seen, faces.flatten(0, 2), atol=1e-5, rtol=0)
 
 
+def test_no_direction_is_the_middle_of_the_first_face():
+    """As that of a Gaussian seen from its own centre."""
+    faces = torch.rand(FACES, 3, 3, 2, generator=torch.Generator().manual_seed(1))
+    assert torch.equal(looked_up(bordered(faces), torch.zeros(1, 3)), faces[:1, 1, 1])
+
+
 @pytest.mark.parametrize("side", [1, 3, 8])
 def test_neighbours_beyond_an_edge_lie_near_in_direction(side: int):
     """A border shows directions, where texels hold their own: close to what continues the face."""

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import interpreted
+from ringlight.fields import perceptron_triton
 from ringlight.fields.networks import perceptron
 from ringlight.fields.perceptron_triton import perceptron_by_triton
 
@@ -26,6 +27,11 @@ def test_equals_the_reference(count: int, inputs: int, hidden: int, outputs: int
 @pytest.mark.parametrize("deep", [False, True])
 def test_products_of_bfloat16_are_near(deep: bool):
     check((35, *[64] * (1 + deep), 3), 50, 2e-2, half=True, gradients=0.1)  # units near zero are on here, off there
+
+
+def test_few_programs_take_many_rows(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(perceptron_triton, "MOST_PROGRAMS", 1)
+    check((7, 9, 9, 3), 2 * perceptron_triton.ROWS + 5, 2e-5)
 
 
 def test_no_rows():

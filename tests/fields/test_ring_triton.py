@@ -1,11 +1,13 @@
 """The ring's Triton kernels against the reference, in value and gradient."""
 
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import interpreted
 from ringlight.core.directions import octahedral_from_directions
+from ringlight.fields import ring_triton
 from ringlight.fields.ring_tables import RingTables, ring_features
 from ringlight.fields.ring_triton import ring_features_by_triton
 
@@ -24,6 +26,11 @@ def test_equals_the_reference(count: int, nodes: int, side: int, rank: int, feat
 
 def test_the_rank_of_the_presets():
     check(19, 5, 4, 16, 12)
+
+
+def test_many_rows_come_in_chunks(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(ring_triton, "CHUNK", 7)
+    check(19, 5, 4, 3, 4)
 
 
 def test_no_rows():

@@ -4,6 +4,7 @@ import pytest
 import torch
 
 import interpreted
+from ringlight.fit import adam_triton
 from ringlight.fit.adam import Update, adam_reference_
 from ringlight.fit.adam_triton import adam_by_triton_
 
@@ -31,8 +32,10 @@ def run(made: list[Update], radii: torch.Tensor | None = None) -> int:
     return int(adam_by_triton_(groups, radii))
 
 
+@pytest.mark.parametrize("programs", [adam_triton.MOST_PROGRAMS, 2])
 @pytest.mark.parametrize("visible_only", [False, True])
-def test_equals_the_reference(visible_only: bool):
+def test_equals_the_reference(visible_only: bool, programs: int, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(adam_triton, "MOST_PROGRAMS", programs)
     shapes = SHAPES[:3] if visible_only else SHAPES
     ours = updates(shapes)
     theirs = copies(ours)

@@ -8,6 +8,8 @@ from torch import Tensor
 
 from ringlight import _kernels
 from ringlight.bench.workload import Size, workload, workload_camera
+from ringlight.core.camera import Camera
+from ringlight.core.gaussians import Gaussians
 from ringlight.rasterize.contract import RasterOptions
 from ringlight.rasterize.convention import EARLY_STOP
 from ringlight.rasterize.cpu_job import Job, table_of
@@ -33,6 +35,36 @@ def test_a_plain_picture_stops_early_when_asked(channels: int):
     assert (fast - exact).abs().max() < EARLY_STOP * exact.abs().max()
     untouched = filled == 0
     assert torch.equal(fast[:, untouched], exact[:, untouched])
+
+
+FAINT, FAINT_OPACITY = 300, 0.0145
+
+
+def sheets(early_stop: bool, max_alpha: float) -> tuple[Tensor, Tensor]:
+    """Black Gaussians over white: one that leaves 0.089 everywhere, an opaque one that finishes a single pixel there,
+    and many faint ones behind both, which take the others past the threshold."""
+    rows = [((0.0, 0.0), 1.0, 20.0, 0.911), ((-0.145, -0.145), 1.1, 0.003, 1 - 1e-9)]
+    rows += [((0.0, 0.0), 1.5 + 0.01 * i, 20.0, FAINT_OPACITY) for i in range(FAINT)]
+    depths = torch.tensor([depth for _, depth, _, _ in rows])
+    across = torch.tensor([place for place, *_ in rows]) * depths[:, None]
+    scales = torch.tensor([size for *_, size, _ in rows]) * depths
+    gaussians = Gaussians(
+        torch.cat([across, depths[:, None]], 1),
+        scales.log()[:, None].repeat(1, 3),
+        torch.eye(4)[:1].repeat(len(rows), 1),
+        torch.tensor([opacity for *_, opacity in rows]).logit().clamp_max(20.0),
+    )
+    camera = Camera(torch.eye(4), (100.0, 100.0), (16.0, 16.0), 32, 32)
+    job = Job(camera, torch.ones(3), RasterOptions(max_alpha=max_alpha), len(rows))
+    return job.draw(_kernels.Workspace(), table_of(gaussians, torch.zeros(len(rows), 3), None), early_stop=early_stop)
+
+
+@pytest.mark.parametrize("max_alpha", [0.999, 0.99995])
+def test_a_pixel_that_is_finished_keeps_the_light_that_it_had_left(max_alpha: float):
+    (exact, alpha), (fast, fast_alpha) = (sheets(early_stop, max_alpha) for early_stop in (False, True))
+    assert 0.08 < exact[0, 1, 1] < 0.1, "finished before the opaque one, with this much of the background"
+    assert (fast - exact).abs().max() < EARLY_STOP
+    assert (fast_alpha - alpha).abs().max() < EARLY_STOP
 
 
 def test_there_is_no_gradient_after_an_early_stop():

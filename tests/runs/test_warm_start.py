@@ -4,9 +4,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import torch
 
 from ringlight.methods.three_dgs_dr import ThreeDGSDRRecipe
-from ringlight.runs.warm_start import going_on
+from ringlight.rasterize.choose import rasterizer_for
+from ringlight.runs.warm_start import colored_points, going_on
+from small_recipes import small
+from tiny_scene import tiny_scene
 
 
 def start_from(method: str) -> Any:
@@ -21,3 +25,15 @@ def test_axes_of_other_gaussians_wait_for_the_reflection_as_points_do(method: st
     asked = ThreeDGSDRRecipe(steps=7_000, warmup=0.1)
     assert going_on(asked, start_from(method)).first_lit == 700
     assert going_on(recipe, start_from(method)).coarse_steps == 0
+
+
+@pytest.mark.parametrize("method", ["3dgs", "glossy-gaussian", "light-gaussian", "3dgs-dr", "gaussian-shader"])
+def test_base_colours_of_harmonics_are_the_same_wherever_the_world_lies(method: str):
+    scene, drawn = tiny_scene(views=4, size=16), torch.Generator().manual_seed(0)
+    splats = small(method).build(scene, rasterizer_for("cpu"), seed=0).model.splats()
+    assert splats is not None
+    with torch.no_grad():
+        splats.columns["sh_rest"].copy_(torch.randn(splats.columns["sh_rest"].shape, generator=drawn))
+        here = colored_points(splats)
+        splats.columns["means"].add_(5.0)
+    assert torch.equal(colored_points(splats).colors, here.colors)

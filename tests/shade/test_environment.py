@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from surfaces import buffers, camera
 from torch import Tensor
 
+from ringlight import _kernels
 from ringlight.core.directions import normalize
 from ringlight.core.gradients import Gradients, dense
 from ringlight.core.want import Want
@@ -41,6 +42,17 @@ def test_the_kernel_has_values_and_gradients_of_the_reference(side: int, width: 
         found.append((shaded.color.double(), grad_image.double(), dense(into["shader.texels"]).double()))
     for kernel, reference in zip(*found, strict=True):
         assert (kernel - reference).abs().max() <= ROUNDING * max(side, 8) * reference.abs().max() + 1e-7
+
+
+def test_a_picture_without_pixels_is_refused():
+    negative = _kernels.Camera(
+        world_to_camera=torch.eye(4), position=torch.zeros(3), focal=(4.0, 4.0), center=(2.0, 1.5), width=-4, height=-3
+    )
+    view = _kernels.EnvironmentView(camera=negative, faintest=0.1, shortest_normal=0.1)
+    with pytest.raises(ValueError, match="no pixels"):
+        _kernels.environment_forward(
+            view, torch.zeros(6, 3, 3, 4), torch.zeros(7, 3, 4), torch.zeros(1, 3, 4), torch.zeros(3, 3, 4)
+        )
 
 
 @pytest.mark.parametrize("side", [1, 2, 5, 16])

@@ -66,9 +66,9 @@ class SphericalHarmonics(nn.Module):
 
     def layers(self, gaussians: Gaussians, camera: Camera) -> Channels:
         """The colour without a view, and what the view adds (signed)."""
-        base = rgb_from_sh(gaussians.appearance["sh_dc"])
+        base = rgb_from_sh(gaussians.appearance["sh_dc"]).clamp_min(0)
         shown = self.emit(gaussians, camera, ("rgb",), Want.EXACT).channels
-        return {"base": base.clamp_min(0), "residual": shown - base}
+        return {"base": base, "residual": shown - base}
 
     def features(self, gaussians: Gaussians, camera: Camera) -> None:
         """None: harmonics are no network."""

@@ -11,6 +11,8 @@ import torch
 from jaxtyping import Float, Int64
 from torch import Tensor
 
+from ringlight.core.directions import SMALLEST_LENGTH
+
 FACES = 6
 
 OTHERS = ((1, 2), (0, 2), (0, 1))
@@ -73,12 +75,13 @@ def _texel(face: int, at: dict[int, int], side: int) -> int:
 def cubemap_places(
     directions: Float[Tensor, "P 3"], side: int
 ) -> tuple[Int64[Tensor, "P"], Float[Tensor, "P"], Float[Tensor, "P"]]:
-    """Face, column and row of each direction, of any length but zero, in texels of a bordered face: the centre of its
-    first own texel is at 1."""
+    """Face, column and row of each direction, of any length, in texels of a bordered face: the centre of its first own
+    texel is at 1. The zero vector, a Gaussian seen from its own centre, is the middle of the first face."""
     axis = directions.detach().abs().argmax(-1)
     along = directions.gather(-1, axis[:, None])
     others = torch.tensor(OTHERS, device=directions.device)[axis]
-    across, down = ((directions.gather(-1, others) / along.abs() + 1) * (0.5 * side) + 0.5).unbind(-1)
+    on_face = directions.gather(-1, others) / along.abs().clamp_min(SMALLEST_LENGTH)
+    across, down = ((on_face + 1) * (0.5 * side) + 0.5).unbind(-1)
     return 2 * axis + (along[:, 0] < 0), across, down
 
 

@@ -160,9 +160,9 @@ class SplatModel(nn.Module):
     def layers(self, camera: Camera) -> Channels:
         """What the picture is made of, over black, [H W c] by name.
 
-        Always "alpha" 1, "depth" 1 (camera z of the surface, 0 where there is none) and "normal" 3 (unit, world,
-        towards the camera; 0 where there is none) and "residual" 3 (what the colour model or else the shader adds to
-        the base colour); the colour model adds its own ("base", ...), or better ones.
+        Always "alpha" 1, "depth" 1 (camera z of the surface, 0 where there is none), "normal" 3 (unit, world, towards
+        the camera unless the colour model turns it; 0 where there is none) and "residual" 3 (what the colour model or
+        else the shader adds to the base colour); the colour model adds its own ("base", ...), or better ones.
         """
         gaussians = self.gaussians
         factor = self.color.emit(gaussians, camera, ("rgb",), Want.EXACT).opacity_factor

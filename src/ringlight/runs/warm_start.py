@@ -12,7 +12,7 @@ from ringlight.color.varying_mirror import OPACITY_BASES
 from ringlight.core.camera import Camera
 from ringlight.core.gradients import COLUMNS
 from ringlight.core.scene import PointCloud, Scene
-from ringlight.core.sh_basis import MAX_DEGREE, basis_count
+from ringlight.core.sh_basis import MAX_DEGREE, basis_count, rgb_from_sh
 from ringlight.errors import RecipeError, RunError
 from ringlight.fit.room import SHARE, most_rows
 from ringlight.fit.train import Training
@@ -119,7 +119,7 @@ def _all_of(start: Start, training: Training, recipe: Recipe) -> dict[str, Tenso
     model, own, found = training.model, training.model.state_dict(), dict(start.stored.model.state_dict())
     splats, source = model.splats(), start.stored.model.splats()
     if splats is not None and source is not None and own.keys() - found.keys():
-        new = splats.color.new_columns(_colored_points(source))
+        new = splats.color.new_columns(colored_points(source))
         found |= {COLUMNS + name: column for name, column in new.items() if COLUMNS + name not in found}
     for name in own.keys() & OPACITY_BASES:  # a model without them shows what one with zeros does
         found.setdefault(name, torch.zeros_like(own[name]))
@@ -159,7 +159,7 @@ def _table_of(start: Start, training: Training) -> dict[str, Tensor]:
             "of Gaussians, which one of the two has not; train the same method"
         )
     table = source.gaussians.rows(_shown_rows(source))
-    columns = replace(table, appearance=splats.color.new_columns(_colored_points(source))).columns()
+    columns = replace(table, appearance=splats.color.new_columns(colored_points(source))).columns()
     return {COLUMNS + name: column.detach().cpu() for name, column in columns.items()}
 
 
@@ -168,9 +168,12 @@ def _shown_rows(source: SplatModel) -> Tensor:
 
 
 @torch.no_grad()
-def _colored_points(source: SplatModel) -> PointCloud:
-    """Centres and base colours of the Gaussians that the model shows."""
+def colored_points(source: SplatModel) -> PointCloud:
+    """Centres and base colours of the Gaussians that the model shows; of harmonics what is the same from all sides."""
     table = source.gaussians.rows(_shown_rows(source))
+    if "sh_dc" in table.appearance:
+        colors = rgb_from_sh(table.appearance["sh_dc"])
+        return PointCloud(table.means.detach().cpu(), colors.detach().cpu().clamp(0, 1))
     camera = Camera(torch.eye(4), (1.0, 1.0), (0.5, 0.5), 1, 1)
     layers = source.color.layers(table, camera)
     colors = layers["base"] if "base" in layers else source.emitted(table, camera)
