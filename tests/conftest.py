@@ -30,6 +30,14 @@ settings.register_profile("untimed", deadline=None)  # a loaded machine is no fa
 settings.load_profile("untimed")
 
 
+@pytest.fixture(autouse=True)
+def _same_draws_in_any_order() -> None:
+    """Of tests that draw from torch's own generator."""
+    torch = sys.modules.get("torch")
+    if torch is not None:
+        torch.manual_seed(0)
+
+
 @pytest.fixture
 def all_cores_afterwards() -> Iterator[None]:
     """For tests that set the threads of kernels or torch."""

@@ -46,7 +46,8 @@ def test_every_folder_of_the_package_is_on_the_map():
 
 def test_files_named_by_the_documents_exist():
     missing = []
-    for document in ("ARCHITECTURE.md", "CONTRIBUTING.md", "docs/conventions.md"):
+    documents = ("conventions", "reliability", "cuda", "extending")
+    for document in ("ARCHITECTURE.md", "CONTRIBUTING.md", *(f"docs/{name}.md" for name in documents)):
         for name in re.findall(
             r"`((?:[a-z_]+/)+[a-z_]+(?:\.isa)?\.(?:py|cpp|hpp))`", (ROOT / document).read_text(encoding="utf-8")
         ):

@@ -28,7 +28,7 @@ def claim_beside(where: str, other: str, data_set: str = SHINY) -> Claim:
 
 
 def record(name: str, psnr: float, *, study: str | None = None, scene: str = "toaster_400", **more: Any) -> Record:
-    values = {"psnr": psnr, "ssim": 0.9, "lpips": 0.1, "megabytes": 10.0} | more.pop("values", {})
+    values = {"psnr": psnr, "ssim": 0.9, "lpips_alex": 0.1, "megabytes": 10.0} | more.pop("values", {})
     kind, steps, seeds = more.pop("kind", "train"), more.pop("steps", 30_000), more.pop("seeds", (0,))
     machine = more.pop("machine", "one")
     return Record(kind, f"{kind}-{name}.json", scene, steps, Subject(study, name), seeds, values, machine)
@@ -112,6 +112,18 @@ def test_sizes_are_ratios_and_scenes_a_mean():
     assert "carpaint_200" in found.because
 
 
+def test_distances_of_two_networks_are_not_held_against_each_other():
+    claim = claim_beside("table 1", "3DGS")
+    own, other = record("ringlight-paper", 31.0), record("3dgs", 30.0)
+    assert judged(claim, PAPER, [own, other]).verdicts["lpips"].ours == 0
+    by_both = replace(own, values=own.values | {"lpips_vgg": 0.2})
+    assert judged(claim, PAPER, [by_both, other]).verdicts["lpips"].ours == 0, "the other has none by VGG"
+    by_vgg = replace(own, values={"psnr": 31.0, "lpips_vgg": 0.2})
+    assert judged(claim, PAPER, [by_vgg, other]).verdicts["lpips"].word == "cannot be tested"
+    all_by_both = [replace(one, values=one.values | {"lpips_vgg": vgg}) for one, vgg in ((own, 0.2), (other, 0.3))]
+    assert judged(claim, PAPER, all_by_both).verdicts["lpips"].ours == pytest.approx(-0.1)
+
+
 def test_only_records_that_compare_are_held_against_each_other():
     claim = claim_beside("table 1", "3DGS")
     own = record("ringlight-paper", 31.0)
@@ -161,6 +173,7 @@ def test_runs_tables_and_studies_are_read(tmp_path: Path):
     found = {r.file: r for r in records_in(written(tmp_path))}
     assert found.keys() == {"train-a.json", "table-b.json", "study-c.json"}
     assert found["train-a.json"].values["minutes"] == 2.0
+    assert found["train-a.json"].values["lpips_alex"] == 0.1
     assert found["table-b.json"].values == {"psnr": 31.0, "minutes": pytest.approx(31 / 60)}
     assert found["study-c.json"].subject == Subject("rank", "full")
     assert found["study-c.json"].seeds == (0, 1)

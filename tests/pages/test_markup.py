@@ -39,6 +39,7 @@ def test_hostile_names_are_text(text: str) -> None:
 
 def test_what_hides_is_an_escape_and_other_scripts_stay() -> None:
     assert visible("a\u202eb") == "a\\u202eb"
+    assert visible("\u3164\u2800") == "\\u3164\\u2800", "letters and signs that are blank"
     assert visible("צילום 写真 é ☃") == "צילום 写真 é ☃"
 
 

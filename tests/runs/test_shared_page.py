@@ -316,6 +316,32 @@ def test_the_address_holds_the_camera(pages: dict[str, Path], page: Tab) -> None
     assert psnr(seen, torch.from_numpy(page.values())) > 50
 
 
+def test_the_address_follows_stops_layers_and_the_fader(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"])
+    page.page.keyboard.press("n")
+    page.page.keyboard.press("3")
+    page.page.keyboard.press("-")
+    page.wait_until("location.hash.includes('lens=train-0')")
+    page.wait_until("location.hash.includes('layer=normals&light=0.9')")
+    seen, address = page.values(), page.page.evaluate("location.hash")
+    page.page.goto("about:blank")
+    page.open(pages["3dgs"], address)
+    assert psnr(seen, torch.from_numpy(page.values())) > 50
+    page.page.keyboard.press("h")
+    page.wait_until("!location.hash.includes('lens')")
+
+
+def test_another_address_is_followed_whole(pages: dict[str, Path], page: Tab) -> None:
+    page.open(pages["3dgs"], "#view=train-1&layer=normals&light=0.5")
+    page.page.evaluate("location.hash = '#view=train-0&bare'")
+    page.wait_until("document.documentElement.classList.contains('bare')")
+    page.page.evaluate("window.ringlight.settled()")
+    found = page.values()
+    page.page.goto("about:blank")
+    page.open(pages["3dgs"], "#view=train-0")
+    assert np.array_equal(page.values(), found)
+
+
 def test_a_bare_page_has_no_controls(pages: dict[str, Path], page: Tab) -> None:
     page.open(pages["3dgs"], "#view=train-0&bare")
     assert not page.page.is_visible("#panel")
@@ -383,6 +409,41 @@ def test_a_graphics_card_that_comes_back_draws_again(pages: dict[str, Path], pag
     page.wait_until("!document.documentElement.classList.contains('still')")
     assert np.array_equal(page.values(), before)
     page.complaints.clear()  # Chromium notes the loss
+
+
+LOST_AT_ONCE = """
+const usual = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (...asked) {
+  const found = usual.apply(this, asked);
+  if (asked[0] === "webgl2" && !window.giveBack) {
+    const lost = found.getExtension("WEBGL_lose_context");
+    window.giveBack = () => lost.restoreContext();
+    this.addEventListener("webglcontextlost", () => (window.isLost = true));
+    setTimeout(() => lost.loseContext());
+  }
+  return found;
+};
+"""
+
+
+def test_a_graphics_card_that_is_lost_before_the_first_picture_comes_back(pages: dict[str, Path], page: Tab) -> None:
+    page.page.add_init_script(LOST_AT_ONCE)
+    page.open(pages["3dgs"])
+    page.wait_until("window.isLost")
+    page.wait_until("document.documentElement.classList.contains('still')")
+    page.page.evaluate("window.giveBack()")
+    page.wait_until("document.documentElement.classList.contains('drawn')")
+    page.page.evaluate("window.ringlight.settled()")
+    assert not page.page.is_visible("#fallback")
+    assert page.page.evaluate("getComputedStyle(document.getElementById('picture')).opacity") == "1"
+    page.complaints.clear()  # Chromium notes the loss
+
+
+def test_a_browser_that_cannot_inflate_is_told_so(pages: dict[str, Path], page: Tab) -> None:
+    page.page.add_init_script("delete window.DecompressionStream")
+    page.open(pages["3dgs"])
+    assert "cannot inflate" in page.page.inner_text("#sentence")
+    assert "a newer browser" in page.page.inner_text("#sentence")
 
 
 def test_who_waits_gets_a_whole_picture_though_it_moves_on(pages: dict[str, Path], page: Tab) -> None:

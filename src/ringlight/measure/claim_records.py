@@ -19,6 +19,9 @@ from ringlight.errors import RunError
 KINDS = ("table", "readme", "train", "study")
 """What names of records begin with, the more telling first."""
 
+LPIPS = ("lpips_vgg", "lpips_alex")
+"""By the networks; those of two are never held against each other. The paper says not which it has."""
+
 TIMED_BY = ("cpu", "gpu", "isa", "threads")
 """What of a report's machine its times depend on."""
 
@@ -36,7 +39,8 @@ class Subject:
 
 @dataclass(frozen=True)
 class Record:
-    """Means over ``seeds`` by measure: "psnr" dB, "ssim", "lpips", "megabytes" raw, "fps", "minutes" of CPU time."""
+    """Means over ``seeds`` by measure: "psnr" dB, "ssim", those of LPIPS, "megabytes" raw, "fps", "minutes" of CPU
+    time."""
 
     kind: str
     file: str
@@ -94,7 +98,7 @@ def _of_run(kind: str, file: str, data: Mapping[str, Any]) -> list[Record]:
     values = {
         "psnr": data["psnr"],
         "ssim": data["ssim_same"],
-        "lpips": data.get("lpips_vgg") or data.get("lpips_alex"),
+        **{net: data.get(net) for net in LPIPS},
         "megabytes": data["bytes_raw"] / 1e6,
         "fps": data.get("fps"),
         "minutes": seconds / 60 if seconds else None,
@@ -108,7 +112,7 @@ def _of_table(file: str, data: Mapping[str, Any]) -> list[Record]:
     runs: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for run in data["runs"]:
         runs.setdefault((run["scene"], run["method"]), []).append(run)
-    keys = {"psnr": "psnr", "ssim": "ssim", "lpips": "lpips_vgg", "megabytes": "raw_megabytes", "fps": "fps"}
+    keys = {"psnr": "psnr", "ssim": "ssim", "megabytes": "raw_megabytes", "fps": "fps"} | {net: net for net in LPIPS}
 
     def value(key: str, scene: str, method: str) -> float | None:
         cell = data["measures"].get(key, {}).get("scenes", {}).get(scene, {}).get(method)
@@ -117,7 +121,6 @@ def _of_table(file: str, data: Mapping[str, Any]) -> list[Record]:
     found = []
     for (scene, method), of_pair in runs.items():
         values = {name: value(key, scene, method) for name, key in keys.items()}
-        values["lpips"] = values["lpips"] or value("lpips_alex", scene, method)
         seconds = value("core_seconds", scene, method)
         values["minutes"] = None if seconds is None else seconds / 60
         seeds = tuple(sorted(int(run["seed"]) for run in of_pair))
@@ -134,7 +137,7 @@ def _of_study(file: str, data: Mapping[str, Any]) -> list[Record]:
         values = {
             "psnr": row["psnr"]["mean"],
             "ssim": row["ssim"]["mean"],
-            "lpips": None if row.get("lpips_alex") is None else row["lpips_alex"]["mean"],
+            **{net: row[net]["mean"] for net in LPIPS if row.get(net) is not None},
             "megabytes": row["raw_megabytes"]["mean"],
             "minutes": seconds["mean"] / 60 if seconds else None,
         }

@@ -13,8 +13,6 @@ const canvas = document.getElementById("picture");
 const SHARPEST = 2; // canvas pixels for one of the page's, at most
 
 async function begin(facts, payload) {
-  const address = readAddress(location.hash);
-  document.documentElement.classList.toggle("bare", address.bare);
   const model = modelOf(facts, payload),
     stops = stopsOf(model);
   const picture = new Picture(canvas, model.texts, model);
@@ -24,8 +22,8 @@ async function begin(facts, payload) {
     options: { antialiased: facts.antialiased, flipBelow: facts.flipBelow },
   });
 
-  // Either a stored camera at its own size, or a pose that fills the window with the lens of `lens`.
-  const state = { exact: null, pose: null, lens: stops.get("home") };
+  // Either a stored camera at its own size, or a pose that fills the window with the lens of `stop`.
+  const state = { exact: null, pose: null, stop: "home", bare: false };
   const wished = (scale) => {
     const own = state.exact,
       size = own ? own.size : windowSize();
@@ -33,21 +31,24 @@ async function begin(facts, payload) {
     canvas.style.height = own ? `${own.size[1]}px` : "100%";
     const scaled = size.map((side) => Math.max(Math.round(side * scale), 1));
     if (own && scale === 1) return own;
-    const { focal, center, size: lensSize } = state.lens;
+    const { focal, center, size: lensSize } = stops.get(state.stop);
     return fitted(cameraOf(state.pose.numbers(), focal, center, lensSize, state.pose.position), scaled);
   };
   const viewer = new Viewer(picture, worker, wished);
   viewer.onfailure = (error) => fallBack(error.message);
-  let noted = 0;
+  let noted = 0,
+    follows = false; // the address, which says it already
   const note = () => {
+    if (follows) return;
     clearTimeout(noted);
-    noted = setTimeout(() => history.replaceState(null, "", addressOf(state.pose, viewer.look, address.bare)), 300);
+    noted = setTimeout(() => history.replaceState(null, "", addressOf(state, viewer.look)), 300);
   };
   const stand = (name, own) => {
-    const camera = stops.get(name) ?? stops.get("home");
-    Object.assign(state, { exact: own ? camera : null, lens: camera, pose: Pose.of(camera, facts.center) });
+    const camera = stops.get(name);
+    Object.assign(state, { exact: own ? camera : null, stop: name, pose: Pose.of(camera, facts.center) });
     document.documentElement.classList.toggle("own-size", own);
     viewer.change(false);
+    note();
   };
   const move = (change) => {
     document.documentElement.classList.remove("own-size");
@@ -58,6 +59,7 @@ async function begin(facts, payload) {
   const look = (change) => {
     Object.assign(viewer.look, change);
     viewer.change();
+    note();
   };
   const controls = new Controls(canvas, facts.up, move);
   const panel = new Panel(facts, stops, {
@@ -66,31 +68,29 @@ async function begin(facts, payload) {
     flew: (flies) => (controls.flies = flies),
   });
   const follow = () => {
-    const { view, at, layer, light, blend, pack } = readAddress(location.hash);
-    if (LAYERS.includes(layer)) panel.layer(layer);
-    if (light >= 0 && light <= 2 && light !== null) panel.fade(light);
-    if (facts.lights?.[pack] && blend >= 0 && blend <= 1 && blend !== null) panel.blend(blend, pack);
-    panel.show(stops.has(view) ? view : "home");
-    stand(stops.has(view) ? view : "home", stops.has(view));
+    const { view, at, lens, bare, layer, light, blend, pack } = readAddress(location.hash),
+      named = at ? lens : view,
+      stop = stops.has(named) ? named : "home",
+      blends = facts.lights?.[pack] && blend >= 0 && blend <= 1;
+    follows = true;
+    state.bare = bare;
+    document.documentElement.classList.toggle("bare", bare);
+    panel.layer(LAYERS.includes(layer) ? layer : "picture");
+    panel.fade(light >= 0 && light <= 2 ? light : 1);
+    panel.blend(blends ? blend : 0, blends ? pack : 0);
+    panel.show(stop);
+    stand(stop, !at && stops.has(named));
     if (at) state.pose = Pose.near(at.slice(0, 3), [at.slice(3, 6), at.slice(6, 9), at.slice(9, 12)], at[12]);
+    follows = false;
   };
   addEventListener("hashchange", () => {
     follow();
     viewer.change(false);
   });
   addEventListener("resize", () => viewer.change());
-  canvas.addEventListener("webglcontextlost", (event) => {
-    event.preventDefault(); // else the browser never gives it back
-    viewer.fail(new Error("the graphics card gave up"));
-  });
-  canvas.addEventListener("webglcontextrestored", () => {
-    viewer.goOn(new Picture(canvas, model.texts, model));
-    document.documentElement.classList.remove("still");
-  });
+  keepContext(viewer, () => new Picture(canvas, model.texts, model));
   follow();
-  await viewer.settled();
-  document.documentElement.classList.add("drawn");
-  return Object.assign(window.ringlight, {
+  Object.assign(window.ringlight, {
     facts,
     viewer,
     move,
@@ -99,6 +99,30 @@ async function begin(facts, payload) {
     view: (name) => (panel.show(name), stand(name, true), viewer.settled()),
     settled: () => viewer.settled(),
   });
+  await shown(viewer);
+  return window.ringlight;
+}
+
+// The browser may take the graphics card away, also before the first picture, and give it back with nothing on it.
+function keepContext(viewer, anew) {
+  canvas.addEventListener("webglcontextlost", (event) => {
+    event.preventDefault(); // else the browser never gives it back
+    viewer.fail(new Error("the graphics card gave up"));
+  });
+  canvas.addEventListener("webglcontextrestored", async () => {
+    try {
+      viewer.goOn(anew());
+      document.documentElement.classList.remove("still");
+      await shown(viewer);
+    } catch (error) {
+      viewer.fail(error);
+    }
+  });
+}
+
+async function shown(viewer) {
+  await viewer.settled();
+  document.documentElement.classList.add("drawn");
 }
 
 function windowSize() {
