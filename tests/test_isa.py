@@ -113,6 +113,45 @@ def test_the_kernels_equal_their_references(name: str):
     assert not any("[reference" in test for _, test in passed)
 
 
+COVERED_BY = {
+    "color/test_basis_opacities.py": ("step/basis_opacity",),
+    "color/test_drawable.py": ("raster/visibility",),
+    "color/test_glossy_harmonics.py": ("step/sh_opacity",),
+    "color/test_harmonics.py": ("step/sh", "step/sh_rest"),
+    "color/test_illuminated.py": ("illuminated/illuminated", "illuminated/illuminated_gradient", "planes/planes"),
+    "color/test_mirror_channels.py": ("reflection/mirror_channels",),
+    "color/test_reflective_harmonics.py": ("environment/surface_channels",),
+    "color/test_ring_kernel.py": ("ring/ring", "ring/ring_gradient"),
+    "color/test_shaded_kernel.py": ("environment/shaded_rows", "environment/sparse_rows"),
+    "color/test_shared_basis.py": ("step/sh_basis",),
+    "fields/test_perceptron_kernel.py": ("dense/perceptron",),
+    "fit/test_adam.py": ("step/adam",),
+    "fit/test_densify.py": ("step/screen_gradient",),
+    "fit/test_losses.py": ("step/ssim",),
+    "models/test_picture.py": ("reflection/reflection_tiles",),
+    "rasterize/test_cpu.py": ("raster/blend", "raster/blend_gradient", "raster/project", "raster/project_gradient"),
+    "shade/test_environment.py": ("environment/cubemap", "environment/environment"),
+    "shade/test_reflection_kernel.py": ("reflection/reflection", "reflection/reflection_gradient"),
+    "volume/test_gradient_share.py": ("volume/draw",),
+    "volume/test_native_march.py": ("volume/march", "volume/scatter"),
+    "volume/test_shading_kernel.py": ("volume/shade",),
+    "volume/test_tt_blocks.py": ("trains/bags", "trains/corners", "trains/products"),
+}
+"""Kernels by the test that holds them against a reference."""
+
+WITHOUT_REFERENCE = {"simd/peak"}
+"""The machine's own peak."""
+
+
+def test_every_kernel_is_held_against_a_reference_on_every_set():
+    sources = {file.relative_to(ROOT / "kernels").as_posix() for file in ROOT.glob("kernels/*/*.isa.cpp")}
+    if not sources:
+        pytest.skip("needs the source tree")
+    known = [f"{name}.isa.cpp" for name in (*WITHOUT_REFERENCE, *(n for names in COVERED_BY.values() for n in names))]
+    assert sorted(known) == sorted(sources)
+    assert set(COVERED_BY) <= set(KERNEL_TESTS)
+
+
 def test_a_set_that_does_not_exist_is_refused_with_those_that_do():
     assert answer("sse9") == UNKNOWN
 

@@ -50,7 +50,7 @@ RINGLIGHT_INLINE Vec roughness_of(const LitGaussians& lit, Vec stored) {
 static inline void lane_products(const LightField& field, const Vec points[3], float* products) {
   const int channels = field.shape.channels;
   for (int pair = 0; pair < PLANE_PAIRS; pair++, products += channels * GROUP) {
-    Cells cells;
+    PlaneCells cells;
     find_cells(field.shape.pairs[pair], pair, points, cells);
     for (int channel = 0; channel < channels; channel += LANES) {
       const int width = block_width(channels, channel);

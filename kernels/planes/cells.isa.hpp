@@ -27,11 +27,11 @@ RINGLIGHT_INLINE void place(Vec coordinate, int nodes, Between& found) {
   store(found.share, at - node);
 }
 
-struct Cells {
+struct PlaneCells {
   Between across, down, along;
 };
 
-static inline void find_cells(const PairSize& size, int pair, const Vec coordinates[3], Cells& found) {
+static inline void find_cells(const PairSize& size, int pair, const Vec coordinates[3], PlaneCells& found) {
   place(coordinates[PAIR_AXES[pair][0]], size.across, found.across);
   place(coordinates[PAIR_AXES[pair][1]], size.down, found.down);
   place(coordinates[PAIR_AXES[pair][2]], size.along, found.along);
@@ -43,7 +43,7 @@ struct Corners {
   Vec of_plane[4], of_line[2];
 };
 
-RINGLIGHT_INLINE Corners corners(const PairSize& size, int channels, const Cells& cells, int lane) {
+RINGLIGHT_INLINE Corners corners(const PairSize& size, int channels, const PlaneCells& cells, int lane) {
   const float right = cells.across.share[lane], below = cells.down.share[lane], after = cells.along.share[lane];
   const float left = 1.f - right, above = 1.f - below;
   const std::size_t width = channels, row = size.across * width;

@@ -59,7 +59,7 @@ void plane_gradient(const PlaneShape& shape, const PlaneGrids<const float>& grid
     for (std::size_t first = 0; first < count; first += LANES) {
       Vec coordinates[LANES];
       const int some = take_points(points, first, count, coordinates);
-      Cells cells;
+      PlaneCells cells;
       find_cells(size, pair, coordinates, cells);
       for (int lane = 0; lane < some; lane++) {
         const std::size_t point = first + lane;

@@ -56,9 +56,16 @@ def read_frames(document: Fields, file: Path, may_be_none: bool = False) -> list
         if path is None:
             missing.append((where, name))
         elif not missing:  # once an image is missing the scene is refused: only the others are still counted
-            frames.append(_frame({**document, **entry}, path, base, f"{where} ({shown(name)})"))
+            frames.append(_frame(_fields_of(entry, document), path, base, f"{where} ({shown(name)})"))
     require_none_missing(missing, len(entries), base)
     return frames
+
+
+def _fields_of(entry: Fields, document: Fields) -> Fields:
+    """A frame's own values, and the file's where it has none; its own angle stands before the file's focal lengths."""
+    has_angle = any(entry.get(f"camera_angle_{axis}") is not None for axis in "xy")
+    hidden = ("fl_x", "fl_y") if has_angle else ()
+    return {name: value for name, value in document.items() if name not in hidden} | dict(entry)
 
 
 def _frame(fields: Fields, path: Path, base: Path, where: str) -> Frame:

@@ -33,6 +33,10 @@ def viser_library() -> Any:
     return viser
 
 
+OWN_NAMES = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
+"""Of this machine, where a server listens at all of its addresses: not every browser opens these."""
+
+
 def check_address(host: str, port: int) -> None:
     """For those who work long before they listen. Raises RunError where a server could not listen now."""
     _bound(host, port).close()
@@ -57,7 +61,7 @@ def start_server(host: str, port: int) -> tuple[Any, str]:
         raise BackendError(
             "this version of viser starts its server otherwise; install the one that constraints.txt names"
         )
-    name = "127.0.0.1" if host in ("0.0.0.0", "") else host
+    name = OWN_NAMES.get(host, host)
     return server, f"http://{f'[{name}]' if ':' in name else name}:{number}"
 
 

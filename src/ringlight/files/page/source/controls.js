@@ -22,7 +22,8 @@ export class Controls {
     Object.assign(this, { canvas, up, moved, flies: false, pointers: new Map(), held: new Set() });
     canvas.addEventListener("pointerdown", (event) => this.pressed(event));
     canvas.addEventListener("pointermove", (event) => this.dragged(event));
-    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, (event) => this.released(event));
+    for (const kind of ["pointerup", "pointercancel", "lostpointercapture"])
+      canvas.addEventListener(kind, (event) => this.released(event));
     canvas.addEventListener("wheel", (event) => this.wheeled(event), { passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     addEventListener("keydown", (event) => this.keyed(event, true));
