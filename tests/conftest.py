@@ -32,7 +32,7 @@ settings.load_profile("untimed")
 
 @pytest.fixture(autouse=True)
 def _same_draws_in_any_order() -> None:
-    """Of tests that draw from torch's own generator."""
+    """Of test functions that draw from torch's own generator; fixtures of a module have seeds of their own."""
     torch = sys.modules.get("torch")
     if torch is not None:
         torch.manual_seed(0)

@@ -111,8 +111,8 @@ def finish_reading(process: int, pipe: int) -> int:
 
 
 def as_shells_see(code: int) -> int:
-    """A process that a signal ended has 128 more than its number."""
-    return code if code >= 0 else 128 - code
+    """A process that SIGKILL ended has 128 more than its number; no other signal shall end one."""
+    return 128 + signal.SIGKILL if code == -signal.SIGKILL else code
 
 
 def gone_on(scene: Path, run: Path, phase: str) -> int:

@@ -89,11 +89,13 @@ def start(words: list[str], log: Path) -> int:
         output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         os.dup2(output, 1)
         os.dup2(output, 2)
-        from ringlight.cli.main import run
+        from ringlight.cli.main import main
 
         faulthandler.enable(output)  # where it crashes
         faulthandler.dump_traceback_later(PATIENCE - 10, exit=True, file=output)  # where it hangs
-        code = run(["train", *words])
+        main(["train", *words])
+    except SystemExit as end:
+        code = int(end.code or 0)
     finally:
         os._exit(code)
 

@@ -72,7 +72,7 @@ static inline void look(const LaneFaces& faces, const float* colors, const Vec d
     return select(found.is_x, of_x, select(found.is_y, of_y, of_z));
   };
   found.along = by_axis(direction[0], direction[1], direction[2]);
-  found.inverse = Vec(1.f) / max(by_axis(x, y, z), Vec(convention::SMALLEST_LENGTH));
+  found.inverse = Vec(1.f) / max(Vec(convention::SMALLEST_LENGTH), by_axis(x, y, z));  // NaN stays
   found.a = by_axis(direction[1], direction[0], direction[0]) * found.inverse;
   found.b = by_axis(direction[2], direction[2], direction[1]) * found.inverse;
   found.half = Vec(0.5f) * faces.side;

@@ -267,22 +267,41 @@ def test_who_stops_before_the_first_step_hears_that_nothing_is_lost(
     assert not (tmp_path / "out").exists()
 
 
-STOPPED_UNBEGUN = """
+SIGNALLED_AT = """
 import signal, sys
-import ringlight.runs.start
+from importlib import import_module
 from ringlight.cli.main import main
-signal.signal(int(sys.argv[1]), signal.SIG_DFL)  # nohup, which tests may run under, has it ignored
-ringlight.runs.start.prepare_run = lambda *_, **__: signal.raise_signal(int(sys.argv[1]))
-main(sys.argv[2:])
+number, module, name = int(sys.argv[1]), import_module(sys.argv[2]), sys.argv[3]
+signal.signal(number, signal.SIG_DFL)  # nohup, which tests may run under, has it ignored
+def signalled(*_, **__):
+    try:
+        signal.raise_signal(number)
+    finally:  # who closes a terminal sends several
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGHUP)
+setattr(module, name, signalled)
+main(sys.argv[4:])
 """
+"""Runs a command to which signals come where a function of a module is called."""
+
+
+def signalled(number: signal.Signals, at: str, *words: object) -> "subprocess.CompletedProcess[str]":
+    line = [sys.executable, "-c", SIGNALLED_AT, str(int(number)), *at.split(":"), *map(str, words)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are other there")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_any_signal_before_the_first_step_is_answered(number: signal.Signals, tiny: Path, tmp_path: Path) -> None:
     words = ("train", tiny, "3dgs", "--out", tmp_path / "out", *SHORT)
-    line = [sys.executable, "-c", STOPPED_UNBEGUN, str(int(number)), *map(str, words)]
-    done = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
+    done = signalled(number, "ringlight.runs.start:prepare_run", *words)
     assert done.returncode == 128 + number
-    assert "interrupted before the first step; the same command begins again" in done.stderr
+    assert done.stderr.endswith("interrupted before the first step; the same command begins again\n")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are other there")
+@pytest.mark.parametrize("at", ["ringlight.cli.main:_show_beginning", "ringlight.cli.doctor:main"])
+def test_signals_end_any_command_at_any_time_in_a_sentence(at: str) -> None:
+    done = signalled(signal.SIGHUP, at, "doctor")
+    assert (done.returncode, done.stderr) == (128 + signal.SIGHUP, "ringlight: interrupted\n")

@@ -140,7 +140,8 @@ def test_a_stopped_run_goes_on_to_the_same_pack_on_any_threads(
     packs = [(tmp_path / name / "light.safetensors").read_bytes() for name in ("whole", "stopped")]
     assert packs[0] == packs[1]
     (tmp_path / "stopped" / "light.safetensors").unlink()
-    assert ringlight("relight", "--resume", tmp_path / "stopped", "--quiet").code == 0
+    again = ringlight("relight", "--resume", tmp_path / "stopped", "--eval-at", "5", "--quiet")
+    assert (again.code, again.err) == (0, "warning: --eval-at 5 has no effect: no step is left to do\n")
     assert (tmp_path / "stopped" / "light.safetensors").read_bytes() == packs[0]
 
 

@@ -231,5 +231,5 @@ def test_what_watches_steps_is_told_of_where_none_is_left(
     assert done.code == 0
     assert done.err.splitlines() == [
         f"warning: {flag} has no effect: no step is left to do"
-        for flag in ("--eval-at 7 40", "--preview 5", "--save-every 9.0")
+        for flag in ("--eval-at 7 40", "--preview 5", "--save-every 9")
     ]

@@ -139,7 +139,7 @@ def test_harmonics_above_the_degree_are_not_shown_and_get_zero_gradient(kernels,
 
 
 def test_harmonics_of_degree_0_move_no_mean(kernels):
-    """Nor does what a call before them left in memory."""
+    """Nor does what a call before them left in memory, where that is still there."""
     drawn = torch.Generator().manual_seed(0)
     means, logits, weights, shared = (
         torch.randn(shape, generator=drawn) for shape in ((40, 3), (40,), (40, 2), (2, 15))

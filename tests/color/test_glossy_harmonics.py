@@ -165,7 +165,7 @@ def test_an_opacity_of_exactly_one_learns(kernels):
 
 
 def test_harmonics_of_degree_0_move_no_mean(kernels):
-    """Nor does what a call before them left in memory."""
+    """Nor does what a call before them left in memory, where that is still there."""
     table, native = table_of(40), camera().native
     for degree in (3, 0):
         by_means = torch.zeros(40, 3)

@@ -58,11 +58,13 @@ def test_a_frame_may_have_its_own_intrinsics(tmp_path: Path):
 
 
 def test_a_frames_own_angle_stands_before_the_files_focal_length(tmp_path: Path):
-    document = nerfstudio_document()
-    document["frames"][1] |= {"camera_angle_x": 0.8}
-    views = load_scene(write_nerfstudio(tmp_path, document)).train
-    assert views[0].camera.focal == pytest.approx((8 / 0.42279322,) * 2)
-    assert views[1].camera.focal == (FOCAL, FOCAL)
+    document = nerfstudio_document() | {"camera_angle_x": 0.7, "camera_angle_y": 0.6}
+    for own, focal in (({"camera_angle_x": 0.8}, 8 / 0.42279322), ({"fl_x": 31.0}, 31.0)):
+        frames = [dict(frame) for frame in document["frames"]]
+        frames[1] |= own
+        views = load_scene(write_nerfstudio(tmp_path, document | {"frames": frames})).train
+        assert views[0].camera.focal == pytest.approx((focal, focal))
+        assert views[1].camera.focal == (FOCAL, FOCAL)
 
 
 def test_angles_do_instead_of_focal_lengths(tmp_path: Path):

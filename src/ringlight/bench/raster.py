@@ -86,6 +86,13 @@ class OneView:
         self.raster.backward(self.upstream, None, self.gradients)
         self.is_drawn = True
 
+    def stage_seconds(self) -> dict[str, float]:
+        """Of both passes when they last ran, by the kernels' own clock; none before, for the rasterizer's is then of
+        another view."""
+        if not self.is_drawn or self.rasterize.name != NATIVE:
+            return {}
+        return dict(cast(CpuRasterizer, self.rasterize).spare[-1].workspace.stage_seconds)
+
     def pairs(self) -> Pairs:
         """What the compiled kernels evaluate and blend; slow."""
         workspace = _kernels.Workspace()
@@ -104,10 +111,9 @@ def _row(size: Size, rasterize: Rasterizer, budget: Budget, seed: int) -> Raster
     is_native = rasterize.name == NATIVE
 
     def read_clock() -> None:
-        """Of the round before, if there was one: the rasterizer may have drawn another size."""
-        for place in cast(CpuRasterizer, rasterize).spare[-1:] if is_native and view.is_drawn else ():
-            for name, seconds in place.workspace.stage_seconds.items():
-                stages[name] = min(stages.get(name, math.inf), 1e3 * seconds)
+        """Of the round before."""
+        for name, seconds in view.stage_seconds().items():
+            stages[name] = min(stages.get(name, math.inf), 1e3 * seconds)
 
     contestant = Contestant({FORWARD: view.forward, BACKWARD: view.backward}, prepare=read_clock)
     timings = interleaved({"": contestant}, budget)[""]

@@ -41,7 +41,7 @@ def watching_without_effect(asked: "RunOptions") -> list[str]:
     flags = {
         f"--eval-at {' '.join(map(str, asked.eval_at))}": asked.eval_at,
         f"--preview {asked.preview}": asked.preview,
-        f"--save-every {asked.save_every}": asked.save_every,
+        f"--save-every {asked.save_every or 0:g}": asked.save_every,
         "--tensorboard": asked.tensorboard,
         "--view": asked.view,
     }

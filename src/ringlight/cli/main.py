@@ -103,6 +103,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             code = run(list(sys.argv[1:] if arguments is None else arguments))
     except OSError as error:
         code = _system_refused(error)
+    except KeyboardInterrupt as interruption:  # while the command began, or while it said that it ends
+        code = _interrupted(interruption)
     lost = what_flushing_met()
     sys.exit(_system_refused(lost) if lost and not code else code)
 
@@ -143,7 +145,7 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
     except Stopped as stopped:
         return stopped.code
     except KeyboardInterrupt as interruption:
-        return _complain("interrupted", SIGNALLED + signal_of(interruption))
+        return _interrupted(interruption)
     except (MemoryError, RuntimeError) as error:
         circle = met_in_links(error)
         if circle is not None:
@@ -214,6 +216,10 @@ def _system_refused(error: OSError) -> int:
 def _complain(sentence: str, code: int) -> int:
     sys.stderr.write(f"ringlight: {sentence}\n")
     return code
+
+
+def _interrupted(by: KeyboardInterrupt) -> int:
+    return _complain("interrupted", SIGNALLED + signal_of(by))
 
 
 def _suggestion(word: str) -> str:

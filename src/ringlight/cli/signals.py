@@ -23,12 +23,18 @@ def signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[Non
 
 
 def signal_of(interruption: KeyboardInterrupt) -> int:
-    """Its number: Python raises one of its own at Ctrl-C, which has none."""
-    return int(interruption.args[0]) if interruption.args else signal.SIGINT
+    """Its number: one that Python or a library raises has none, and is Ctrl-C's."""
+    number, *_ = [*interruption.args, signal.SIGINT]
+    return number if isinstance(number, int) else signal.SIGINT
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
-    """Ends what runs as Ctrl-C does, in order, whichever signal it was."""
+    """Ends what runs as Ctrl-C does, in order, whichever signal it was. Who ends a service or closes a terminal sends
+    several: after one, only Ctrl-C ends what is put in order too."""
+    if number != signal.SIGINT:
+        for other in STOPPING:
+            if other != signal.SIGINT:
+                signal.signal(other, signal.SIG_IGN)
     raise KeyboardInterrupt(number)
 
 

@@ -1,6 +1,7 @@
 """Frames of a transforms file: what NeRF-Synthetic, nerfstudio and instant-ngp have in common.
 
-A value that a frame does not state holds for the whole file. Poses are camera-to-world with OpenGL axes.
+A value that a frame does not state is the file's, but for other focal lengths where it states one. Poses are
+camera-to-world with OpenGL axes.
 """
 
 import math
@@ -25,6 +26,9 @@ have all that OPENCV has, whatever its name."""
 
 FISHEYE_MODELS = frozenset({"OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE"})
 """Values of ``camera_model`` that project by angle."""
+
+FOCALS = ("fl_x", "fl_y", "camera_angle_x", "camera_angle_y")
+"""What says how long a lens is: of these one that is left out follows from another."""
 
 LISTED = ("k1", "k2", "k3", "k4", "p1", "p2")
 """Order of nerfstudio's ``distortion_params``."""
@@ -62,9 +66,8 @@ def read_frames(document: Fields, file: Path, may_be_none: bool = False) -> list
 
 
 def _fields_of(entry: Fields, document: Fields) -> Fields:
-    """A frame's own values, and the file's where it has none; its own angle stands before the file's focal lengths."""
-    has_angle = any(entry.get(f"camera_angle_{axis}") is not None for axis in "xy")
-    hidden = ("fl_x", "fl_y") if has_angle else ()
+    """A frame's own values, and the file's where it has none; of an own focal length or angle all of the file's."""
+    hidden = FOCALS if any(entry.get(name) is not None for name in FOCALS) else ()
     return {name: value for name, value in document.items() if name not in hidden} | dict(entry)
 
 

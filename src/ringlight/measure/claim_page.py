@@ -40,7 +40,7 @@ def claim_section(paper: Paper, found: Sequence[Judged], command: str) -> str:
     ]
     lines += [
         "A cell is the paper's difference → ours, with ✓ (reproduced), ✗ (not reproduced) or ○ (cannot be tested).",
-        "Ours of LPIPS are by VGG where both rows have it, else by AlexNet; minutes are those of one core.",
+        "Ours of LPIPS are by the network that both rows have on most scenes; minutes are those of one core.",
         "",
     ]
     for name, data in paper.data_sets.items():

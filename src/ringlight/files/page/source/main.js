@@ -44,8 +44,9 @@ async function begin(facts, payload) {
     noted = setTimeout(() => history.replaceState(null, "", addressOf(state, viewer.look)), 300);
   };
   const stand = (name, own) => {
-    const camera = stops.get(name);
-    Object.assign(state, { exact: own ? camera : null, stop: name, pose: Pose.of(camera, facts.center) });
+    const stop = stops.has(name) ? name : "home",
+      camera = stops.get(stop);
+    Object.assign(state, { exact: own ? camera : null, stop, pose: Pose.of(camera, facts.center) });
     document.documentElement.classList.toggle("own-size", own);
     viewer.change(false);
     note();
@@ -71,13 +72,14 @@ async function begin(facts, payload) {
     const { view, at, lens, bare, layer, light, blend, pack } = readAddress(location.hash),
       named = at ? lens : view,
       stop = stops.has(named) ? named : "home",
-      blends = facts.lights?.[pack] && blend >= 0 && blend <= 1;
+      known = facts.lights?.[pack];
+    clearTimeout(noted);
     follows = true;
     state.bare = bare;
     document.documentElement.classList.toggle("bare", bare);
     panel.layer(LAYERS.includes(layer) ? layer : "picture");
     panel.fade(light >= 0 && light <= 2 ? light : 1);
-    panel.blend(blends ? blend : 0, blends ? pack : 0);
+    panel.blend(known && blend >= 0 && blend <= 1 ? blend : 0, known ? pack : 0);
     panel.show(stop);
     stand(stop, !at && stops.has(named));
     if (at) state.pose = Pose.near(at.slice(0, 3), [at.slice(3, 6), at.slice(6, 9), at.slice(9, 12)], at[12]);
