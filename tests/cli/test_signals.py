@@ -27,6 +27,20 @@ def test_a_signal_leaves_its_number_and_its_handler_comes_back(number: int):
     assert signal.getsignal(number) is signal.SIG_DFL
 
 
+def test_one_that_comes_while_another_is_told_of_is_the_second():
+    heard = []
+
+    def hear(number: int, before: list[int]) -> None:
+        heard.append(list(before))
+        if not before:
+            os.kill(os.getpid(), number)
+
+    with kept_signals(hear) as kept:
+        os.kill(os.getpid(), signal.SIGTERM)
+    assert heard == [[], [signal.SIGTERM]]
+    assert kept == [signal.SIGTERM] * 2
+
+
 def test_what_the_parent_ignored_stays_ignored():
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     with kept_signals() as kept:

@@ -48,8 +48,9 @@ def kept_signals(hear: Callable[[int, list[int]], None] = nothing) -> Iterator[l
     numbers: list[int] = []
 
     def keep(number: int, frame: FrameType | None) -> None:
-        hear(number, numbers)
-        numbers.append(number)
+        before = numbers.copy()
+        numbers.append(number)  # first, for another may come while this one is told of
+        hear(number, before)
 
     with signals_to(keep):
         yield numbers
