@@ -17,6 +17,7 @@ import signal
 import sys
 import tempfile
 import time
+import traceback
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -89,6 +90,8 @@ def start(words: list[str], log: Path) -> int:
         output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         os.dup2(output, 1)
         os.dup2(output, 2)
+        # Those of the parent may know a file, where this is a pipe; these last as long as the process.
+        sys.stdout, sys.stderr = (open(number, "w", buffering=1, closefd=False) for number in (1, 2))  # noqa: SIM115
         from ringlight.cli.main import main
 
         faulthandler.enable(output)  # where it crashes
@@ -96,6 +99,8 @@ def start(words: list[str], log: Path) -> int:
         main(["train", *words])
     except SystemExit as end:
         code = int(end.code or 0)
+    except BaseException:
+        traceback.print_exc()
     finally:
         os._exit(code)
 
