@@ -171,12 +171,12 @@ def _shown_rows(source: SplatModel) -> Tensor:
 def colored_points(source: SplatModel) -> PointCloud:
     """Centres and base colours of the Gaussians that the model shows; of harmonics what is the same from all sides."""
     table = source.gaussians.rows(_shown_rows(source))
-    if "sh_dc" in table.appearance:
-        colors = rgb_from_sh(table.appearance["sh_dc"])
-        return PointCloud(table.means.detach().cpu(), colors.detach().cpu().clamp(0, 1))
     camera = Camera(torch.eye(4), (1.0, 1.0), (0.5, 0.5), 1, 1)
-    layers = source.color.layers(table, camera)
-    colors = layers["base"] if "base" in layers else source.emitted(table, camera)
+    if "sh_dc" in table.appearance:  # a layer "base" of theirs may be what they show towards the camera
+        colors = rgb_from_sh(table.appearance["sh_dc"])
+    else:
+        layers = source.color.layers(table, camera)
+        colors = layers["base"] if "base" in layers else source.emitted(table, camera)
     return PointCloud(table.means.detach().cpu(), colors.detach().cpu().clamp(0, 1))
 
 
