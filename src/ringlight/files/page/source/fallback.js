@@ -3,5 +3,5 @@ export function fallBack(reason) {
   document.documentElement.classList.add("still");
   document.getElementById("sentence").textContent =
     `This browser cannot draw the model (${reason}). The picture is a still; ` +
-    "one with WebGL2, of 2023 or later, shows the model from all sides.";
+    "a browser with WebGL2, of 2023 or later, shows the model from all sides.";
 }
