@@ -9,6 +9,7 @@ from hypothesis import strategies as some
 
 from ringlight.core.want import Want
 from ringlight.data.rays import RayBatch
+from ringlight.volume.emptying import find_empty, shrink
 from ringlight.volume.grids import growing, sides_of
 from ringlight.volume.occupancy import Carving, centers, everything, is_occupied, packed, unpacked, widened
 from volume.volumes import BACKGROUND, BOX, rays, volume
@@ -50,9 +51,9 @@ def test_shrunk_to_what_is_not_empty_it_shows_the_same():
     model, through = ball(), rays(400)
     batch = RayBatch(through, torch.zeros(400, 3), BACKGROUND)
     before = model.predict(batch, Want.EXACT)
-    box = model.find_empty()
+    box = find_empty(model)
     assert 0 < unpacked(model.occupied).float().mean() < 0.7
-    assert model.shrink(box)
+    assert shrink(model, box)
     assert (model.box[0] > BOX[0]).any()
     assert ((model.box[0] >= BOX[0]) & (model.box[1] <= BOX[1])).all()
     after = model.predict(batch, Want.EXACT)
@@ -67,7 +68,7 @@ def test_what_was_empty_stays_empty_but_for_a_layer():
     left[:5] = True
     model.skip_all_but(left)
     low, high = model.box.clone()
-    box = model.find_empty()
+    box = find_empty(model)
     middle, one_cell = (low + high)[0] / 2, (high - low)[0] / model.occupied.shape[0]
     assert low[0] < box[0, 0] < middle
     assert box[1, 0] <= middle + 1.01 * one_cell
@@ -104,8 +105,8 @@ def test_nothing_beyond_a_carving_is_found_again():
     left[:5] = True
     model.skip_all_but(left)
     middle = model.box[:, 0].mean()
-    assert model.find_empty(Carving(model.box, left))[1, 0] <= middle
-    assert model.find_empty(Carving(model.box, torch.zeros_like(left))).equal(model.box)
+    assert find_empty(model, Carving(model.box, left))[1, 0] <= middle
+    assert find_empty(model, Carving(model.box, torch.zeros_like(left))).equal(model.box)
 
 
 def test_a_volume_of_which_all_is_empty_keeps_its_box():
@@ -113,8 +114,8 @@ def test_a_volume_of_which_all_is_empty_keeps_its_box():
     with torch.no_grad():
         for line in model.field.density_factors.lines:
             line.zero_()
-    assert torch.equal(model.find_empty(), model.box)
-    assert not model.shrink(model.box)
+    assert torch.equal(find_empty(model), model.box)
+    assert not shrink(model, model.box)
 
 
 def test_a_grid_has_as_many_voxels_as_asked_for():

@@ -1,7 +1,7 @@
 """A volume as a model: a field of density and appearance, a network that makes colour, and what is empty."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import torch
 import torch.nn.functional
@@ -18,20 +18,13 @@ from ringlight.errors import RecipeError
 from ringlight.models.contract import Count
 from ringlight.volume import looked_for, native_march
 from ringlight.volume.contract import Sides, VolumeField
-from ringlight.volume.grids import nodes_around
 from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
 from ringlight.volume.marching import Space
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
 from ringlight.volume.occupancy import (
-    Carving,
-    box_of,
-    cells_of,
-    centers,
     everything,
     is_occupied,
     packed,
-    unpacked,
-    widened,
 )
 from ringlight.volume.pictures import BUFFERS, against_slopes, picture, surface_layers
 from ringlight.volume.shading import FeatureShading
@@ -47,12 +40,6 @@ of +-1.5 around the subjects of NeRF-Synthetic."""
 
 STEPS_A_VOXEL = 2
 """Samples on the way through a voxel of average side (TensoRF)."""
-
-EMPTY = 1e-4
-"""Opacity of one step, without the distance scale, below which a cell is empty (TensoRF)."""
-
-PLACES_AT_ONCE = 1 << 18
-"""Of which density is asked together."""
 
 
 class VolumeModel(nn.Module):
@@ -209,51 +196,6 @@ class VolumeModel(nn.Module):
     def skip_all_but(self, occupied: Bool[Tensor, "X Y Z"]) -> None:
         """From now on rays skip the other cells of the box. Z is a multiple of eight."""
         self.occupied, self.occupied_box = packed(occupied.cpu()).to(self.box.device), self.box.clone()
-
-    @torch.no_grad()
-    def find_empty(self, carving: Carving | None = None) -> Float[Tensor, "2 3"]:
-        """See which cells of the box are empty now, and skip them from now on, with those that were but for a layer
-        around the others, and with all that meet nothing of what ``carving`` leaves. Returns the box of the others,
-        world units; the whole box where all are empty."""
-        cells = cells_of(self.box, max(self.field.sides))
-        step = self.space().step / self.unit.item()
-        places = centers(cells).to(self.box)
-        thickness = [step * self.density_values(part) for part in places.split(PLACES_AT_ONCE)]
-        full = (-torch.expm1(-torch.cat(thickness)) >= EMPTY).view(cells)
-        wide = widened(full)
-        if carving is not None:
-            # The layer would grow beyond it, where too few rays are drawn to clear its fog.
-            wide &= carving.met_by(self.box, cells).to(wide.device)
-        if not wide.any():
-            return self.box.clone()
-        self.skip_all_but(wide)
-        return box_of(wide, self.box)
-
-    @torch.no_grad()
-    def skip_less(self, lots: Iterable[Float[Tensor, "N 3"]], carving: Carving) -> Float[Tensor, "2 3"]:
-        """Cells around these places, of the box's [0, 1]^3, are not empty after all, but for what ``carving`` does not
-        leave. Of the cells that the last :meth:`find_empty` looked at; returns its box with them."""
-        occupied = unpacked(self.occupied)
-        x, y, z = occupied.shape
-        back, counts = torch.zeros_like(occupied), torch.tensor((x, y, z), device=self.box.device)
-        for places in lots:
-            back[torch.minimum((places * counts).long().clamp_min(0), counts - 1).unbind(-1)] = True
-        occupied |= widened(back) & carving.met_by(self.box, (x, y, z)).to(back.device)
-        self.skip_all_but(occupied)
-        return box_of(occupied, self.box)
-
-    @torch.no_grad()
-    def shrink(self, box: Float[Tensor, "2 3"]) -> bool:
-        """Cut the grid to its nodes around this box; returns whether any were cut off."""
-        low, high = self.box
-        nodes, intervals = self.field.sides, torch.tensor(self.field.intervals).to(self.box)
-        around = nodes_around(self.box, box, nodes, intervals)
-        first, final = self.field.cuttable(*((x, y, z) for x, y, z in around.tolist()))
-        if first == (0, 0, 0) and final == tuple(side - 1 for side in nodes):
-            return False
-        self.field.crop(first, final)
-        self.box = low + torch.tensor([first, final]).to(self.box) / intervals * (high - low)
-        return True
 
     def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want, share: float = 1.0) -> Rendering:
         space = self.space()

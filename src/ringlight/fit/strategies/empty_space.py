@@ -11,6 +11,7 @@ from torch import Tensor
 from ringlight.core.rendering import Rendering
 from ringlight.data.rays import RayBatches
 from ringlight.fit.optimizer import Optimizer
+from ringlight.volume.emptying import find_empty, shrink, skip_less
 from ringlight.volume.looked_for import AT_ONCE
 from ringlight.volume.marching import samples_of
 from ringlight.volume.model import VolumeModel
@@ -37,14 +38,14 @@ class EmptySpace:
         if step not in self.steps:
             return
         before = model.space()
-        box = model.find_empty(self.carving)
+        box = find_empty(model, self.carving)
         # Where all is empty it found nothing, and the cells may be of an older box.
         if self.carving is not None and model.occupied is not before.occupied:
             lost = (self.batches.shows_subject() & ~self.batches.looked_at(model.meets_something)).nonzero()[:, 0]
             if len(lost):
                 rays = (self.batches.through(part).to(model.device) for part in lost.split(AT_ONCE))
-                box = model.skip_less((samples_of(part, before).places for part in rays), self.carving)
-        if step == self.steps[0] and model.shrink(box):
+                box = skip_less(model, (samples_of(part, before).places for part in rays), self.carving)
+        if step == self.steps[0] and shrink(model, box):
             optimizer.begin_anew()
         if step == self.steps[-1] and len(self.steps) > 1:
             self._filter(model)
