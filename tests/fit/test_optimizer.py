@@ -206,6 +206,32 @@ def test_a_directed_parameter_goes_along_what_is_made_of_its_mean_in_other_bases
     assert torch.equal(model.shared.bias, bias)
 
 
+def test_what_decays_goes_as_torchs_own_does():
+    model = Table()
+    falling = Rate(0.02, 0.01)
+    optimizer = Optimizer(model, {"shared.weight": Adam(falling, decay=0.3), "*": GROUP}, steps=4)
+    inner, bias = nn.Parameter(model.shared.weight.detach().clone()), model.shared.bias.detach().clone()
+    judge = torch.optim.AdamW([inner], eps=1e-15, weight_decay=0.3)
+    for step in (1, 2, 3):
+        judge.param_groups[0]["lr"] = falling.at(step / 4)
+        gradient = torch.randn(2, 2, generator=torch.Generator().manual_seed(step))
+        inner.grad = gradient.clone()
+        judge.step()
+        optimizer.step(step, Gradients({"shared.weight": gradient}))
+    torch.testing.assert_close(model.shared.weight, inner)
+    assert torch.equal(model.shared.bias, bias)
+
+
+def test_a_directed_parameter_decays_in_its_own_bases():
+    model = Table()
+    optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.01), decay=0.5)}, steps=10)
+    optimizer.scale({"shared.weight": lambda rows: 2 * rows}, Directed({"shared.weight": direction_of}, 0.0))
+    before, gradient = model.shared.weight.detach().clone(), torch.ones(2, 2)
+    optimizer.step(1, Gradients({"shared.weight": gradient}))
+    expected = (1 - 0.01 * 0.5) * before - 0.01 * 2 * direction_of(2 * gradient)
+    torch.testing.assert_close(model.shared.weight.detach(), expected)
+
+
 @pytest.mark.parametrize(
     ("bad", "words"),
     [(float("nan"), "shared.weight"), (float("inf"), "shared.weight"), (1e25, "too large to be squared")],

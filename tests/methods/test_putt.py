@@ -271,6 +271,10 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"last_doubling": 0.9}, "last_doubling is 0.9; give 0 (the paper's) to 0.75"),
         ({"last_doubling": float("nan")}, "last_doubling is nan; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),
+        ({"decay": -0.1}, "decay is -0.1; give 0 (none) to below"),
+        ({"decay": float("nan")}, "decay is nan; give 0"),
+        ({"decay": 100.0, "rate": 0.01}, "decay is 100; give 0 (none) to below 100,"),
+        ({"decay": float("inf"), "rate": 0.0}, "decay is inf; give 0 (none) to below inf"),
         ({"rate": -1.0}, "rate is -1"),
         ({"bounds": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "bounds are 0 0 0 1 0 1; give the lowest corner"),
     ],
@@ -280,6 +284,17 @@ def test_settings_that_cannot_be_are_refused_in_a_sentence(settings: dict, words
         PuttRecipe(**settings)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_decay_makes_the_cores_that_are_reached_smaller():
+    kept, decayed = (built(steps=20, coarsest=8, finest=16, decay=decay) for decay in (0.0, 20.0))
+    for training in (kept, decayed):
+        next(train(training))
+    for (name, one), other in zip(kept.model.named_parameters(), decayed.model.parameters(), strict=True):
+        if name.startswith("field.") and ".cores.3" not in name:
+            assert other.norm() < one.norm(), name
+        else:
+            assert torch.equal(other, one), name
 
 
 def test_what_a_run_shows_is_much_the_same_after_its_grid_was_doubled():

@@ -79,6 +79,8 @@ class Optimizer:
                 continue
             self._updates[name] += 1
             used[name] = gradient
+            if decay := self.groups[name].decay:
+                parameter.mul_(1 - decay * self.rate(name, step))
             if name not in seen:
                 update = self._update(name, step, parameter, gradient)
                 (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)

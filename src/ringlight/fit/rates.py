@@ -95,6 +95,9 @@ class Adam:
     """Step from which ``rate`` counts its progress."""
     frozen: tuple[tuple[int, int], ...] = ()
     """First and last step of spans in which the rate is zero; moments go on."""
+    decay: float = 0.0
+    """Share of the rate by which all numbers shrink before each step, whatever its direction (Loshchilov and Hutter
+    2019, "Decoupled weight decay regularization")."""
 
     def moves(self, step: int) -> bool:
         """Whether ``step`` lies in none of the frozen spans."""

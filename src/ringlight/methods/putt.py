@@ -55,7 +55,7 @@ class PuttRecipe(PuttSettings):
         """Adam's, by parameter name."""
         last, settled = (LAST_RATE, None) if self.averaged_from is not None else (SETTLING_RATE, SETTLED_RATE)
         return {
-            "field.*": Adam(self.falling(self.first_rate, last, WARM_UP, settled), BETAS, EPSILON),
+            "field.*": Adam(self.falling(self.first_rate, last, WARM_UP, settled), BETAS, EPSILON, decay=self.decay),
             "*": Adam(self.falling(self.network_rate, last, settled_share=settled), BETAS, EPSILON),
         }
 
