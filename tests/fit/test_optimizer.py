@@ -206,30 +206,52 @@ def test_a_directed_parameter_goes_along_what_is_made_of_its_mean_in_other_bases
     assert torch.equal(model.shared.bias, bias)
 
 
-def test_what_decays_goes_as_torchs_own_does():
+def test_what_decays_goes_as_torchs_own_does_and_nothing_else_decays():
     model = Table()
     falling = Rate(0.02, 0.01)
-    optimizer = Optimizer(model, {"shared.weight": Adam(falling, decay=0.3), "*": GROUP}, steps=4)
-    inner, bias = nn.Parameter(model.shared.weight.detach().clone()), model.shared.bias.detach().clone()
-    judge = torch.optim.AdamW([inner], eps=1e-15, weight_decay=0.3)
+    groups = {"shared.weight": Adam(falling, decay=0.3), "shared.*": Adam(falling), "*": GROUP}
+    optimizer = Optimizer(model, groups, steps=4)
+    inner = [nn.Parameter(part.detach().clone()) for part in (model.shared.weight, model.shared.bias)]
+    judge = torch.optim.AdamW([{"params": inner[:1], "weight_decay": 0.3}, {"params": inner[1:]}], eps=1e-15)
+    judge.param_groups[1]["weight_decay"] = 0.0
     for step in (1, 2, 3):
-        judge.param_groups[0]["lr"] = falling.at(step / 4)
-        gradient = torch.randn(2, 2, generator=torch.Generator().manual_seed(step))
-        inner.grad = gradient.clone()
+        drawn = torch.Generator().manual_seed(step)
+        for group in judge.param_groups:
+            group["lr"] = falling.at(step / 4)
+        for part in inner:
+            part.grad = torch.randn(part.shape, generator=drawn)
         judge.step()
-        optimizer.step(step, Gradients({"shared.weight": gradient}))
-    torch.testing.assert_close(model.shared.weight, inner)
-    assert torch.equal(model.shared.bias, bias)
+        weight, bias = (part.grad for part in inner)
+        optimizer.step(step, Gradients({"shared.weight": weight, "shared.bias": bias}))
+    torch.testing.assert_close(model.shared.weight, inner[0])
+    torch.testing.assert_close(model.shared.bias, inner[1])
 
 
-def test_a_directed_parameter_decays_in_its_own_bases():
+def test_a_directed_parameter_decays_as_others_do():
     model = Table()
-    optimizer = Optimizer(model, {"*": Adam(Rate.constant(0.01), decay=0.5)}, steps=10)
-    optimizer.scale({"shared.weight": lambda rows: 2 * rows}, Directed({"shared.weight": direction_of}, 0.0))
-    before, gradient = model.shared.weight.detach().clone(), torch.ones(2, 2)
+    optimizer = Optimizer(model, {"columns.*": GROUP, "*": Adam(Rate.constant(0.01), decay=0.5)}, steps=10)
+    scale = torch.tensor([[2.0, 0.5], [0.5, 1.0]])
+    optimizer.scale({"shared.weight": lambda rows: rows @ scale}, Directed({"shared.weight": direction_of}, 0.0))
+    before, gradient = model.shared.weight.detach().clone(), torch.tensor([[1.0, -2.0], [0.5, 3.0]])
     optimizer.step(1, Gradients({"shared.weight": gradient}))
-    expected = (1 - 0.01 * 0.5) * before - 0.01 * 2 * direction_of(2 * gradient)
+    expected = (1 - 0.01 * 0.5) * before - 0.01 * direction_of(gradient @ scale) @ scale
     torch.testing.assert_close(model.shared.weight.detach(), expected)
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_what_a_fault_leaves_as_it_was_does_not_decay(directed: bool):
+    model = Table()
+    optimizer = Optimizer(model, {"columns.*": GROUP, "*": Adam(Rate.constant(0.01), decay=10.0)}, steps=10)
+    if directed:
+        optimizer.scale({"shared.weight": torch.clone}, Directed({"shared.weight": direction_of}, 0.8))
+    before = model.shared.weight.detach().clone()
+    assert optimizer.step(1, Gradients({"shared.weight": torch.full((2, 2), float("nan"))})) is not None
+    assert torch.equal(model.shared.weight, before)
+
+
+def test_columns_cannot_decay():
+    with pytest.raises(RecipeError, match=r"^columns\.\w+ shall decay, and columns of a table cannot"):
+        Optimizer(Table(), {"*": Adam(Rate.constant(0.01), decay=0.1)}, steps=10)
 
 
 @pytest.mark.parametrize(

@@ -39,12 +39,15 @@ class Optimizer:
 
     With ``visible_only`` the table's rows that a step did not draw are left alone, moments included, instead of
     drifting on by their momentum. Raises RecipeError for a parameter that no pattern matches: nothing is silently
-    frozen.
+    frozen; and for columns that shall decay, of which some rows may wait.
     """
 
     def __init__(self, model: nn.Module, groups: Mapping[str, Adam], steps: int, visible_only: bool = False):
         self.model, self.steps, self.visible_only = model, steps, visible_only
         self.groups = {name: _group_of(name, groups) for name, _ in model.named_parameters()}
+        decaying = next((name for name, group in self.groups.items() if group.decay and name.startswith(COLUMNS)), None)
+        if decaying is not None:
+            raise RecipeError(f"{decaying} shall decay, and columns of a table cannot; give their group no decay")
         self._mean = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._square = {name: torch.zeros_like(p) for name, p in model.named_parameters()}
         self._updates = dict.fromkeys(self.groups, 0)
@@ -79,8 +82,7 @@ class Optimizer:
                 continue
             self._updates[name] += 1
             used[name] = gradient
-            if decay := self.groups[name].decay:
-                parameter.mul_(1 - decay * self.rate(name, step))
+            self._shrink(name, step, parameter, seen.get(name, gradient))
             if name not in seen:
                 update = self._update(name, step, parameter, gradient)
                 (columns if self.visible_only and name.startswith(COLUMNS) else shared).append(update)
@@ -89,6 +91,12 @@ class Optimizer:
         if left == 0:
             return None
         return bad_gradient(used | {f"{name}, scaled,": gradient for name, gradient in seen.items()}, left)
+
+    def _shrink(self, name: str, step: int, parameter: Tensor, gradient: Gradient) -> None:
+        """By its group's decay, but for one whose gradient has a fault: that leaves numbers as they were."""
+        decay = self.groups[name].decay
+        if decay and dense(gradient).square().isfinite().all():
+            parameter.mul_(1 - decay * self.rate(name, step))
 
     def _update(self, name: str, step: int, value: Tensor, gradient: Gradient) -> Update:
         """Adam's, of a parameter whose updates are counted already."""

@@ -96,8 +96,8 @@ class Adam:
     frozen: tuple[tuple[int, int], ...] = ()
     """First and last step of spans in which the rate is zero; moments go on."""
     decay: float = 0.0
-    """Share of the rate by which all numbers shrink before each step, whatever its direction (Loshchilov and Hutter
-    2019, "Decoupled weight decay regularization")."""
+    """Share of the rate by which all numbers of a parameter shrink before each step that it takes (Loshchilov and
+    Hutter 2019, "Decoupled weight decay regularization"). Not of a table's columns."""
 
     def moves(self, step: int) -> bool:
         """Whether ``step`` lies in none of the frozen spans."""

@@ -86,7 +86,8 @@ class PuttSettings(VolumeRecipe):
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
     decay: float = later(0.0)
-    """Weight decay: share of the trains' rate by which all their numbers shrink before each step; 0: none do."""
+    """Weight decay: share of the trains' rate by which the cores of all levels that are reached shrink before each
+    step; 0, as in the paper: none do."""
     scaled: float = later(0.0, now=SCALED)
     """How far steps of a core are scaled by what the other cores make of its indices, from 0 (Adam as it is) to below
     1: the share of their Gram matrices beside one whose eigenvalues all are their mean."""
@@ -127,9 +128,11 @@ class PuttSettings(VolumeRecipe):
         check_rates(rate=self.first_rate, network_rate=self.network_rate)
         if not 0 <= self.l1 < math.inf:
             raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
-        most = 1 / self.first_rate if self.first_rate else math.inf
-        if not 0 <= self.decay < most:
-            raise RecipeError(f"decay is {self.decay:g}; give 0 (none) to below {most:g}, at which all would be 0")
+        if not 0 <= self.decay < math.inf:
+            raise RecipeError(f"decay is {self.decay:g}; give 0 (none) or more")
+        if self.decay * self.first_rate >= 1:
+            most = 1 / self.first_rate
+            raise RecipeError(f"decay is {self.decay:g}; give less than 1 / rate, {most:g}, which leaves only zeros")
         self.refuse_bounds()
         self.refuse_shares()
         if not 0 < self.empty_at[0] < self.empty_at[1] < 1:

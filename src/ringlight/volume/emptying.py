@@ -43,7 +43,7 @@ def find_empty(model: VolumeModel, carving: Carving | None = None) -> Float[Tens
 @torch.no_grad()
 def skip_less(model: VolumeModel, lots: Iterable[Float[Tensor, "N 3"]], carving: Carving) -> Float[Tensor, "2 3"]:
     """Cells around these places, of the box's [0, 1]^3, are not empty after all, but for what ``carving`` does not
-    leave. Of the cells that the last :func:`find_empty` looked at; returns their box with these."""
+    leave. Of the cells that the last :func:`find_empty` looked at; returns the box of all that are not empty."""
     occupied = unpacked(model.occupied)
     x, y, z = occupied.shape
     back, counts = torch.zeros_like(occupied), torch.tensor((x, y, z), device=model.device)
@@ -56,7 +56,7 @@ def skip_less(model: VolumeModel, lots: Iterable[Float[Tensor, "N 3"]], carving:
 
 @torch.no_grad()
 def shrink(model: VolumeModel, box: Float[Tensor, "2 3"]) -> bool:
-    """Cut its grid to the nodes around ``box``, world units; returns whether any were cut off."""
+    """Cut the model's grid to the nodes around ``box``, world units; returns whether any were cut off."""
     low, high = model.box
     nodes, intervals = model.nodes, torch.tensor(model.intervals).to(model.box)
     around = nodes_around(model.box, box, nodes, intervals)

@@ -21,11 +21,7 @@ from ringlight.volume.contract import Sides, VolumeField
 from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
 from ringlight.volume.marching import Space
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
-from ringlight.volume.occupancy import (
-    everything,
-    is_occupied,
-    packed,
-)
+from ringlight.volume.occupancy import everything, is_occupied, packed
 from ringlight.volume.pictures import BUFFERS, against_slopes, picture, surface_layers
 from ringlight.volume.shading import FeatureShading
 from ringlight.volume.torch_march import rendered_in_torch
