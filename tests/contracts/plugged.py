@@ -27,6 +27,7 @@ from ringlight.color.shared_basis import SharedBasis
 from ringlight.color.split_sum import SplitSumLight
 from ringlight.color.varying_mirror import VaryingMirror
 from ringlight.fields.ring_settings import KnotSettings, PerceptronSettings, RingSettings, VectorMatrixSettings
+from ringlight.fit.regularizers.appearance_variation import AppearanceVariation
 from ringlight.fit.regularizers.by_torch import TorchRegularizer
 from ringlight.fit.regularizers.contract import Regularizer
 from ringlight.fit.regularizers.depth_normals import DepthNormals
@@ -115,6 +116,7 @@ CONSTANT: dict[str, tuple[str, ...]] = {"reflection": ("depth",), "reflection, r
 them. A shader that is not named here has the gradient of all that it reads."""
 
 REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
+    "appearance variation": lambda: AppearanceVariation(0.5, 3),
     "mean mask": lambda: MeanMask(0.2),
     "mean opacity": lambda: MeanOpacity(0.3),
     "mean scale": lambda: MeanScale(0.7),
@@ -134,4 +136,4 @@ REGULARIZERS: dict[str, Callable[[], Regularizer]] = {
         ("depth", "alpha"),
     ),
 }
-"""Of a model with visibility masks."""
+"""Of a model with visibility masks, but that of appearance of a volume."""

@@ -16,11 +16,13 @@ from ringlight.core.camera import Camera
 from ringlight.core.rendering import Rendering
 from ringlight.errors import RecipeError
 from ringlight.fit import regularizers
+from ringlight.fit.regularizers.appearance_variation import AppearanceVariation
 from ringlight.fit.regularizers.contract import Regularizer, Term
 from ringlight.fit.train import Training
 from ringlight.models.contract import Model
 from ringlight.rasterize.choose import rasterizer_for
 from tiny_scene import tiny_scene
+from volume.volumes import volume_of_trains
 
 ROWS = 12
 """Gaussians: the slope of a mean over hundreds would drown in the rounding of its value."""
@@ -30,13 +32,17 @@ def training_of(method: str = "ringlight-ring") -> Training:
     return small(method, 8).build(tiny_scene(views=2, size=16), rasterizer_for("auto"), 3)
 
 
-def model_and_prediction(regularizer: Regularizer) -> tuple[Model, Rendering]:
-    """In float64; the buffers are those that it looks at, of any values."""
-    drawn = torch.Generator().manual_seed(2)
+def few_rows() -> Model:
     model = training_of().model
     rows = {n: t[:ROWS] if n.startswith(model.row_prefixes) else t for n, t in model.state_dict().items()}
     model.load_tensors(rows)
-    model.double()
+    return model
+
+
+def model_and_prediction(regularizer: Regularizer) -> tuple[Model, Rendering]:
+    """In float64; the buffers are those that it looks at, of any values."""
+    drawn = torch.Generator().manual_seed(2)
+    model = (volume_of_trains() if isinstance(regularizer, AppearanceVariation) else few_rows()).double()
     widths = {"normal": 3}
     buffers = {
         name: torch.rand(7, 9, widths.get(name, 1), generator=drawn, dtype=torch.float64)

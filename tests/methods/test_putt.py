@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from ringlight.core.rendering import Rendering
 from ringlight.core.want import Want
 from ringlight.errors import ModelFileError, RecipeError
 from ringlight.fit import room
@@ -271,6 +272,7 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"last_doubling": 0.9}, "last_doubling is 0.9; give 0 (the paper's) to 0.75"),
         ({"last_doubling": float("nan")}, "last_doubling is nan; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),
+        ({"tv_appearance": -1.0}, "tv_appearance is -1; give 0 (none) or more"),
         ({"decay": -0.1}, "decay is -0.1; give 0 (none) or more"),
         ({"decay": float("nan")}, "decay is nan; give 0"),
         ({"decay": 100.0, "rate": 0.01}, "decay is 100; give less than 1 / rate, 100,"),
@@ -284,6 +286,18 @@ def test_settings_that_cannot_be_are_refused_in_a_sentence(settings: dict, words
         PuttRecipe(**settings)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_variation_of_appearance_is_a_term_where_it_is_asked_for():
+    asked, plain = (built(steps=20, tv_appearance=weight, l1=0.0) for weight in (0.25, 0.0))
+    term, shown = asked.regularizers["tv_appearance"], Rendering(torch.zeros(0, 3), torch.zeros(0, 1))
+    assert not plain.regularizers
+    first, again = (term.term(4, asked.model, shown).value for _ in range(2))
+    assert torch.equal(first, again)
+    assert not torch.equal(
+        first,
+        built(seed=4, steps=20, tv_appearance=0.25).regularizers["tv_appearance"].term(4, asked.model, shown).value,
+    )
 
 
 def test_decay_makes_the_cores_that_are_reached_smaller():

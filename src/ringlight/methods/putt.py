@@ -86,7 +86,8 @@ class PuttRecipe(PuttSettings):
         field = TensorTrainField(levels, deepest, self.ranks, self.features, drawn, self.long_axes)
         return VolumeModel(field, FeatureShading(self.features, self.hidden, drawn), box)
 
-    def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
+    def terms(self, model: "VolumeModel", seed: int) -> "dict[str, Regularizer]":
+        from ringlight.fit.regularizers.appearance_variation import AppearanceVariation
         from ringlight.fit.regularizers.factor_size import FactorSize
 
         def cores() -> list[str]:
@@ -94,7 +95,12 @@ class PuttRecipe(PuttSettings):
             field = cast("TensorTrainField", model.field)
             return [f"field.density_train.cores.{k}" for k in range(field.levels)]
 
-        return {"l1": FactorSize(cores, self.l1, self.l1, until=0)} if self.l1 else {}
+        terms: dict[str, Regularizer] = {}
+        if self.l1:
+            terms["l1"] = FactorSize(cores, self.l1, self.l1, until=0)
+        if self.tv_appearance:
+            terms["tv_appearance"] = AppearanceVariation(self.tv_appearance, seed)
+        return terms
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "PuttRecipe":
         """With a model of the resolution, and of the bits of what is not empty, that a file has."""

@@ -85,6 +85,9 @@ class PuttSettings(VolumeRecipe):
     """Learning rate of the network, which falls likewise."""
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
+    tv_appearance: float = later(0.0)
+    """Weight of the total variation of appearance: the mean absolute difference of features one node apart, at drawn
+    places that rays do not skip; 0, as in the paper: none."""
     decay: float = later(0.0)
     """Weight decay: share of the trains' rate by which the cores of all levels that are reached shrink before each
     step; 0, as in the paper: none do."""
@@ -126,13 +129,7 @@ class PuttSettings(VolumeRecipe):
         if self.finest < self.coarsest:
             raise RecipeError(f"finest is {self.finest}, below coarsest, {self.coarsest}; give as much")
         check_rates(rate=self.first_rate, network_rate=self.network_rate)
-        if not 0 <= self.l1 < math.inf:
-            raise RecipeError(f"l1 is {self.l1:g}; give 0 (none) or more")
-        if not 0 <= self.decay < math.inf:
-            raise RecipeError(f"decay is {self.decay:g}; give 0 (none) or more")
-        if self.decay * self.first_rate >= 1:
-            most = 1 / self.first_rate
-            raise RecipeError(f"decay is {self.decay:g}; give less than 1 / rate, {most:g}, which leaves only zeros")
+        self._refuse_weights()
         self.refuse_bounds()
         self.refuse_shares()
         if not 0 < self.empty_at[0] < self.empty_at[1] < 1:
@@ -147,6 +144,17 @@ class PuttSettings(VolumeRecipe):
     def without_effect(self) -> dict[str, str]:
         """See :meth:`ringlight.methods.recipe.Recipe.without_effect`."""
         return {} if self.scaled else dict.fromkeys(OF_SCALING, "--scaled is 0")
+
+    def _refuse_weights(self) -> None:
+        for name in ("l1", "tv_appearance"):
+            weight = getattr(self, name)
+            if not 0 <= weight < math.inf:
+                raise RecipeError(f"{name} is {weight:g}; give 0 (none) or more")
+        if not 0 <= self.decay < math.inf:
+            raise RecipeError(f"decay is {self.decay:g}; give 0 (none) or more")
+        if self.decay * self.first_rate >= 1:
+            most = 1 / self.first_rate
+            raise RecipeError(f"decay is {self.decay:g}; give less than 1 / rate, {most:g}, which leaves only zeros")
 
     def _refuse_size(self) -> None:
         if self.size is None:

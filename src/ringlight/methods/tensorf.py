@@ -196,7 +196,7 @@ class TensorfRecipe(VolumeRecipe):
             "*": Adam(self.falling(self.network_rate, LAST_RATE), BETAS, EPSILON),
         }
 
-    def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
+    def terms(self, model: "VolumeModel", seed: int) -> "dict[str, Regularizer]":
         from ringlight.fit.regularizers.factor_size import FactorSize
         from ringlight.fit.regularizers.factor_variation import FactorVariation
 

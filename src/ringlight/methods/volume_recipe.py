@@ -116,8 +116,8 @@ class VolumeRecipe(ABC):
         """As it is before its first step."""
 
     @abstractmethod
-    def terms(self, model: "VolumeModel") -> "dict[str, Regularizer]":
-        """What is added to the loss, by name."""
+    def terms(self, model: "VolumeModel", seed: int) -> "dict[str, Regularizer]":
+        """What is added to the loss, by name; what is drawn for it is of this ``seed``."""
 
     def stepped_by(self, optimizer: "Optimizer", model: "VolumeModel") -> "tuple[Strategy, ...]":
         """What changes how the model's field is stepped; it comes after what changes the grid."""

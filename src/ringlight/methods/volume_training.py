@@ -77,7 +77,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
             *(() if batches.errors is None else (DrawByError(batches),)),
         ),
         steps=recipe.steps,
-        regularizers=recipe.terms(model),
+        regularizers=recipe.terms(model, seed),
     )
 
 

@@ -94,9 +94,12 @@ class VolumeModel(nn.Module):
     def density_values(self, places: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """The same without a graph, by the kernel where it applies; none in cells that rays skip."""
         found = self._source(False).density_values(places) if self._is_native else self.field.density(places).detach()
+        return torch.where(self.is_kept(places), torch.nn.functional.softplus(found + SHIFT), 0)
+
+    def is_kept(self, places: Float[Tensor, "N 3"]) -> Bool[Tensor, "N"]:
+        """Whether rays do not skip the cells at these places of the box's [0, 1]^3."""
         low, high = self.occupied_box
-        of_cells = (self.box[0] - low + places * (self.box[1] - self.box[0])) / (high - low)
-        return torch.where(is_occupied(self.occupied, of_cells), torch.nn.functional.softplus(found + SHIFT), 0)
+        return is_occupied(self.occupied, (self.box[0] - low + places * (self.box[1] - self.box[0])) / (high - low))
 
     def meets_something(self, rays: Rays) -> Bool[Tensor, "R"]:
         """Whether rays pass through a cell that is not known to be empty; on the CPU."""
