@@ -212,8 +212,8 @@ def test_what_decays_goes_as_torchs_own_does_and_nothing_else_decays():
     groups = {"shared.weight": Adam(falling, decay=0.3), "shared.*": Adam(falling), "*": GROUP}
     optimizer = Optimizer(model, groups, steps=4)
     inner = [nn.Parameter(part.detach().clone()) for part in (model.shared.weight, model.shared.bias)]
-    judge = torch.optim.AdamW([{"params": inner[:1], "weight_decay": 0.3}, {"params": inner[1:]}], eps=1e-15)
-    judge.param_groups[1]["weight_decay"] = 0.0
+    weights = [{"params": [part], "weight_decay": decay} for part, decay in zip(inner, (0.3, 0.0), strict=True)]
+    judge = torch.optim.AdamW(weights, eps=1e-15)
     for step in (1, 2, 3):
         drawn = torch.Generator().manual_seed(step)
         for group in judge.param_groups:
