@@ -50,9 +50,9 @@ class Subject:
     """``sources`` by name; cameras by the names of their ``views``, of which ``photographs`` has those that can be
     shown.
 
-    ``center`` is what the cameras look at and ``up`` its up axis, ``extent`` their spread, world units, and no less than
-    a share of how far what they see is; ``start`` is where a browser begins. Files that are written go to the folder
-    ``home``; ``film_of`` is the model that a written path is for.
+    ``center`` is what the cameras look at and ``up`` its up axis, ``extent`` their spread, world units, and no less
+    than a share of how far what they see is; ``start`` is where a browser begins. Files that are written go to the
+    folder ``home``; ``film_of`` is the model that a written path is for.
     """
 
     title: str
