@@ -4,6 +4,7 @@ import io
 import os
 import pty
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from rich.progress import Progress
 
+from ringlight.cli.signals import signals_to
 from ringlight.cli.streams import Lasting, printable
 
 RINGLIGHT = [sys.executable, "-m", "ringlight"]
@@ -62,6 +64,49 @@ def test_a_terminal_that_was_closed_is_no_reason_to_end():
     stream.write("by nobody\n")
     stream.flush()
     stream.close()
+
+
+class Interrupted(io.RawIOBase):
+    """Takes all, but a signal comes first."""
+
+    taken = b""
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, written) -> int:
+        if not self.taken:
+            signal.raise_signal(signal.SIGTERM)
+        self.taken += bytes(written)
+        return len(written)
+
+
+@pytest.mark.parametrize("line_buffering", [True, False])
+def test_a_signal_within_a_write_is_told_after_it(line_buffering: bool):
+    """A terminal that is slow, or was paused, keeps a write waiting, and the impatient user presses Ctrl-C."""
+    raw = Interrupted()
+    stream = Lasting(io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", line_buffering=line_buffering))
+    with signals_to(lambda number, frame: stream.write("then saving\n")):
+        stream.write("step 1\n")
+        stream.flush()
+        stream.write("step 2\n")
+        stream.flush()
+    assert raw.taken == b"step 1\nthen saving\nstep 2\n"
+
+
+def test_a_write_that_a_signal_ends_keeps_the_stream():
+    raw = Interrupted()
+    stream = Lasting(io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", write_through=True))
+
+    def interrupt(number, frame):
+        raw.taken = b"(cut short) "
+        raise KeyboardInterrupt
+
+    with signals_to(interrupt), pytest.raises(KeyboardInterrupt):
+        print("step 1", file=stream, flush=True)
+    stream.write("stopped\n")
+    stream.flush()
+    assert raw.taken.endswith(b"stopped\n")
 
 
 def test_what_is_written_arrives():

@@ -8,6 +8,8 @@ import os
 import re
 import sys
 import threading
+from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -49,6 +51,8 @@ class Lasting:
         self._stream, self._essential = stream, essential
         self._line = ""  # that was drawn and stands there
         self._one_at_a_time = threading.RLock()  # a clock may draw beside the command
+        self._waiting: deque[tuple[str, str]] = deque()  # texts, and the line that is drawn once each is written
+        self._at_work = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -63,8 +67,7 @@ class Lasting:
     def draw(self, line: str) -> None:
         """Show ``line``, which is printable, in place of the one drawn before; what is written next replaces it."""
         with self._one_at_a_time:
-            self._put(line)
-            self._line = line
+            self._put(line, line)
             self.flush()
 
     def redraw(self, before: str, line: str) -> bool:
@@ -75,24 +78,43 @@ class Lasting:
                 self.draw(line)
             return stands
 
-    def _put(self, text: str) -> int:
+    def _put(self, text: str, line: str = "") -> int:
+        """Write ``text``, after which the drawn ``line`` stands there."""
         with self._one_at_a_time:
-            wipe, self._line = WIPE if self._line else "", ""
-            try:
-                return self._stream.write(wipe + text)
-            except OSError as error:
-                self._bear(error)
-                return len(text)
+            self._waiting.append((text, line))
+            self._write_waiting()
+        return len(text)
+
+    def _write_waiting(self) -> None:
+        while self._waiting and not self._at_work:
+            self._work(self._write_next)
+
+    def _write_next(self) -> None:
+        text, line = self._waiting.popleft()
+        wipe, self._line = WIPE if self._line else "", line
+        self._stream.write(wipe + text)
+
+    def _work(self, what: Callable[[], object]) -> None:
+        """Nothing where it lasts already, since a stream refuses to be called within its own call: a signal came then,
+        and what its handler writes waits until that call is over."""
+        if self._at_work:
+            return
+        self._at_work = True
+        try:
+            what()
+        except OSError as error:
+            self._bear(error)
+        finally:
+            self._at_work = False
 
     def writelines(self, lines: Any) -> None:
         for line in lines:
             self.write(line)
 
     def flush(self) -> None:
-        try:
-            self._stream.flush()
-        except OSError as error:
-            self._bear(error)
+        with self._one_at_a_time:
+            self._work(self._stream.flush)
+            self._write_waiting()
 
     def _bear(self, error: OSError) -> None:
         if self._essential and error.errno not in LOST:
