@@ -14,10 +14,11 @@ from cli_session import QUICK
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
+from rich.file_proxy import FileProxy
 from rich.progress import Progress
 
 from ringlight.cli.signals import signals_to
-from ringlight.cli.streams import Lasting, printable
+from ringlight.cli.streams import Lasting, past_bars, printable
 
 RINGLIGHT = [sys.executable, "-m", "ringlight"]
 TALKATIVE = tuple(word for word in QUICK if word != "--quiet")
@@ -67,31 +68,40 @@ def test_a_terminal_that_was_closed_is_no_reason_to_end():
 
 
 class Interrupted(io.RawIOBase):
-    """Takes all, but a signal comes first."""
+    """Takes all, but a signal comes before the first."""
 
     taken = b""
+    is_interrupted = False
 
     def writable(self) -> bool:
         return True
 
     def write(self, written) -> int:
-        if not self.taken:
+        if not self.is_interrupted:
+            self.is_interrupted = True
             signal.raise_signal(signal.SIGTERM)
         self.taken += bytes(written)
         return len(written)
 
 
 @pytest.mark.parametrize("line_buffering", [True, False])
-def test_a_signal_within_a_write_is_told_after_it(line_buffering: bool):
-    """A terminal that is slow, or was paused, keeps a write waiting, and the impatient user presses Ctrl-C."""
+def test_a_signal_within_a_call_is_told_after_it(line_buffering: bool):
+    """A terminal that is slow, or was paused, keeps a write or a flush waiting, and the impatient user presses
+    Ctrl-C."""
     raw = Interrupted()
     stream = Lasting(io.TextIOWrapper(io.BufferedWriter(raw), "utf-8", line_buffering=line_buffering))
-    with signals_to(lambda number, frame: stream.write("then saving\n")):
-        stream.write("step 1\n")
-        stream.flush()
-        stream.write("step 2\n")
-        stream.flush()
-    assert raw.taken == b"step 1\nthen saving\nstep 2\n"
+    with signals_to(lambda number, frame: print("then saving", file=stream, flush=True)):
+        print("step 1", file=stream, flush=True)
+    assert raw.taken == b"step 1\nthen saving\n"
+
+
+def test_a_handler_writes_past_a_bar():
+    """Whose locks it must not wait for: a thread that draws the bar may hold one and wait for another that the command
+    holds."""
+    stream = Lasting(io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True))
+    console = Console(file=stream.drawing(), force_terminal=True)
+    assert past_bars(FileProxy(console, stream)) is stream
+    assert past_bars(stream) is stream
 
 
 def test_a_write_that_a_signal_ends_keeps_the_stream():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ringlight.cli.flags import flags_in
 from ringlight.cli.main import Stopped
 from ringlight.cli.signals import kept_signals
+from ringlight.cli.streams import past_bars
 from ringlight.cli.threads import MOST_THREADS
 from ringlight.core.cores import usable_cores
 from ringlight.core.words import counted
@@ -96,4 +97,4 @@ def _how_it_stopped(signals: int, failed: Mapping[str, str], doing: Doing) -> st
 
 def _tell_of_stop(number: int, before: list[int]) -> None:
     if not before:
-        sys.stderr.write("\nall runs finish their step, then save; press Ctrl-C again to stop at once\n")
+        past_bars(sys.stderr).write("\nall runs finish their step, then save; press Ctrl-C again to stop at once\n")

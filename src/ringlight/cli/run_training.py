@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ringlight.cli.arguments import Net
 from ringlight.cli.main import NO_MEMORY, Stopped, is_out_of_memory
 from ringlight.cli.signals import kept_signals, signal_of
+from ringlight.cli.streams import past_bars
 from ringlight.core.command_line import command
 from ringlight.errors import BackendError, DivergedError, RecipeError, RinglightError, RunError
 
@@ -85,7 +86,7 @@ def act_at_second(number: int, before: list[int]) -> None:
     """The first signal lets the step under way end; a second one acts at once."""
     if before:
         raise KeyboardInterrupt(number)
-    sys.stderr.write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
+    past_bars(sys.stderr).write("\nfinishing this step, then saving; press Ctrl-C again to stop at once\n")
 
 
 def train_and_measure(

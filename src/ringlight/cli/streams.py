@@ -10,6 +10,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -51,8 +52,8 @@ class Lasting:
         self._stream, self._essential = stream, essential
         self._line = ""  # that was drawn and stands there
         self._one_at_a_time = threading.RLock()  # a clock may draw beside the command
-        self._waiting: deque[tuple[str, str]] = deque()  # texts, and the line that is drawn once each is written
-        self._at_work = False
+        self._waiting: deque[Callable[[], object]] = deque()  # calls of the stream
+        self._is_called = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -80,41 +81,33 @@ class Lasting:
 
     def _put(self, text: str, line: str = "") -> int:
         """Write ``text``, after which the drawn ``line`` stands there."""
-        with self._one_at_a_time:
-            self._waiting.append((text, line))
-            self._write_waiting()
+        self._call(partial(self._write, text, line))
         return len(text)
 
-    def _write_waiting(self) -> None:
-        while self._waiting and not self._at_work:
-            self._work(self._write_next)
-
-    def _write_next(self) -> None:
-        text, line = self._waiting.popleft()
+    def _write(self, text: str, line: str) -> None:
         wipe, self._line = WIPE if self._line else "", line
         self._stream.write(wipe + text)
 
-    def _work(self, what: Callable[[], object]) -> None:
-        """Nothing where it lasts already, since a stream refuses to be called within its own call: a signal came then,
-        and what its handler writes waits until that call is over."""
-        if self._at_work:
-            return
-        self._at_work = True
-        try:
-            what()
-        except OSError as error:
-            self._bear(error)
-        finally:
-            self._at_work = False
+    def _call(self, what: Callable[[], object]) -> None:
+        """Now; or, where a signal came within a call of the stream and its handler asks, once that call is over, for a
+        stream refuses to be called within its own call."""
+        with self._one_at_a_time:
+            self._waiting.append(what)
+            while self._waiting and not self._is_called:
+                self._is_called = True
+                try:
+                    self._waiting.popleft()()
+                except OSError as error:
+                    self._bear(error)
+                finally:
+                    self._is_called = False
 
     def writelines(self, lines: Any) -> None:
         for line in lines:
             self.write(line)
 
     def flush(self) -> None:
-        with self._one_at_a_time:
-            self._work(self._stream.flush)
-            self._write_waiting()
+        self._call(self._stream.flush)
 
     def _bear(self, error: OSError) -> None:
         if self._essential and error.errno not in LOST:
@@ -139,6 +132,12 @@ class Drawing:
 
     def write(self, text: str) -> int:
         return self._lasting._put(printable(text, drawn=self._lasting.isatty()))
+
+
+def past_bars(stream: TextIO) -> TextIO:
+    """``stream`` for a signal's handler: bars that are drawn stand in its place, and what they lock may be held."""
+    proxied: TextIO = getattr(stream, "rich_proxied_file", stream)
+    return proxied
 
 
 def what_flushing_met() -> OSError | None:
