@@ -36,8 +36,8 @@ SCALED = 0.6
 0.85 gained nothing (docs/experiments/putt.md)."""
 
 TV_APPEARANCE = 1.5e-3
-"""Held-out views of lego_400 gain 0.15 to 0.2 dB after 3,000 steps, and those of chair_400 nothing; thrice as much gained
-no more, by a script (docs/experiments/putt.md)."""
+"""Held-out views of lego_400 gain 0.15 to 0.2 dB after 3,000 steps, and those of chair_400 nothing; thrice as much
+gained no more, by a script (docs/experiments/putt.md)."""
 
 
 @dataclass(frozen=True)
