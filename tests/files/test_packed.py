@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ringlight.core.directions import normalize
@@ -45,6 +45,7 @@ def test_half_floats_lose_a_part_in_two_thousand(rows: int, seed: int, spread: f
 
 @MANY
 @given(shape=st.lists(st.integers(1, 12), min_size=1, max_size=4), seed=SEEDS, spread=SPREAD)
+@example(shape=[5, 10, 10, 10], seed=3600, spread=0.01)
 def test_rows_lose_half_a_scale_of_their_own(shape: list[int], seed: int, spread: float) -> None:
     values = noise(*shape, seed=seed, spread=spread)
     parts = PACKINGS["rows8"].pack(values)
@@ -53,7 +54,8 @@ def test_rows_lose_half_a_scale_of_their_own(shape: list[int], seed: int, spread
     assert row >= 32 or scale.dim() == 0, "a scale is shared by enough values"
     largest = values.reshape(*scale.shape, -1).abs().amax(-1)
     error = (there_and_back("rows8", values) - values).reshape(*scale.shape, -1).abs().amax(-1)
-    assert (error <= largest / 254 * (1 + 1e-5)).all()
+    roundings = 3 * 2**-24  # of the scale, of a number in scales, and of what comes back
+    assert (error.double() <= largest.double() * (1 / 254 + roundings)).all()
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 16, 24])
