@@ -135,7 +135,8 @@ class Drawing:
 
 
 def past_bars(stream: TextIO) -> TextIO:
-    """``stream`` for a signal's handler: bars that are drawn stand in its place, and what they lock may be held."""
+    """``stream`` for a signal's handler: a bar that is drawn takes its place, and a handler must not wait for the bar's
+    locks."""
     proxied: TextIO = getattr(stream, "rich_proxied_file", stream)
     return proxied
 
