@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from ringlight.volume.tensor_train_field import TensorTrainField
     from ringlight.volume.tt_scaling import Scaling
 
-WARM_UP = 100
-"""Steps of such a run over which the trains' rate rises."""
+WARM_UP = 1 / 300
+"""Share of a run over which the trains' rate rises: a hundred steps of the paper's."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class PuttRecipe(PuttSettings):
         last, settled = (LAST_RATE, None) if self.averaged_from is not None else (SETTLING_RATE, SETTLED_RATE)
         return {
             "field.*": Adam(self.falling(self.first_rate, last, WARM_UP, settled), BETAS, EPSILON, decay=self.decay),
-            "*": Adam(self.falling(self.network_rate, last, settled_share=settled), BETAS, EPSILON),
+            "*": Adam(self.falling(self.network_rate, last, self.network_warm_up, settled), BETAS, EPSILON),
         }
 
     def stepped_by(self, optimizer: "Optimizer", model: "VolumeModel") -> "tuple[Strategy, ...]":

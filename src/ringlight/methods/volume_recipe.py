@@ -134,12 +134,11 @@ class VolumeRecipe(ABC):
         return tuple(max(round(step * self.steps / self.paper_steps), 1) for step in steps)
 
     def falling(
-        self, first: float, last_share: float, warm_up: int = 0, settled_share: float | None = None
+        self, first: float, last_share: float, warm_up: float = 0.0, settled_share: float | None = None
     ) -> RateInParts:
-        """A rate that falls to ``last_share`` of ``first`` over a run, and is set back after each refinement. It rises
-        to its start over ``warm_up`` steps of the paper's run. With a ``settled_share`` it falls faster over the last
-        SETTLING of the run, to that share of ``first``."""
-        warm = warm_up / self.paper_steps
+        """A rate that falls to ``last_share`` of ``first`` over a run, and is set back after each refinement. Over
+        ``warm_up``, a share of the run, it rises to its start, whatever is refined then. With a ``settled_share`` it
+        falls faster over the last SETTLING of the run, to that share of ``first``."""
         begins = [0.0, *(step / self.steps for step in self.refined)]
         ends = [*begins[1:], 1.0]
         if settled_share is not None and begins[-1] < 1 - SETTLING:
@@ -151,8 +150,8 @@ class VolumeRecipe(ABC):
         ]
         if settled_share is not None and ends[-1] < 1:
             parts.append(Part(1.0, Rate(parts[-1].rate.end, first * settled_share)))
-        rising = [Part(warm, Rate(first * COLD, first))] if warm_up and warm < parts[0].end else []
-        return RateInParts((*rising, *parts))
+        rising = [Part(warm_up, Rate(first * COLD, first))] if warm_up else []
+        return RateInParts((*rising, *(part for part in parts if part.end > warm_up)))
 
     def settled(self: Volume, scene: "Scene", rasterize: "Rasterizer", seed: int) -> tuple[Volume, str | None]:
         """With the box that it covers, and where that is from."""
