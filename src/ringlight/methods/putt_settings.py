@@ -94,7 +94,7 @@ class PuttSettings(VolumeRecipe):
     network_warm_up: float = later(0.0, now=NETWORK_WARM_UP)
     """Share of a run over which the network's rate rises to its start, from a tenth of it; 0, as in the paper: it does
     not. While nothing is opaque yet all that the network can learn is that the subject is darker than a white
-    background, and a wide one at its full rate then shows black for long."""
+    background; a wide or fast one then shows black, perhaps for good."""
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
     tv_appearance: float = later(0.0, now=TV_APPEARANCE)
