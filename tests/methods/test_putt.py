@@ -89,7 +89,7 @@ def test_its_rate_rises_at_first_is_set_back_and_settles_where_no_models_are_ave
 
 
 def test_the_networks_rate_rises_for_longer_through_the_first_doublings():
-    recipe = PuttRecipe(steps=30_000, network_rate=1.0)
+    recipe = PuttRecipe(steps=30_000, network_rate=1.0, network_warm_up=1 / 75)
     assert list(recipe.refined)[:2] == [250, 500]
     rate = recipe.groups()["*"].rate
     assert rate.at(0.0) == pytest.approx(0.1)
@@ -97,14 +97,6 @@ def test_the_networks_rate_rises_for_longer_through_the_first_doublings():
     assert all(after > 1.2 * before for before, after in pairwise(rising))
     assert rate.at(400 / 30_000) == pytest.approx(1.0)
     assert rate.at(499 / 30_000) < rate.at(401 / 30_000) < rate.at(501 / 30_000) == pytest.approx(1.0, rel=1e-3)
-    at_once = PuttRecipe(steps=30_000, network_rate=1.0, network_warm_up=0.0).groups()["*"].rate
-    assert at_once.at(0.0) == pytest.approx(1.0)
-
-
-def test_networks_of_older_recipes_begin_at_their_full_rate():
-    written = recipe_to_dict(PuttRecipe())
-    assert written.pop("network_warm_up") == pytest.approx(1 / 75)
-    assert recipe_from_dict(PuttRecipe, written).network_warm_up == 0
 
 
 def test_the_models_of_its_last_tenth_are_averaged_and_of_older_recipes_none():
@@ -289,8 +281,6 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"empty_at": (0.0, 0.2)}, "empty_at is 0 0.2"),
         ({"empty_at": (0.2, 1.0)}, "empty_at is 0.2 1"),
         ({"empty_at": (0.2, float("nan"))}, "empty_at is 0.2 nan"),
-        ({"network_warm_up": 1.0}, "network_warm_up is 1; give 0 (none) to below 1"),
-        ({"network_warm_up": float("nan")}, "network_warm_up is nan; give 0"),
         ({"last_doubling": 0.9}, "last_doubling is 0.9; give 0 (the paper's) to 0.75"),
         ({"last_doubling": float("nan")}, "last_doubling is nan; give 0"),
         ({"l1": float("inf")}, "l1 is inf"),

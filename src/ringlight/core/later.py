@@ -7,10 +7,14 @@ LATER = "later"
 """Key of a field's metadata."""
 
 
-def later(before: Any, now: Any = None) -> Any:
+UNSTATED = object()
+"""None can be a default."""
+
+
+def later(before: Any, now: Any = UNSTATED) -> Any:
     """A dataclass field; ``before`` is what programs did that did not know the setting, and the default unless ``now``
     states another."""
-    return field(default=before if now is None else now, metadata={LATER: before})
+    return field(default=before if now is UNSTATED else now, metadata={LATER: before})
 
 
 def came_later(setting: "Field[Any]") -> bool:

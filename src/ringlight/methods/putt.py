@@ -56,7 +56,7 @@ class PuttRecipe(PuttSettings):
         last, settled = (LAST_RATE, None) if self.averaged_from is not None else (SETTLING_RATE, SETTLED_RATE)
         return {
             "field.*": Adam(self.falling(self.first_rate, last, WARM_UP, settled), BETAS, EPSILON, decay=self.decay),
-            "*": Adam(self.falling(self.network_rate, last, self.network_warm_up, settled), BETAS, EPSILON),
+            "*": Adam(self.falling(self.network_rate, last, self.network_rises_over, settled), BETAS, EPSILON),
         }
 
     def stepped_by(self, optimizer: "Optimizer", model: "VolumeModel") -> "tuple[Strategy, ...]":

@@ -35,10 +35,6 @@ SCALED = 0.6
 """After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
 0.85 gained nothing (docs/experiments/putt.md)."""
 
-NETWORK_WARM_UP = 1 / 75
-"""Twice what a network of 256 units needed, which at its full rate shows black on one scene; with 128 units nothing
-changes (docs/experiments/putt.md)."""
-
 TV_APPEARANCE = 1.5e-3
 """Held-out views of lego_400 gain 0.15 to 0.2 dB after 3,000 steps, and those of chair_400 nothing; thrice as much
 gained no more, by a script (docs/experiments/putt.md)."""
@@ -91,10 +87,11 @@ class PuttSettings(VolumeRecipe):
     as 0.008; at most 0.03."""
     network_rate: float = 1e-3
     """Learning rate of the network, which falls likewise."""
-    network_warm_up: float = later(0.0, now=NETWORK_WARM_UP)
-    """Share of a run over which the network's rate rises to its start, from a tenth of it; 0, as in the paper: it does
-    not. While nothing is opaque yet all that the network can learn is that the subject is darker than a white
-    background; a wide or fast one then shows black, perhaps for good."""
+    network_warm_up: float | None = later(0.0, now=None)
+    """Share of a run over which the network's rate rises to its start, from a tenth of it: by default 200 steps, in
+    short runs a fifteenth of them; 0, as in the paper: it does not. While nothing is opaque yet all that the network
+    can learn is that the subject is darker than a white background; a wide or fast one then shows black, perhaps for
+    good."""
     l1: float = 1e-5
     """Weight of the mean absolute value of the cores of density's train."""
     tv_appearance: float = later(0.0, now=TV_APPEARANCE)
@@ -149,8 +146,6 @@ class PuttSettings(VolumeRecipe):
             raise RecipeError(f"empty_at is {first} {second}; give two shares of a run that rise, such as 0.45 0.55")
         if not 0 <= self.last_doubling <= LATEST_DOUBLING:
             raise RecipeError(f"last_doubling is {self.last_doubling:g}; give 0 (the paper's) to {LATEST_DOUBLING:g}")
-        if not 0 <= self.network_warm_up < 1:
-            raise RecipeError(f"network_warm_up is {self.network_warm_up:g}; give 0 (none) to below 1")
         if not 0 <= self.scaled < 1:
             raise RecipeError(f"scaled is {self.scaled:g}; give 0 (Adam as it is) to below 1")
         self._refuse_size()

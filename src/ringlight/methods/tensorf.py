@@ -90,6 +90,9 @@ class TensorfRecipe(VolumeRecipe):
     """Learning rate of planes and lines; it falls to a tenth over a run, and is set back when the grid is refined."""
     network_rate: float = 1e-3
     """Learning rate of the network and of the matrix that mixes components."""
+    network_warm_up: float | None = later(0.0, now=None)
+    """Share of a run over which that rate rises to its start, from a tenth of it: by default 200 steps, in short runs a
+    fifteenth of them; 0, as in the paper: it does not. A fast network without it can show black, for good."""
     l1: float | None = None
     """Weight of the mean absolute value of density's factors until empty space is found, then half of it. By default
     8e-5 for planes; 1e-5 all along for three lines."""
@@ -193,7 +196,7 @@ class TensorfRecipe(VolumeRecipe):
         """Adam's, by parameter name."""
         return {
             "field.*_factors.*": Adam(self.falling(self.rate, LAST_RATE), BETAS, EPSILON),
-            "*": Adam(self.falling(self.network_rate, LAST_RATE), BETAS, EPSILON),
+            "*": Adam(self.falling(self.network_rate, LAST_RATE, self.network_rises_over), BETAS, EPSILON),
         }
 
     def terms(self, model: "VolumeModel", seed: int) -> "dict[str, Regularizer]":

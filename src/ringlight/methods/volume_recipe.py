@@ -56,6 +56,7 @@ class VolumeRecipe(ABC):
     bounds: Bounds | None
     carve: bool
     gradient_share: float
+    network_warm_up: float | None
     by_error: float
     """Share of the rays that are drawn by error."""
     average: float
@@ -128,6 +129,13 @@ class VolumeRecipe(ABC):
         """First step whose model counts in the mean; None where the last is kept. The grid keeps its shape since."""
         reshaped = max((*self.emptied, *self.refined), default=0)
         return first_averaged(self.average, self.steps, reshaped)
+
+    @property
+    def network_rises_over(self) -> float:
+        """Share of the run over which the network's rate rises."""
+        if self.network_warm_up is not None:
+            return self.network_warm_up
+        return min(NETWORK_WARM_UP / max(self.steps, 1), MOST_WARM_UP)
 
     def at_share(self, steps: tuple[float, ...]) -> tuple[int, ...]:
         """Steps of the paper's run as steps of this one."""
@@ -205,6 +213,8 @@ class VolumeRecipe(ABC):
             raise RecipeError(f"gradient_share is {self.gradient_share:g}; give more than 0, at most 1")
         if not 0 <= self.by_error < 1:
             raise RecipeError(f"by_error is {self.by_error:g}; give 0 (all rays are drawn evenly) to below 1")
+        if self.network_warm_up is not None and not 0 <= self.network_warm_up < 1:
+            raise RecipeError(f"network_warm_up is {self.network_warm_up:g}; give 0 (none) to below 1")
         check_average(self.average)
 
     def refuse_bounds(self) -> None:
@@ -226,6 +236,10 @@ def on_device(model: "VolumeModel", rasterize: "Rasterizer") -> "VolumeModel":
 
     return model if is_outline(model) else model.to(rasterize.device)
 
+
+NETWORK_WARM_UP, MOST_WARM_UP = 200, 1 / 15
+"""Steps, and share of a run, over which a network's rate rises: twice as long as one of 256 units needed, which at its
+full rate shows black; 40 of 600 steps kept a fast one from it (docs/experiments/putt.md)."""
 
 COLD = 0.1
 """Share of a rate at which it begins to rise."""
