@@ -36,10 +36,11 @@ def without_masks() -> Scene:
 def test_its_schedules_are_shares_of_the_papers():
     recipe = TensorfRecipe(steps=3000)
     assert recipe.at_share((2000, 7000)) == (200, 700)
-    rate = recipe.groups()["*"].rate
-    assert rate.at(0.0) == pytest.approx(1e-3)
-    assert rate.at(200 / 3000) < 1e-3 < 1.05 * rate.at(201 / 3000)
-    assert rate.at(1.0) == pytest.approx(1e-3 * 0.1 ** (23 / 30))
+    rate = recipe.groups()["field.*_factors.*"].rate
+    assert rate.at(0.0) == pytest.approx(0.02)
+    assert rate.at(200 / 3000) < 0.02 < 1.05 * rate.at(201 / 3000)
+    assert rate.at(1.0) == pytest.approx(0.02 * 0.1 ** (23 / 30))
+    assert recipe.groups()["*"].rate.at(1.0) == pytest.approx(1e-3 * 0.1 ** (23 / 30))
 
 
 def test_short_runs_end_with_coarser_planes():
