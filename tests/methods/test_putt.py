@@ -40,7 +40,7 @@ def test_its_ranks_are_the_papers_or_what_megabytes_hold():
             model = recipe.model_of(256, torch.tensor([[-1.0] * 3, [1.0] * 3]))
         of_bits = 160**3 // 8
         taken = sum(p.numel() * p.element_size() for p in model.parameters()) + of_bits
-        assert 0.95 * size * 1e6 < taken <= size * 1e6
+        assert 0.92 * size * 1e6 < taken <= size * 1e6
 
 
 def test_its_grid_doubles_to_the_side_that_it_says():
@@ -266,10 +266,10 @@ def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(mon
         ({"coarsest": 2}, "coarsest is 2; give 4"),
         ({"finest": 300}, "finest is 300; give a power of two, such as 256 or 512"),
         ({"finest": 8}, "finest is 8, below coarsest, 16"),
-        ({"size": 0.0}, "size is 0; trains of 256 cubed and their network take 0.69 to"),
+        ({"size": 0.0}, "size is 0; trains of 256 cubed and their network take 0.97 to"),
         ({"size": float("nan")}, "size is nan"),
-        ({"size": 12.0, "finest": 32}, "take 0.17 to 5.1 megabytes; give one of these, such as 5.1"),
-        ({"size": 1.0, "finest": 16}, "take 0.17 to 0.82 megabytes; give one of these, such as 0.82"),
+        ({"size": 12.0, "finest": 32}, "take 0.45 to 5.38 megabytes; give one of these, such as 5.38"),
+        ({"size": 2.0, "finest": 16}, "take 0.44 to 1.1 megabytes; give one of these, such as 1.1"),
         ({"size": 1e9}, "give one of these, such as 12"),
         ({"size": 12.0, "density_rank": 100}, "size and density_rank are given"),
         ({"gradient_share": float("nan")}, "gradient_share is nan"),

@@ -40,7 +40,7 @@ def test_its_schedules_are_shares_of_the_papers():
     assert rate.at(0.0) == pytest.approx(0.02)
     assert rate.at(200 / 3000) < 0.02 < 1.05 * rate.at(201 / 3000)
     assert rate.at(1.0) == pytest.approx(0.02 * 0.1 ** (23 / 30))
-    assert recipe.groups()["*"].rate.at(1.0) == pytest.approx(1e-3 * 0.1 ** (23 / 30))
+    assert recipe.groups()["*"].rate.at(1.0) == pytest.approx(4e-3 * 0.1 ** (23 / 30))
 
 
 def test_short_runs_end_with_coarser_planes():

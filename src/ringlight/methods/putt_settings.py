@@ -20,6 +20,7 @@ from ringlight.methods.putt_sizes import (
     TrainSizes,
     levels_of,
 )
+from ringlight.methods.volume_network import NETWORK_RATE
 from ringlight.methods.volume_recipe import BY_ERROR, MOST_RAYS, MOST_UNITS, Bounds, VolumeRecipe
 
 ALL_GRADIENTS = 1.0
@@ -34,6 +35,10 @@ OF_SCALING = ("scaled_after", "orthogonal")
 SCALED = 0.6
 """After the last doubling it gained 0.1 to 0.2 dB on held-out views, from the first step on it lost 3.3 on one scene;
 0.85 gained nothing (docs/experiments/putt.md)."""
+
+HIDDEN = 256
+"""Held-out views of three scenes gain 0.35 dB beside 128 units at a quarter of their size, for a tenth to a third more
+core seconds (docs/experiments/putt.md)."""
 
 TV_APPEARANCE = 1.5e-3
 """Held-out views of lego_400 gain 0.15 to 0.2 dB after 3,000 steps, and those of chair_400 nothing; thrice as much
@@ -57,8 +62,8 @@ class PuttSettings(VolumeRecipe):
     """Largest rank of appearance's train: by default the paper's, 280."""
     features: int = 27
     """Numbers that the train of appearance gives the network."""
-    hidden: int = 128
-    """Units of both hidden layers."""
+    hidden: int = HIDDEN
+    """Units of both hidden layers; 128 in the paper."""
     coarsest: int = 16
     """Nodes along each axis at the start, a power of two; along long ones twice as many."""
     finest: int = 256
@@ -85,8 +90,8 @@ class PuttSettings(VolumeRecipe):
     """Learning rate of the trains; it falls to a fifth over a run, and is set back when the grid is refined. By default
     the paper's, 8e-4, times the root of how many times shorter than its 80,000 steps the run is, and twice that as far
     as 0.008; at most 0.03."""
-    network_rate: float = 1e-3
-    """Learning rate of the network, which falls likewise."""
+    network_rate: float = NETWORK_RATE
+    """Learning rate of the network, which falls likewise; 1e-3 in TensoRF."""
     network_warm_up: float | None = later(0.0, now=None)
     """Share of a run over which the network's rate rises to its start, from a tenth of it: by default 200 steps, in
     short runs a fifteenth of them; 0, as in the paper: it does not. While nothing is opaque yet all that the network

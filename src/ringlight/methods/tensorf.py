@@ -13,6 +13,7 @@ from ringlight.core.kernel_limits import VOLUME_MOST_COMPONENTS, VOLUME_MOST_NOD
 from ringlight.core.later import later
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, between, check_rates
+from ringlight.methods.volume_network import NETWORK_RATE
 from ringlight.methods.volume_recipe import (
     BETAS,
     EPSILON,
@@ -88,8 +89,8 @@ class TensorfRecipe(VolumeRecipe):
     importance, which keeps the mean; 1, as in the papers: all do."""
     rate: float = 0.02
     """Learning rate of planes and lines; it falls to a tenth over a run, and is set back when the grid is refined."""
-    network_rate: float = 1e-3
-    """Learning rate of the network and of the matrix that mixes components."""
+    network_rate: float = NETWORK_RATE
+    """Learning rate of the network and of the matrix that mixes components; 1e-3 in the paper."""
     network_warm_up: float | None = later(0.0, now=None)
     """Share of a run over which that rate rises to its start, from a tenth of it: by default 200 steps, in short runs a
     fifteenth of them; 0, as in the paper: it does not. A fast network without it can show black, for good."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from ringlight.errors import RecipeError
 from ringlight.fit.rates import Adam, Part, Rate, RateInParts
 from ringlight.methods.averaging import check_average, first_averaged
+from ringlight.methods.volume_network import rising_share
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -133,9 +134,7 @@ class VolumeRecipe(ABC):
     @property
     def network_rises_over(self) -> float:
         """Share of the run over which the network's rate rises."""
-        if self.network_warm_up is not None:
-            return self.network_warm_up
-        return min(NETWORK_WARM_UP / max(self.steps, 1), MOST_WARM_UP)
+        return rising_share(self.network_warm_up, self.steps)
 
     def at_share(self, steps: tuple[float, ...]) -> tuple[int, ...]:
         """Steps of the paper's run as steps of this one."""
@@ -236,10 +235,6 @@ def on_device(model: "VolumeModel", rasterize: "Rasterizer") -> "VolumeModel":
 
     return model if is_outline(model) else model.to(rasterize.device)
 
-
-NETWORK_WARM_UP, MOST_WARM_UP = 200, 1 / 15
-"""Steps, and share of a run, over which a network's rate rises: twice as long as one of 256 units needed, which at its
-full rate shows black; 40 of 600 steps kept a fast one from it (docs/experiments/putt.md)."""
 
 COLD = 0.1
 """Share of a rate at which it begins to rise."""
