@@ -88,6 +88,11 @@ def test_its_rate_rises_at_first_is_set_back_and_settles_where_no_models_are_ave
     assert latest.at(1.0) == pytest.approx(0.01)
 
 
+def test_its_network_is_twice_as_wide_as_the_papers_and_learns_four_times_as_fast():
+    recipe = PuttRecipe()
+    assert (recipe.hidden, recipe.groups()["*"].rate.at(recipe.network_rises_over)) == (256, pytest.approx(4e-3))
+
+
 def test_the_networks_rate_rises_for_longer_through_the_first_doublings():
     recipe = PuttRecipe(steps=30_000, network_rate=1.0, network_warm_up=1 / 75)
     assert list(recipe.refined)[:2] == [250, 500]

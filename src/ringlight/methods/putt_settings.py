@@ -37,8 +37,8 @@ SCALED = 0.6
 0.85 gained nothing (docs/experiments/putt.md)."""
 
 HIDDEN = 256
-"""Held-out views of three scenes gain 0.35 dB beside 128 units at a quarter of their size, for a tenth to a third more
-core seconds (docs/experiments/putt.md)."""
+"""Held-out views of three scenes gain 0.35 dB beside 128 units at a quarter of their size, for a quarter to a third
+more core seconds (docs/experiments/putt.md)."""
 
 TV_APPEARANCE = 1.5e-3
 """Held-out views of lego_400 gain 0.15 to 0.2 dB after 3,000 steps, and those of chair_400 nothing; thrice as much

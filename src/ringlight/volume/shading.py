@@ -16,7 +16,8 @@ def inputs_of(features: int) -> int:
 
 
 class FeatureShading(nn.Module):
-    """Colours [N 3] in (0, 1) of features [N F] and unit directions [N 3]; 150-128-128-3 with 27 features."""
+    """Colours [N 3] in (0, 1) of features [N F] and unit directions [N 3]; with 27 features and 128
+    units 150-128-128-3."""
 
     def __init__(self, features: int, hidden: int, generator: torch.Generator):
         super().__init__()
