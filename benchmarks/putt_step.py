@@ -1,18 +1,24 @@
-"""Processor time of one step of putt at each resolution, and of each doubling: python benchmarks/putt_step.py
+"""Processor time of one step of putt at each resolution, and of what comes now and then: python benchmarks/putt_step.py
 
-One thread; ranks of the paper. The scene is made up: a ball, seen by 4,096 rays from all sides.
+One thread; the settings of a run by default, so ranks of the paper. The scene is made up: a ball, seen by 4,096 rays
+from all sides.
 """
 
 import itertools
 import resource
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 
 import torch
 from volume_workload import batch, step_times
 
 from ringlight import _kernels
+from ringlight.core.want import Want
 from ringlight.fit.optimizer import Optimizer
+from ringlight.fit.regularizers.appearance_variation import EVERY
+from ringlight.fit.strategies.scaled_steps import RENEWED_EVERY
 from ringlight.methods.putt import PuttRecipe
 from ringlight.volume.model import VolumeModel
 from ringlight.volume.tensor_train import octant_path
@@ -33,6 +39,13 @@ def ball() -> VolumeModel:
     return model
 
 
+def seconds_of(work: Callable[[], object]) -> float:
+    """Of the processor."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
 def main() -> None:
     """Print a line for each resolution."""
     torch.set_num_threads(1)
@@ -40,15 +53,21 @@ def main() -> None:
     _kernels.keep_freed_memory()
     model, looked_at, recipe = ball(), batch(), PuttRecipe()
     model.gradient_share = recipe.gradient_share
-    for levels in range(FIRST_LEVELS, LAST_LEVELS + 1):
-        begin = time.process_time()
-        model.refine(8.0**levels)
-        doubling = time.process_time() - begin
+    smooth = recipe.terms(model, 0)["tv_appearance"]
+    for levels, begins in zip(range(FIRST_LEVELS, LAST_LEVELS + 1), (0, *recipe.refined), strict=True):
+        doubling = seconds_of(partial(model.refine, 8.0**levels))
         model.find_empty()
-        times = step_times(model, looked_at, Optimizer(model, recipe.groups(), recipe.steps), TIMES)
+        optimizer, shown = Optimizer(model, recipe.groups(), recipe.steps), model.predict(looked_at, Want.EXACT)
+        (scaled,) = recipe.stepped_by(optimizer, model)
+        scaled.update(begins, model, optimizer, shown)
+        times = step_times(model, looked_at, optimizer, TIMES)
+        scaling = seconds_of(partial(scaled.update, begins, model, optimizer, shown))
+        smoothing = seconds_of(partial(smooth.term, 0, model, shown))
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
         sys.stdout.write(
-            f"{2**levels} cubed: {doubling:.1f} s to double; {times} ms; {memory:,.0f} MB at most so far\n"
+            f"{2**levels} cubed: {doubling:.1f} s to double; {times} ms; {1e3 * smoothing:.0f} ms for smoothness, each "
+            f"{EVERY}th step; {1e3 * scaling:.0f} ms to scale steps anew, each {RENEWED_EVERY}th; {memory:,.0f} MB at "
+            "most so far\n"
         )
         sys.stdout.flush()
 
