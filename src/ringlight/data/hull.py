@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 import torch.nn.functional
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 from torch import Tensor
 
@@ -157,22 +157,36 @@ def depths_inside(
     """
     alive, least, views = torch.arange(len(points)), torch.full((len(points),), band), torch.zeros(len(points))
     for mask in counted("carving the first surface", masks):
-        camera, here = mask.camera, points[alive]
-        x, y, z = (here @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]).unbind(-1)
-        column = (2 / camera.width) * (camera.focal[0] * x / z + camera.center[0]) - 1
-        row = (2 / camera.height) * (camera.focal[1] * y / z + camera.center[1]) - 1
-        seen = (z > 0) & (column.abs() <= 1) & (row.abs() <= 1)
-        pixels = torch.nn.functional.grid_sample(
-            mask.inside[None, None],
-            torch.stack([column, row], -1)[None, None],
-            padding_mode="border",
-            align_corners=False,
-        )[0, 0, 0]
-        inside = torch.where(seen, pixels * z / max(camera.focal), band)
+        inside, seen = _depths_by(mask, points[alive], band)
         least[alive] = torch.minimum(least[alive], inside)
         views[alive] += seen
         alive = alive[inside > -band]
     return torch.where(views >= seen_share * len(masks), least, -band).clamp_min(-band)
+
+
+def objections(points: Float[Tensor, "P 3"], masks: Sequence[Mask], outside: float) -> Int[Tensor, "P"]:
+    """How many masks have each point at least so far ``outside`` of the subject, world units."""
+    found = torch.zeros(len(points), dtype=torch.long)
+    for mask in counted("asking which masks are wrong", masks):
+        found += _depths_by(mask, points, outside)[0] <= -outside
+    return found
+
+
+def _depths_by(mask: Mask, points: Float[Tensor, "P 3"], band: float) -> tuple[Float[Tensor, "P"], Bool[Tensor, "P"]]:
+    """How deep points lie inside one silhouette, world units, ``band`` where the image does not have them; and whether
+    it does."""
+    camera = mask.camera
+    x, y, z = (points @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]).unbind(-1)
+    column = (2 / camera.width) * (camera.focal[0] * x / z + camera.center[0]) - 1
+    row = (2 / camera.height) * (camera.focal[1] * y / z + camera.center[1]) - 1
+    seen = (z > 0) & (column.abs() <= 1) & (row.abs() <= 1)
+    pixels = torch.nn.functional.grid_sample(
+        mask.inside[None, None],
+        torch.stack([column, row], -1)[None, None],
+        padding_mode="border",
+        align_corners=False,
+    )[0, 0, 0]
+    return torch.where(seen, pixels * z / max(camera.focal), band), seen
 
 
 @dataclass(frozen=True)

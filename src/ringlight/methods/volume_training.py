@@ -18,7 +18,7 @@ from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training
 from ringlight.methods.volume_box import subject_masks
-from ringlight.methods.volume_carving import carved, limit_of
+from ringlight.methods.volume_carving import carved, given_back, limit_of
 from ringlight.methods.volume_recipe import VolumeRecipe
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.volume.marching import meets_box
@@ -48,15 +48,19 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     model = recipe.first_model(box, seed)
     refuse_too_many_rays(recipe, model, memory)
     model.gradient_share = recipe.gradient_share
-    left = carved(subject_masks(scene)[0], box, recipe.longest_side) if recipe.carve else None
-    carving = None if left is None else limit_of(box, left)
+    masks = subject_masks(scene)[0] if recipe.carve else []
+    left = carved(masks, box, recipe.longest_side)
     if left is not None:
         model.skip_all_but(left)
     model.to(rasterize.device)
     emptied = recipe.emptied
     varied = emptied[0] if scene.background == "black" else 0
     batches = RayBatches(scene, recipe.rays, seed, varied, recipe.by_error)
-    met = batches.looked_at(model.meets_something if carving is not None else lambda rays: meets_box(rays, box))
+    met = batches.looked_at(model.meets_something if left is not None else lambda rays: meets_box(rays, box))
+    if left is not None and len(lost := (batches.shows_subject() & ~met).nonzero()[:, 0]):
+        left = given_back(left, model, masks, lost, batches.through)
+        model.skip_all_but(left)
+        met = batches.looked_at(model.meets_something)
     if not met.any():
         corners = " ".join(f"{value:.3g}" for value in recipe.bounds)
         raise RecipeError(f"no ray of a photograph meets the box {corners}; give other --bounds, or none")
@@ -70,7 +74,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
         loss=RayLoss(batches),
         optimizer=optimizer,
         strategies=(
-            EmptySpace(batches, emptied, carving),
+            EmptySpace(batches, emptied, None if left is None else limit_of(box, left)),
             RefineGrid(recipe.refined),
             *recipe.stepped_by(optimizer, model),
             *averages,

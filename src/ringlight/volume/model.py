@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import torch
 import torch.nn.functional
@@ -21,7 +22,7 @@ from ringlight.volume.contract import Sides, VolumeField
 from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
 from ringlight.volume.marching import Space
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
-from ringlight.volume.occupancy import everything, is_occupied, packed
+from ringlight.volume.occupancy import BITS, everything, is_occupied, packed
 from ringlight.volume.pictures import BUFFERS, against_slopes, picture, surface_layers
 from ringlight.volume.shading import FeatureShading
 from ringlight.volume.torch_march import rendered_in_torch
@@ -104,7 +105,16 @@ class VolumeModel(nn.Module):
     def meets_something(self, rays: Rays) -> Bool[Tensor, "R"]:
         """Whether rays pass through a cell that is not known to be empty; on the CPU."""
         look = native_march.meets_something if self._is_native else looked_for.meets_something
-        return look(rays.to(self.device), self.space())
+        return look(rays.to(self.device), self.looked_through())
+
+    def looked_through(self) -> Space:
+        """As :meth:`space`, and as finely as cells lie: steps of a coarse grid pass thin parts by."""
+        space = self.space()
+        low, high = self.occupied_box
+        x, y, bytes_along = self.occupied.shape
+        pitch = ((high - low) / torch.tensor((x, y, bytes_along * BITS)).to(low)).mean().item()
+        finer = max(STEPS_A_VOXEL * space.step / pitch, 1.0)
+        return replace(space, step=space.step / finer, most=math.ceil(space.most * finer))
 
     def color(self, places: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """Of places in the box's [0, 1]^3, seen along unit directions; in (0, 1)."""
