@@ -43,5 +43,13 @@ class BackendError(RinglightError):
     """A rasterizer or an optional library is not available on this machine."""
 
 
-class FallbackWarning(UserWarning):
+class RinglightWarning(UserWarning):
+    """What the command says in a line of its own; the message is one sentence, or two."""
+
+
+class DoubtWarning(RinglightWarning):
+    """A user's photographs or masks cannot all be right; the message says which, and what is done."""
+
+
+class FallbackWarning(RinglightWarning):
     """Something slower, or nothing, takes the place of what this machine has but cannot use; the message says why."""

@@ -1,5 +1,4 @@
-"""Carving: gone is what some mask shows to be empty, and nothing that photographs merely cut away, or that one mask
-shows to be empty where the others need it."""
+"""Carving: gone is what some mask shows to be empty, and nothing that photographs merely cut away."""
 
 import dataclasses
 
@@ -13,10 +12,7 @@ from ringlight.data.rays import Rays
 from ringlight.methods.putt import PuttRecipe
 from ringlight.methods.volume_box import volume_box
 from ringlight.methods.volume_carving import carved
-from ringlight.methods.volume_training import volume_training
-from ringlight.rasterize.cpu import CpuRasterizer
-from ringlight.volume.model import VolumeModel
-from ringlight.volume.occupancy import centers, unpacked
+from ringlight.volume.occupancy import centers
 from tiny_scene import BALLS, tiny_scene
 
 SCENE = tiny_scene(views=12, size=48)
@@ -88,54 +84,6 @@ def test_what_most_photographs_cut_away_is_left():
     found = volume_box(scene).box
     assert (found[0] <= low).all()
     assert (found[1] >= high).all()
-
-
-def without_a_ball(view: View) -> View:
-    """The photograph with a mask that is wrong: the right half shows nothing."""
-    pixels = view.load().copy()
-    pixels[:, pixels.shape[1] // 2 :, 3] = 0
-    return dataclasses.replace(view, load=lambda: pixels)
-
-
-def with_wrong_masks(wrong: int) -> Scene:
-    return dataclasses.replace(SCENE, train=(*map(without_a_ball, SCENE.train[:wrong]), *SCENE.train[wrong:]))
-
-
-def carved_volume(scene: Scene) -> tuple[VolumeModel, torch.Tensor]:
-    """At its coarsest, with what a run leaves of it before its first step; and shares of each ball's cells that are."""
-    recipe = PuttRecipe(steps=10, finest=64, bounds=tuple(SCENE.box.flatten().tolist()))
-    model = volume_training(recipe, scene, CpuRasterizer(), 0).model
-    assert isinstance(model, VolumeModel)
-    left = unpacked(model.occupied)
-    places = SCENE.box[0] + centers(left.shape) * (SCENE.box[1] - SCENE.box[0])
-    inside = torch.cdist(places, torch.tensor(BALLS[:, :3]).float()) < torch.tensor(BALLS[:, 3]).float()
-    return model, (left.flatten()[:, None] & inside).sum(0) / inside.sum(0)
-
-
-def test_one_wrong_mask_carves_nothing_of_the_subject():
-    scene = with_wrong_masks(1)
-    assert left_of_balls(scene).min() < 0.5
-    model, shares = carved_volume(scene)
-    assert shares.min() > 0.95
-    assert unpacked(model.occupied).float().mean() < 0.5
-
-
-def test_where_masks_are_right_nothing_is_given_back():
-    model, _ = carved_volume(SCENE)
-    left = carved(masks_of(SCENE.train), SCENE.box, 64)
-    assert left is not None
-    assert torch.equal(unpacked(model.occupied), left)
-
-
-def test_a_mask_that_shows_the_subject_everywhere_gives_little_back():
-    """The rays of its photograph go where all other masks have nothing."""
-    pixels = SCENE.train[0].load().copy()
-    pixels[..., 3] = 255
-    wrong = dataclasses.replace(SCENE.train[0], load=lambda: pixels)
-    model, _ = carved_volume(dataclasses.replace(SCENE, train=(wrong, *SCENE.train[1:])))
-    right, _ = carved_volume(SCENE)
-    share, of_right = (float(unpacked(each.occupied).float().mean()) for each in (model, right))
-    assert of_right < share < 1.2 * of_right  # by what a single mask carved; a cone of all of the picture is half
 
 
 def test_a_coarse_grid_passes_no_thin_part_by():

@@ -20,7 +20,7 @@ from ringlight.cli.flags import by_flag
 from ringlight.cli.signals import interrupt, signal_of, signals_to
 from ringlight.cli.streams import Lasting, lasting_streams, what_flushing_met
 from ringlight.cli.system_refusals import met_in_links, sentence_on
-from ringlight.errors import FallbackWarning, RinglightError, RunError
+from ringlight.errors import RinglightError, RinglightWarning, RunError
 
 WRONG_INPUT, WRONG_USAGE = 1, 2
 
@@ -163,11 +163,11 @@ def _run_verb(verb: str, arguments: list[str]) -> int:
 def _warnings_as_sentences() -> Iterator[None]:
     """Inside the block our own warnings are a line on standard error each, without Python's place in the source."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", FallbackWarning)
+        warnings.simplefilter("always", RinglightWarning)
         others = warnings.showwarning
 
         def show(message: Warning | str, category: type[Warning], *place: Any, **where: Any) -> None:
-            if issubclass(category, FallbackWarning):
+            if issubclass(category, RinglightWarning):
                 sys.stderr.write(f"warning: {message}\n")
             else:
                 others(message, category, *place, **where)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 import torch.nn.functional
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy import ndimage
 from torch import Tensor
 
@@ -164,12 +164,9 @@ def depths_inside(
     return torch.where(views >= seen_share * len(masks), least, -band).clamp_min(-band)
 
 
-def objections(points: Float[Tensor, "P 3"], masks: Sequence[Mask], outside: float) -> Int[Tensor, "P"]:
-    """How many masks have each point at least so far ``outside`` of the subject, world units."""
-    found = torch.zeros(len(points), dtype=torch.long)
-    for mask in counted("asking which masks are wrong", masks):
-        found += _depths_by(mask, points, outside)[0] <= -outside
-    return found
+def has_outside(mask: Mask, points: Float[Tensor, "P 3"], outside: float) -> Bool[Tensor, "P"]:
+    """Whether a mask that sees a point has it at least so far ``outside`` of the subject, world units."""
+    return _depths_by(mask, points, outside)[0] <= -outside
 
 
 def _depths_by(mask: Mask, points: Float[Tensor, "P 3"], band: float) -> tuple[Float[Tensor, "P"], Bool[Tensor, "P"]]:

@@ -18,8 +18,9 @@ from ringlight.fit.strategies.empty_space import EmptySpace
 from ringlight.fit.strategies.refine_grid import RefineGrid
 from ringlight.fit.train import Training
 from ringlight.methods.volume_box import subject_masks
-from ringlight.methods.volume_carving import carved, given_back, limit_of
+from ringlight.methods.volume_carving import carved, limit_of
 from ringlight.methods.volume_recipe import VolumeRecipe
+from ringlight.methods.wrong_masks import mended
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.volume.marching import meets_box
 from ringlight.volume.model import VolumeModel
@@ -57,8 +58,9 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     varied = emptied[0] if scene.background == "black" else 0
     batches = RayBatches(scene, recipe.rays, seed, varied, recipe.by_error)
     met = batches.looked_at(model.meets_something if left is not None else lambda rays: meets_box(rays, box))
-    if left is not None and len(lost := (batches.shows_subject() & ~met).nonzero()[:, 0]):
-        left = given_back(left, model, masks, lost, batches.through)
+    more = None if left is None else mended(left, met, model, masks, scene, batches)
+    if more is not None:
+        left = more
         model.skip_all_but(left)
         met = batches.looked_at(model.meets_something)
     if not met.any():
