@@ -20,6 +20,7 @@ from ringlight.fit.optimizer import Optimizer
 from ringlight.fit.regularizers.appearance_variation import EVERY
 from ringlight.fit.strategies.scaled_steps import RENEWED_EVERY
 from ringlight.methods.putt import PuttRecipe
+from ringlight.volume.emptying import find_empty
 from ringlight.volume.model import VolumeModel
 from ringlight.volume.tensor_train import octant_path
 
@@ -54,9 +55,9 @@ def main() -> None:
     model, looked_at, recipe = ball(), batch(), PuttRecipe()
     model.gradient_share = recipe.gradient_share
     smooth = recipe.terms(model, 0)["tv_appearance"]
-    for levels, begins in zip(range(FIRST_LEVELS, LAST_LEVELS + 1), (0, *recipe.refined), strict=True):
+    for levels, begins in zip(range(FIRST_LEVELS, LAST_LEVELS + 1), (0, *recipe.refined), strict=False):
         doubling = seconds_of(partial(model.refine, 8.0**levels))
-        model.find_empty()
+        find_empty(model)
         optimizer, shown = Optimizer(model, recipe.groups(), recipe.steps), model.predict(looked_at, Want.EXACT)
         (scaled,) = recipe.stepped_by(optimizer, model)
         scaled.update(begins, model, optimizer, shown)

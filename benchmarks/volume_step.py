@@ -14,6 +14,7 @@ from ringlight import _kernels
 from ringlight.fit.optimizer import Optimizer
 from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.volume import model as of_model
+from ringlight.volume.emptying import find_empty
 from ringlight.volume.factors import Decomposition
 
 SIDES, TIMES = {"vm": 300, "cp": 500}, 5
@@ -31,7 +32,7 @@ def ball(kind: Decomposition) -> of_model.VolumeModel:
         along = torch.full_like(squares, 0.5) if kind == "vm" else (-6 * squares).exp()
         for line in factors.lines:
             line.copy_(along[:, None].expand_as(line))
-    model.find_empty()
+    find_empty(model)
     return model
 
 

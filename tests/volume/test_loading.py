@@ -39,6 +39,7 @@ def flipped(box: Tensor) -> Tensor:
         ("box", flipped, "'box' is a box without an inside"),
         ("occupied_box", flipped, "'occupied_box' is a box without an inside"),
         ("box", lambda box: box[:1].expand(2, 3).contiguous(), "'box' is a box without an inside"),
+        ("box", lambda box: 3e38 * box.sign(), "'box' is a box of endless sides"),
         ("unit", lambda unit: 0 * unit, "'unit' is no length"),
         ("unit", lambda unit: -unit, "'unit' is no length"),
         ("occupied", lambda bits: bits.new_zeros(5000, 1, 1), f"5000 x 1 x 8 cells; {MOST_CELLS} are the most"),

@@ -33,7 +33,7 @@ MEASURES = (
     Measure("lpips_vgg", "LPIPS (vgg)", "", 4, False, lambda r: r.lpips_vgg),
     Measure("raw_megabytes", "Size, raw", "MB", 2, False, lambda r: r.bytes_raw / 1e6),
     Measure("file_megabytes", "Size, file", "MB", 2, False, lambda r: r.bytes_file / 1e6 if r.bytes_file else None),
-    Measure("count", "Gaussians", "", 0, False, lambda r: r.counted),
+    Measure("count", "Gaussians or voxels", "", 0, False, lambda r: r.counted),
     Measure("core_seconds", "Training, CPU", "s", 1, False, lambda r: r.core_seconds),
     Measure("wall_seconds", "Training, wall", "s", 1, False, lambda r: r.train_seconds, of_machine=True),
     Measure("fps", "Frames per second", "", 1, True, lambda r: r.fps, of_machine=True),

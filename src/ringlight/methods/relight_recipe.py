@@ -12,6 +12,7 @@ from ringlight.methods.ringlight_mirror import RingLightMirrorRecipe
 from ringlight.methods.ringlight_ring import RingLightRingRecipe
 from ringlight.methods.splat_recipe import SplatRecipe
 from ringlight.methods.table import method_of
+from ringlight.methods.volume_recipe import VolumeRecipe
 
 FROZEN = GaussianRates(means=0.0, means_end=0.0, opacities=0.0, scales=0.0, scales_end=0.0, rotations=0.0, hold=1.0)
 
@@ -67,6 +68,11 @@ def relight_recipe(recipe: Recipe, steps: int) -> SplatRecipe:
         frozen = replace(recipe, **kept, coarse_steps=0, sh_rate=0.0, weights_rate=0.0, dropout=0.0, start=start)
         return replace(frozen, opacity_basis_rate=0.0) if recipe.varying_opacity else frozen
     method = method_of(recipe)
+    if isinstance(recipe, VolumeRecipe):
+        raise RecipeError(
+            f"a model of {method} is a volume, whose light does not lie in a basis, a ring or a mirror of which a pack "
+            "could be made; relight one of ringlight, ringlight-ring or ringlight-mirror"
+        )
     raise RecipeError(
         f"the light of {method} does not lie in a basis, a ring or a mirror that its Gaussians share, of which a pack "
         f"could be made; train on the photographs from the model instead: ringlight train PHOTOS {method} --from MODEL"

@@ -41,13 +41,16 @@ def refuse_uneven(field: VolumeField) -> None:
 
 
 def refuse_impossible(tensors: Mapping[str, Tensor]) -> None:
-    """Raise ValueError for a box without an inside, a unit of length that is none, or more cells than there may be."""
+    """Raise ValueError for a box without an inside or without an end, a unit of length that is none, or more cells than
+    there may be."""
     for name in ("box", "occupied_box"):
         if tensors[name].shape != (2, 3):
             raise ValueError(f"tensor {name!r} has shape {list(tensors[name].shape)}, not [2, 3]")
         low, high = tensors[name]
         if not bool((low < high).all()):
             raise ValueError(f"tensor {name!r} is a box without an inside")
+        if not bool((high - low).isfinite().all()):
+            raise ValueError(f"tensor {name!r} is a box of endless sides")
     if not tensors["unit"] > 0:
         raise ValueError("tensor 'unit' is no length")
     x, y, z = tensors["occupied"].shape
