@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ringlight.data.hull import Mask, depths_inside
+from ringlight.volume.contract import Sides
 from ringlight.volume.occupancy import Carving, cells_of, centers, widened
 
 UNSEEN = 0.0
@@ -36,19 +37,16 @@ def carved(masks: Sequence[Mask], box: Float[Tensor, "2 3"], nodes: int) -> Bool
     """
     if not masks:
         return None
-    cells = torch.ones(cells_of(box, nodes), dtype=torch.bool)
+    cells = cells_of(box, nodes)
     places, outside = places_asked(cells, masks, box)
-    left = (depths_inside(places, masks, outside, UNSEEN) > -outside).view(cells.shape)
+    left = (depths_inside(places, masks, outside, UNSEEN) > -outside).view(cells)
     return left if left.any() else None
 
 
-def places_asked(
-    cells: Bool[Tensor, "X Y Z"], masks: Sequence[Mask], box: Float[Tensor, "2 3"]
-) -> tuple[Float[Tensor, "P 3"], float]:
-    """Centres of all cells of ``box``, world units, and how far outside a mask they may be."""
-    x, y, z = cells.shape
-    sides = (box[1] - box[0]) / torch.tensor((x, y, z))
-    return box[0] + centers((x, y, z)) * (box[1] - box[0]), reach(masks, box, float(sides.max()))
+def places_asked(cells: Sides, masks: Sequence[Mask], box: Float[Tensor, "2 3"]) -> tuple[Float[Tensor, "P 3"], float]:
+    """Centres of all ``cells`` of ``box``, world units, and how far outside a mask they may be."""
+    sides = (box[1] - box[0]) / torch.tensor(cells)
+    return box[0] + centers(cells) * (box[1] - box[0]), reach(masks, box, float(sides.max()))
 
 
 def limit_of(box: Float[Tensor, "2 3"], left: Bool[Tensor, "X Y Z"]) -> Carving:

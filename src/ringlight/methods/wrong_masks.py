@@ -81,7 +81,8 @@ def _given_back(
     lost = lost[:: -(-len(lost) // MOST_LOST)]
     space = replace(model.looked_through(), occupied=everything(), occupied_box=model.box)
     box = model.box.cpu()
-    places, outside = places_asked(left, masks, box)
+    x, y, z = left.shape
+    places, outside = places_asked((x, y, z), masks, box)
     against = torch.zeros(left.shape, dtype=torch.long)
     for mask in counted("asking which masks are wrong", masks):
         against += has_outside(mask, places, outside).view(left.shape)
@@ -98,7 +99,8 @@ def _in_words(
     given: Bool[Tensor, "X Y Z"], box: Float[Tensor, "2 3"], masks: Sequence[Mask], views: Sequence[View], lost: float
 ) -> str:
     """On the cells of ``box`` that come back, for the share ``lost`` of the subject's rays."""
-    places, outside = places_asked(given, masks, box)
+    x, y, z = given.shape
+    places, outside = places_asked((x, y, z), masks, box)
     against = [int(has_outside(mask, places[given.flatten()], outside).sum()) for mask in masks]
     wrong = masks[max(range(len(masks)), key=against.__getitem__)].camera
     name = next((view.name for view in views if view.camera is wrong), "one photograph")
