@@ -173,6 +173,19 @@ def test_a_product_has_as_many_rows_whatever_it_is_taken_of(count: int, width: i
     assert halves.even_rows(count, dtype) % (1 if dtype == torch.float32 else halves.ROWS) == 0
 
 
+@given(some.integers(0, 1 << 20))
+def test_matrices_of_halves_have_few_counts_of_rows_and_few_zeros(count: int):
+    """torch compiles a program for each count, and keeps it."""
+    rows = halves.even_rows(count, torch.bfloat16)
+    assert count <= rows <= max(count + halves.ROWS - 1, 1.125 * count)
+    assert halves.even_rows(rows, torch.bfloat16) == rows
+
+
+def test_an_octave_of_counts_has_eight_sizes():
+    counts = range((1 << 14) + 1, (1 << 15) + 1)
+    assert len({halves.even_rows(count, torch.bfloat16) for count in counts}) == halves.SIZES
+
+
 @pytest.mark.usefixtures("all_cores_afterwards")
 @pytest.mark.parametrize("levels", [3, 6, 7])
 def test_bits_are_the_same_for_any_number_of_threads(levels: int, monkeypatch: pytest.MonkeyPatch):

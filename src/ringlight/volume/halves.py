@@ -12,7 +12,11 @@ FASTER_ON = ("avx512_bf16", "avx512_amx")
 """Kernels' names of processors that multiply these faster."""
 
 ROWS = 256
-"""Of matrices of bfloat16 torch takes multiples: it compiles a program for every count of rows it meets."""
+"""Of matrices of bfloat16 torch takes multiples, and SIZES an octave: it compiles a program for every count of rows it
+meets, and keeps a thousand of up to a megabyte each, which lie between a step's arrays."""
+
+SIZES = 8
+"""Zeros after the rows are an eighth of them at most, and a sixteenth on average."""
 
 
 def multiplies_halves() -> bool:
@@ -22,4 +26,7 @@ def multiplies_halves() -> bool:
 
 def even_rows(count: int, dtype: torch.dtype) -> int:
     """``count``, or the next number of rows for which there are few programs."""
-    return -(-count // ROWS) * ROWS if dtype == torch.bfloat16 else count
+    if dtype != torch.bfloat16:
+        return count
+    multiple = max(ROWS, (1 << max(count - 1, 0).bit_length()) // (2 * SIZES))
+    return -(-count // multiple) * multiple

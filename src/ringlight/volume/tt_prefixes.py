@@ -36,7 +36,7 @@ class _Children(torch.autograd.Function):
 
         def make(octant: int, rows: Tensor) -> None:
             products = _gathered(above, place[rows]) @ core[:, octant]
-            found.index_copy_(0, rows, products.view(-1, *found.shape[1:])[: len(rows)])
+            found.index_copy_(0, rows, _matrices(products, len(rows), found))
 
         do_all([partial(make, *each) for each in _by_octant(octants)], above.device)
         return found
@@ -51,7 +51,7 @@ class _Children(torch.autograd.Function):
             parents = place[rows]
             gradient = _gathered(gradients[0], rows)
             of_core[:, octant] = _gathered(above, parents).T @ gradient
-            return parents, (gradient @ core[:, octant].T).view(-1, *above.shape[1:])[: len(rows)]
+            return parents, _matrices(gradient @ core[:, octant].T, len(rows), above)
 
         # Children of different octants have the same parents: these are summed in their order.
         pieces = [partial(go_back, *each) for each in _by_octant(octants)]
@@ -68,8 +68,13 @@ def _by_octant(octants: Int[Tensor, "B"]) -> Iterator[tuple[int, Int[Tensor, "N"
 
 def _gathered(matrices: Float[Tensor, "A C r"], numbers: Int[Tensor, "N"]) -> Float[Tensor, "R r"]:
     """Rows of those of these numbers, and perhaps zeros after them."""
-    count, width, columns = len(numbers), *matrices.shape[1:]
-    rows = matrices.new_empty(-(-even_rows(count * width, matrices.dtype) // width), width, columns)
-    torch.index_select(matrices, 0, numbers, out=rows[:count])
+    count = len(numbers) * matrices.shape[1]
+    rows = matrices.new_empty(even_rows(count, matrices.dtype), matrices.shape[2])
+    torch.index_select(matrices, 0, numbers, out=_matrices(rows, len(numbers), matrices))
     rows[count:] = 0
-    return rows.flatten(0, 1)
+    return rows
+
+
+def _matrices(rows: Float[Tensor, "R s"], count: int, like: Float[Tensor, "_ C s"]) -> Float[Tensor, "N C s"]:
+    """The first ``count`` of them."""
+    return rows[: count * like.shape[1]].view(count, *like.shape[1:])
