@@ -9,9 +9,7 @@ from ringlight.core.scene import Scene
 from ringlight.core.want import Want
 from ringlight.data.rays import rays_of
 from ringlight.errors import RecipeError
-from ringlight.fit import room
 from ringlight.fit.train import train
-from ringlight.methods import volume_training
 from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.rasterize.choose import rasterizer_for
 from ringlight.volume.occupancy import unpacked
@@ -81,49 +79,6 @@ def test_the_box_is_that_of_the_masks_or_of_the_scene_and_is_told():
 def test_a_box_that_no_ray_meets_is_refused():
     with pytest.raises(RecipeError, match="no ray of a photograph meets the box 50 50 50 51 51 51; give other"):
         built(bounds=(50.0, 50.0, 50.0, 51.0, 51.0, 51.0))
-
-
-def test_a_grid_that_memory_cannot_hold_is_refused_with_the_largest_that_can(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(room, "machine_memory", lambda: 40_000_000)
-    with pytest.raises(
-        RecipeError, match=r"a grid of 300 cubed takes .* MB .* give --last-side (\d+) or less"
-    ) as caught:
-        built(last_side=300)
-    fits = int(str(caught.value).split("--last-side ")[1].split()[0])
-    built(last_side=fits)
-    with pytest.raises(RecipeError):
-        built(last_side=fits + 1)
-    with pytest.raises(RecipeError, match="give fewer --density-components") as caught:
-        built(first_side=fits + 1, last_side=300)
-    assert "--last-side 3" not in str(caught.value)
-
-
-def test_rays_that_memory_cannot_hold_are_refused_with_the_most_that_it_can(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(room, "machine_memory", lambda: 40_000_000)
-    with pytest.raises(RecipeError, match=r"rays is 1000000; each has up to .* (\d+) rays are the most") as caught:
-        built(rays=1_000_000)
-    fits = int(str(caught.value).split(" rays are the most")[0].split()[-1])
-    assert fits > 1000
-    training = built(rays=fits)
-    space = training.model.space()
-    assert fits * space.most <= 20_000_000
-    with pytest.raises(RecipeError):
-        built(rays=fits + 1)
-
-
-def test_photographs_that_memory_cannot_hold_are_refused(monkeypatch: pytest.MonkeyPatch):
-    size = 12 * sum(view.camera.width * view.camera.height for view in SCENE.train)  # 8 of them a number and flags
-    monkeypatch.setattr(volume_training, "machine_memory", lambda: 2 * size)
-    volume_training.refuse_too_many_pixels(SCENE)
-    monkeypatch.setattr(volume_training, "machine_memory", lambda: 2 * size - 2)
-    with pytest.raises(RecipeError, match="a volume draws rays from all of them: try --downscale 2"):
-        volume_training.refuse_too_many_pixels(SCENE)
-
-
-def test_more_samples_than_kernels_count_are_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(room, "machine_memory", lambda: 1 << 50)
-    with pytest.raises(RecipeError, match="rays is 1048576; each has up to"):
-        TensorfRecipe(rays=1 << 20, first_side=16, last_side=1200, steps=60).build(SCENE, rasterizer_for("cpu"), 0)
 
 
 @pytest.mark.parametrize(

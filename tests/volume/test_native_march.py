@@ -78,12 +78,14 @@ def test_the_density_of_places_is_the_fields_and_none_where_it_is_empty(kind: st
     torch.testing.assert_close(model.density_values(places), wanted, rtol=1e-4, atol=1e-4)
 
 
-def test_a_ray_meets_something_where_the_reference_says_so(monkeypatch: pytest.MonkeyPatch):
+def test_a_ray_meets_something_where_the_reference_says_so_and_as_often(monkeypatch: pytest.MonkeyPatch):
     model, through = volume(), rays(2000)
-    ours = model.meets_something(through)
+    ours, often = model.meets_something(through), model.samples_of(through, 2.5)
     monkeypatch.setattr(of_model, "runs_native", lambda *_: False)
     assert 0 < ours.sum() < len(through)
     assert (ours != model.meets_something(through)).float().mean() < 2e-3  # a sample on the border of a cell
+    assert (often - model.samples_of(through, 2.5)).abs().float().mean() < 2e-3 * often.float().mean()
+    assert int(often.sum()) == pytest.approx(2.5 * int(model.samples_of(through).sum()), rel=0.02)
 
 
 @pytest.mark.usefixtures("all_cores_afterwards")
@@ -170,8 +172,8 @@ def test_samples_that_are_not_placed_have_no_part_in_gradients(monkeypatch: pyte
     model = volume()
     batch = RayBatch(rays(RAYS), torch.zeros(RAYS, 3), BACKGROUND)
     expected = gradients(model.predict(batch, Want.GRADIENTS))
-    counted, empty = native_march._counted, torch.empty
-    monkeypatch.setattr(native_march, "_counted", lambda *of: counted(*of) + 3)
+    counted, empty = native_march.samples_in, torch.empty
+    monkeypatch.setattr(native_march, "samples_in", lambda *of: counted(*of) + 3)
     monkeypatch.setattr(native_march.torch, "empty", lambda *of, **how: _spoilt(empty(*of, **how)))
     found = gradients(model.predict(batch, Want.GRADIENTS))
     for name, gradient in expected.items():

@@ -14,8 +14,8 @@ from ringlight.methods.putt_rates import LAST_RATE, SETTLED_RATE, SETTLING_RATE
 from ringlight.methods.putt_schedule import doublings
 from ringlight.methods.putt_settings import SMALLEST_SIDE, PuttSettings
 from ringlight.methods.putt_sizes import levels_of
-from ringlight.methods.volume_recipe import BETAS, EPSILON, on_device
-from ringlight.volume.tt_ranks import AXES
+from ringlight.methods.volume_recipe import BETAS, EPSILON, OF_ANY_SAMPLE, on_device
+from ringlight.volume.tt_ranks import AXES, OCTANTS
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -50,6 +50,12 @@ class PuttRecipe(PuttSettings):
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
         sizes = replace(self.sizes, levels=levels_of(side), long=len(self.long_axes_up_to(side)))
         return sizes.numbers_in_training(self.ranks, bool(self.scaled))
+
+    @property
+    def numbers_of_sample(self) -> int:
+        """With features, their gradients and those of the way there, and the eight nodes around it with their shares,
+        of density and of appearance."""
+        return OF_ANY_SAMPLE + 3 * self.features + 2 * 2 * OCTANTS
 
     def groups(self) -> dict[str, Adam]:
         """Adam's, by parameter name."""

@@ -19,6 +19,7 @@ from ringlight.methods.volume_recipe import (
     EPSILON,
     MOST_RAYS,
     MOST_UNITS,
+    OF_ANY_SAMPLE,
     Bounds,
     VolumeRecipe,
     on_device,
@@ -50,7 +51,6 @@ LAST_RATE = 0.1
 
 GRADIENT_SHARE = 0.5
 """A quarter of the samples with a colour hand on; this adds little variance (docs/methods/tensorf.md)."""
-
 
 COPIES = 6
 """Of a grid while it trains: values, gradients, those of a regularizer, two moments, and one while it is refined."""
@@ -110,7 +110,6 @@ class TensorfRecipe(VolumeRecipe):
     paper_steps: ClassVar[int] = 30_000
 
     def __post_init__(self) -> None:
-        self._refuse_counts()
         if self.decomposition == "cp" and (self.tv_density or self.tv_appearance):
             raise RecipeError("tv_density or tv_appearance is given, and three lines have no planes; leave both away")
         check_rates(rate=self.rate, network_rate=self.network_rate)
@@ -119,8 +118,6 @@ class TensorfRecipe(VolumeRecipe):
                 raise RecipeError(f"{name} is {getattr(self, name):g}; give 0 (none) or more")
         self.refuse_bounds()
         self.refuse_shares()
-
-    def _refuse_counts(self) -> None:
         self.refuse_counts(
             rays=(1, MOST_RAYS),
             density_components=(1, VOLUME_MOST_COMPONENTS),
@@ -177,6 +174,12 @@ class TensorfRecipe(VolumeRecipe):
         nodes = x + y + z + (x * y + x * z + y * z if self.decomposition == "vm" else 0)
         return COPIES * sum(self.components) * nodes
 
+    @property
+    def numbers_of_sample(self) -> int:
+        """With the gradient of each component of appearance, if it hands one on."""
+        width = self.components[1] * (3 if self.decomposition == "vm" else 1)
+        return OF_ANY_SAMPLE + round(self.gradient_share * width)
+
     def first_model(self, box: "Float[Tensor, '2 3']", seed: int) -> "VolumeModel":
         from ringlight.volume.grids import sides_of
 
@@ -218,11 +221,9 @@ class TensorfRecipe(VolumeRecipe):
     @property
     def l1_weights(self) -> tuple[float, float]:
         """Until empty space is found, and then."""
-        if self.decomposition == "cp":
-            weight = 1e-5 if self.l1 is None else self.l1
-            return weight, weight
-        first = 8e-5 if self.l1 is None else self.l1
-        return first, first / 2
+        lines = self.decomposition == "cp"
+        first = (1e-5 if lines else 8e-5) if self.l1 is None else self.l1
+        return first, first if lines else first / 2
 
     def as_stored(self, shapes: Mapping[str, tuple[int, ...]]) -> "TensorfRecipe":
         """With a model of the resolution, and of the bits of what is not empty, that a file has."""

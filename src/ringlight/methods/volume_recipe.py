@@ -35,6 +35,10 @@ more than 3.4 times (docs/experiments/putt.md)."""
 MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
+OF_ANY_SAMPLE = 30
+"""Numbers, rounded up from benchmarks/volume_memory.py: place, distance, weight, light that is left, slope, colour,
+gradients, and which of them are drawn."""
+
 Bounds = tuple[float, float, float, float, float, float]
 """Lowest and highest corner of a box, world units: x y z x y z."""
 
@@ -108,6 +112,11 @@ class VolumeRecipe(ABC):
     @abstractmethod
     def numbers_at(self, box: "Float[Tensor, '2 3']", side: int) -> int:
         """Roughly how many numbers a training keeps with a grid of such a side in this box."""
+
+    @property
+    @abstractmethod
+    def numbers_of_sample(self) -> int:
+        """Of a step, if it has a colour and hands its gradient on: the most that one takes."""
 
     @abstractmethod
     def groups(self) -> dict[str, Adam]:

@@ -1,7 +1,7 @@
-"""Which rays meet anything that is not known to be empty."""
+"""How many samples rays have in what is not known to be empty, in torch; compared with the kernels."""
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Int
 
 from ringlight.data.rays import Rays
 from ringlight.volume.marching import Space, samples_of
@@ -10,10 +10,10 @@ AT_ONCE = 8192
 """Rays whose samples are made together."""
 
 
-def meets_something(rays: Rays, space: Space) -> Bool[torch.Tensor, "R"]:
-    """Whether a sample of a ray lies in a cell that is not empty."""
-    found = torch.zeros(len(rays), dtype=torch.bool)
+def samples_in(space: Space, rays: Rays) -> Int[torch.Tensor, "R"]:
+    """How many of each ray lie in cells that are not empty."""
+    found = torch.zeros(len(rays), dtype=torch.int32)
     for begin in range(0, len(rays), AT_ONCE):
         part = rays.part(begin, begin + AT_ONCE)
-        found[begin + samples_of(part, space).ray.cpu()] = True
+        found[begin : begin + len(part)] = samples_of(part, space).ray.cpu().bincount(minlength=len(part))
     return found

@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import torch
 import torch.nn.functional
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from ringlight.core.camera import Camera
@@ -20,7 +19,7 @@ from ringlight.models.contract import Count
 from ringlight.volume import looked_for, native_march
 from ringlight.volume.contract import Sides, VolumeField
 from ringlight.volume.loading import load_resized, refuse_impossible, refuse_uneven
-from ringlight.volume.marching import Space
+from ringlight.volume.marching import Space, sampled_finer
 from ringlight.volume.native_march import FieldSource, Marched, runs_native
 from ringlight.volume.occupancy import BITS, everything, is_occupied, packed
 from ringlight.volume.pictures import BUFFERS, against_slopes, picture, surface_layers
@@ -104,8 +103,11 @@ class VolumeModel(nn.Module):
 
     def meets_something(self, rays: Rays) -> Bool[Tensor, "R"]:
         """Whether rays pass through a cell that is not known to be empty; on the CPU."""
-        look = native_march.meets_something if self._is_native else looked_for.meets_something
-        return look(rays.to(self.device), self.looked_through())
+        return self._samples_in(self.looked_through(), rays) > 0
+
+    def samples_of(self, rays: Rays, finer: float = 1.0) -> Int[Tensor, "R"]:
+        """How many of each lie in cells that are not known to be empty, in a grid so many times as fine; on the CPU."""
+        return self._samples_in(sampled_finer(self.space(), finer), rays)
 
     def looked_through(self) -> Space:
         """As :meth:`space`, and as finely as cells lie: steps of a coarse grid pass thin parts by."""
@@ -113,8 +115,7 @@ class VolumeModel(nn.Module):
         low, high = self.occupied_box
         x, y, bytes_along = self.occupied.shape
         pitch = ((high - low) / torch.tensor((x, y, bytes_along * BITS)).to(low)).mean().item()
-        finer = max(STEPS_A_VOXEL * space.step / pitch, 1.0)
-        return replace(space, step=space.step / finer, most=math.ceil(space.most * finer))
+        return sampled_finer(space, max(STEPS_A_VOXEL * space.step / pitch, 1.0))
 
     def color(self, places: Float[Tensor, "N 3"], directions: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """Of places in the box's [0, 1]^3, seen along unit directions; in (0, 1)."""
@@ -205,6 +206,10 @@ class VolumeModel(nn.Module):
     def skip_all_but(self, occupied: Bool[Tensor, "X Y Z"]) -> None:
         """From now on rays skip the other cells of the box. Z is a multiple of eight."""
         self.occupied, self.occupied_box = packed(occupied.cpu()).to(self.box.device), self.box.clone()
+
+    def _samples_in(self, space: Space, rays: Rays) -> Int[Tensor, "R"]:
+        count = native_march.samples_in if self._is_native else looked_for.samples_in
+        return count(space, rays.to(self.device))
 
     def _rendered(self, rays: Rays, background: Float[Tensor, "3"], want: Want, share: float = 1.0) -> Rendering:
         space = self.space()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Bool, Float, Int, Int32
+from jaxtyping import Float, Int, Int32
 from torch import Tensor
 
 from ringlight import _kernels
@@ -45,7 +45,7 @@ class MarchedRays:
     @staticmethod
     def of(rays: Rays, space: Space, shift: float) -> "MarchedRays":
         """With room for all samples that are not known to be empty."""
-        count, offsets = len(rays), _ends(_counted(rays, space))
+        count, offsets = len(rays), _ends(samples_in(space, rays))
         total = int(offsets[-1])
         samples = (torch.empty(total, 3), *(torch.empty(total) for _ in range(4)))
         shown = torch.empty(count, dtype=torch.int32)
@@ -114,9 +114,11 @@ def runs_native(field: VolumeField, shading: FeatureShading) -> bool:
     return all(p.is_cpu and p.dtype == torch.float32 and p.is_contiguous() for p in parameters)
 
 
-def meets_something(rays: Rays, space: Space) -> Bool[Tensor, "R"]:
-    """Whether a sample of a ray lies in a cell that is not empty."""
-    return _counted(rays, space) > 0
+def samples_in(space: Space, rays: Rays) -> Int[Tensor, "R"]:
+    """How many of each ray lie in cells that are not empty."""
+    counts = torch.empty(len(rays), dtype=torch.int32)
+    _kernels.volume_count(native_rays(rays), native_space(space), counts)
+    return counts
 
 
 class Marched:
@@ -214,12 +216,6 @@ def native_space(space: Space) -> tuple[list[float], Tensor, float, int]:
     """As the kernels take it."""
     corners = [*space.box.flatten().tolist(), *space.occupied_box.flatten().tolist()]
     return corners, space.occupied.contiguous().view(torch.int8), space.step, space.most
-
-
-def _counted(rays: Rays, space: Space) -> Int[Tensor, "R"]:
-    counts = torch.empty(len(rays), dtype=torch.int32)
-    _kernels.volume_count(native_rays(rays), native_space(space), counts)
-    return counts
 
 
 def _ends(counts: Int[Tensor, "R"]) -> Int[Tensor, "O"]:
