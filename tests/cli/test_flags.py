@@ -1,6 +1,8 @@
 """What a person is told is named as that person named it."""
 
-from ringlight.cli.flags import by_flag, near
+from ringlight.cli.flags import by_flag, joined, lists_of, near
+from ringlight.cli.parse import parse
+from ringlight.cli.table import TableArguments
 
 
 def test_a_setting_is_named_by_the_flag_that_was_given():
@@ -42,3 +44,20 @@ def test_the_flag_that_was_meant():
     assert near("--rank", {"--masks"}, flags) == "--light.ring.rank", "a name before a likeness"
     assert near("--opacty", {"--format"}, {"--opacity"}) == "--opacity", "the more alike"
     assert near("--colour", flags) is None
+
+
+def test_values_of_a_flag_that_is_given_twice_are_all_kept():
+    lists = lists_of(TableArguments)
+    assert {"--set", "--lpips"} <= lists
+    line = ["photos", "--set", "a.x=1", "b.y=2", "--steps", "3", "--set", "c.z=-1", "--steps", "4", "--set=d.w=5"]
+    together = ["photos", "--set", "a.x=1", "b.y=2", "c.z=-1", "d.w=5", "--steps", "3", "--steps", "4"]
+    assert joined(line, lists) == together
+    assert parse(TableArguments, "table", [*line, "--methods", "3dgs"]).set == ("a.x=1", "b.y=2", "c.z=-1", "d.w=5")
+    assert joined(["--set=a.x=1", "--set=b.y=2"], lists) == ["--set", "a.x=1", "b.y=2"]
+    assert joined(["--lpips", "--", "photos"], lists) == ["--lpips", "--", "photos"]
+
+
+def test_a_line_without_such_flags_stays_as_it_is():
+    line = ["photos", "--set", "a.x=1", "--lpips", "--out", "--steps=3", "-", "--", "--set", "--set"]
+    assert joined(line[:-3], {"--set", "--lpips"}) == line[:-3]
+    assert joined([], {"--set"}) == []

@@ -1,7 +1,7 @@
 """The flags that a record becomes on the command line, to tell a person what a word should have been."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import fields, is_dataclass
 from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path
@@ -31,6 +31,32 @@ def flags_of(record: Any, in_pairs: bool = False) -> set[str]:
 def flags_in(arguments: list[str]) -> list[str]:
     """The flags that were given, as they are declared: without values, with hyphens."""
     return [word.split("=")[0].replace("_", "-") for word in arguments if word.startswith("--") and len(word) > 2]
+
+
+def lists_of(record: Any) -> set[str]:
+    """Those of :func:`flags_of` that take any number of values; not of records in it."""
+    hints = get_type_hints(record)
+    return {f"--{name.replace('_', '-')}" for name, hint in hints.items() if get_args(hint)[1:] == (...,)}
+
+
+def joined(arguments: Sequence[str], lists: Container[str]) -> list[str]:
+    """The same line with the values of all flags of a name behind the first one, if it is among ``lists``: to a parser
+    the last flag takes the place of those before it, and who writes ``--set a --set b`` wants both."""
+    found: list[list[str]] = [[]]
+    firsts: dict[str, list[str]] = {}
+    for word in arguments:
+        flag, _, value = word.partition("=")
+        flag = flag.replace("_", "-")
+        if not flag.startswith("--") or flag == "--":
+            found[-1].append(word)
+        elif flag in lists and flag in firsts:
+            # Words up to the next flag are values of this one, and go with those of the first.
+            found.append(firsts[flag])
+            found[-1] += [value] if value else []
+        else:
+            found.append([flag, value] if value and flag in lists else [word])
+            firsts.setdefault(flag, found[-1])
+    return [word for part in {id(part): part for part in found}.values() for word in part]
 
 
 SETTING = r"(?<![-./\\\w])[a-z][a-z0-9]*(?:[._][a-z0-9]+)*(?![-./\\]?\w|:)"

@@ -10,6 +10,7 @@ from typing import Any, NoReturn, TypeVar
 
 import tyro
 
+from ringlight.cli.flags import joined, lists_of
 from ringlight.cli.help_text import REGISTRY, joined_lines
 from ringlight.cli.main import WRONG_USAGE
 from ringlight.cli.streams import Lasting
@@ -33,7 +34,7 @@ def parse(
             parsed: Any = tyro.cli(
                 kind,
                 prog=f"ringlight {verb} {before}".rstrip(),
-                args=arguments,
+                args=joined(arguments, lists_of(kind)),
                 config=markers if in_pairs else (*markers, tyro.conf.FlagCreatePairsOff),
                 registry=REGISTRY,
             )
