@@ -3,10 +3,14 @@
 import pytest
 
 from ringlight.errors import RecipeError
+from ringlight.fit.train import train
 from ringlight.methods.putt import PuttRecipe
 from ringlight.methods.recipe import recipe_from_dict, recipe_to_dict
 from ringlight.methods.tensorf import TensorfRecipe
 from ringlight.methods.volume_recipe import COLD, VolumeRecipe
+from ringlight.rasterize.choose import rasterizer_for
+from small_recipes import small
+from tiny_scene import tiny_scene
 
 both = pytest.mark.parametrize("recipe", [PuttRecipe, TensorfRecipe])
 
@@ -41,3 +45,13 @@ def test_networks_of_older_recipes_begin_at_their_full_rate(recipe: type[VolumeR
 def test_shares_that_cannot_be_are_refused(recipe: type[VolumeRecipe], share: float, said: str):
     with pytest.raises(RecipeError, match=f"^network_warm_up is {said}; give 0 \\(none\\) to below 1$"):
         recipe(network_warm_up=share)
+
+
+@pytest.mark.parametrize("method", ["tensorf", "putt"])
+def test_the_reference_marches_in_torch_where_it_was_asked_for(method: str):
+    scene, losses = tiny_scene(views=6, size=20), {}
+    for device, renderer in (("cpu", "cpu ray marcher"), ("reference", "ray marcher in torch")):
+        training = small(method, gradient_share=1.0).build(scene, rasterizer_for(device), 3)
+        assert training.model.renderer == renderer
+        losses[device] = next(train(training)).loss
+    assert losses["reference"] == pytest.approx(losses["cpu"], rel=1e-3)

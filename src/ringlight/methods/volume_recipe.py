@@ -35,6 +35,9 @@ more than 3.4 times (docs/experiments/putt.md)."""
 MOST_UNITS, MOST_RAYS = 1024, 1 << 20
 """Beyond these a number is a mistake."""
 
+REFERENCE = "reference"
+"""Name of the rasterizer that is all torch."""
+
 OF_ANY_SAMPLE = 30
 """Numbers, rounded up from benchmarks/volume_memory.py: place, distance, weight, light that is left, slope, colour,
 gradients, and which of them are drawn."""
@@ -239,9 +242,11 @@ class VolumeRecipe(ABC):
 
 
 def on_device(model: "VolumeModel", rasterize: "Rasterizer") -> "VolumeModel":
-    """The model, moved to where this back end's models lie, unless it is an outline."""
+    """The model where this back end's models lie, unless it is an outline, and marched in torch where this is the
+    reference."""
     from ringlight.models.outline import is_outline
 
+    model.in_torch = rasterize.name == REFERENCE
     return model if is_outline(model) else model.to(rasterize.device)
 
 

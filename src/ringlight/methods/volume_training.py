@@ -21,7 +21,7 @@ from ringlight.methods.volume_memory import (
     refuse_too_many_rays,
     refuse_too_many_samples,
 )
-from ringlight.methods.volume_recipe import VolumeRecipe
+from ringlight.methods.volume_recipe import VolumeRecipe, on_device
 from ringlight.methods.wrong_masks import mended
 from ringlight.rasterize.contract import Rasterizer
 from ringlight.volume.marching import meets_box
@@ -44,7 +44,7 @@ def volume_training(recipe: VolumeRecipe, scene: Scene, rasterize: Rasterizer, s
     left = carved(masks, box, recipe.longest_side)
     if left is not None:
         model.skip_all_but(left)
-    model.to(rasterize.device)
+    on_device(model, rasterize)
     emptied = recipe.emptied
     varied = emptied[0] if scene.background == "black" else 0
     batches = RayBatches(scene, recipe.rays, seed, varied, recipe.by_error)

@@ -52,6 +52,8 @@ class VolumeModel(nn.Module):
     note: str | None = None
     gradient_share: float = 1.0
     """In :meth:`predict` at most this share of the samples that have a gradient hand it on, drawn by importance."""
+    in_torch: bool = False
+    """Whether the reference marches where kernels could."""
 
     def __init__(self, field: VolumeField, shading: FeatureShading, box: Float[Tensor, "2 3"]):
         super().__init__()
@@ -75,7 +77,7 @@ class VolumeModel(nn.Module):
 
     @property
     def _is_native(self) -> bool:
-        return runs_native(self.field, self.shading)
+        return not self.in_torch and runs_native(self.field, self.shading)
 
     def space(self) -> Space:
         """Where rays are sampled, and how finely: by the average voxel of the grid as it is now."""
