@@ -12,7 +12,7 @@ from collections.abc import Callable
 from functools import partial
 
 import torch
-from volume_workload import batch, step_times
+from volume_workload import batch, own_peak, step_times
 
 from ringlight import _kernels
 from ringlight.core.want import Want
@@ -71,6 +71,7 @@ def main() -> None:
             "most so far\n"
         )
         sys.stdout.flush()
+    sys.stdout.write(own_peak())
 
 
 if __name__ == "__main__":

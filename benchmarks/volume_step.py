@@ -8,7 +8,7 @@ import resource
 import sys
 
 import torch
-from volume_workload import batch, step_times
+from volume_workload import batch, own_peak, step_times
 
 from ringlight import _kernels
 from ringlight.fit.optimizer import Optimizer
@@ -51,6 +51,7 @@ def main() -> None:
         least = step_times(model, looked_at, optimizer, TIMES)
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
         sys.stdout.write(f"{way}: {least} ms, {memory:,.0f} MB at most so far\n")
+    sys.stdout.write(own_peak())
 
 
 if __name__ == "__main__":

@@ -5,10 +5,12 @@ import time
 
 import torch
 
+from ringlight import _kernels
 from ringlight.core.directions import normalize
 from ringlight.core.want import Want
 from ringlight.data.rays import RayBatch, Rays
 from ringlight.fit.optimizer import Optimizer
+from ringlight.measure.speed import peak_gflops
 from ringlight.volume.model import VolumeModel
 
 RAYS = 4096
@@ -36,3 +38,8 @@ def step_times(model: VolumeModel, looked_at: RayBatch, optimizer: Optimizer, ti
         ends.append(time.process_time())
         steps.append([1000 * (b - a) for a, b in [*itertools.pairwise(ends), (ends[0], ends[-1])]])
     return [round(min(each)) for each in zip(*steps, strict=True)]
+
+
+def own_peak() -> str:
+    """A line on the machine, measured now."""
+    return f"float32 matrix products here: {peak_gflops():.0f} GFLOP/s on {_kernels.isa()}\n"

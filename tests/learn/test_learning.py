@@ -39,7 +39,8 @@ def test_a_method_learns(method: str, monkeypatch: pytest.MonkeyPatch):
     scene = tiny_scene(views=16, size=32)
     ring = {"position_nodes": 64, "view_nodes": 8}
     sides = {"first_side": 24, "last_side": 48, "coarsest": 8, "finest": 16}
-    recipe = with_settings(TRAINED[method], {"steps": STEPS, "light": {"ring": ring}, "rays": 1024} | sides)
+    volume = sides | {"rays": 1024, "hidden": 32, "density_rank": 24, "appearance_rank": 32}
+    recipe = with_settings(TRAINED[method], {"steps": STEPS, "light": {"ring": ring}} | volume)
     if getattr(getattr(recipe, "start", None), "points", None):
         recipe = with_settings(recipe, {"start": {"points": MOST_AT_START}})
     training = recipe.build(scene, rasterizer_for("auto"), seed=0)

@@ -15,8 +15,9 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 def test_a_benchmark_says_how_long_its_steps_take(
     name: str, small: dict[str, object], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    lines = lines_of(name, small, monkeypatch, capsys)
+    *lines, peak = lines_of(name, small, monkeypatch, capsys)
     assert len(lines) == 2
+    assert "GFLOP/s" in peak
     assert all("ms" in line and "MB at most so far" in line for line in lines)
 
 
