@@ -21,7 +21,6 @@ KERNEL_TESTS = (
     "rasterize/test_cpu.py",
     "rasterize/test_early_stop.py",
     "rasterize/test_fuzz.py",
-    "rasterize/test_gradients.py",
     "color/test_harmonics.py",
     "color/test_glossy_harmonics.py",
     "color/test_shared_basis.py",
@@ -34,7 +33,6 @@ KERNEL_TESTS = (
     "models/test_way_back.py",
     "models/test_way_back_of_tiles.py",
     "models/test_picture.py",
-    "models/test_wants.py",
     "fields/test_perceptron_kernel.py",
     "volume/test_native_march.py",
     "volume/test_shading_kernel.py",
@@ -51,6 +49,9 @@ KERNEL_TESTS = (
     "fit/test_densify.py",
     "test_fuzz_kernels.py",
 )
+"""Those that hold kernels against a reference or against other kernels. rasterize/test_gradients.py holds the same
+gradients against differences, and models/test_wants.py asks for the same bits by two ways through the same kernels:
+both say nothing of an instruction set that these do not."""
 OF_MATRIX_PRODUCTS = (
     "color/test_ring_kernel.py",
     "color/test_ring_emission.py",
@@ -63,7 +64,6 @@ OF_MATRIX_PRODUCTS = (
     "volume/test_gradient_share.py",
     "models/test_lazy.py",
     "models/test_picture.py",
-    "models/test_wants.py",
     "models/test_way_back.py",
     "models/test_way_back_of_tiles.py",
     "test_fuzz_kernels.py",
