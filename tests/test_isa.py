@@ -33,6 +33,7 @@ KERNEL_TESTS = (
     "models/test_way_back.py",
     "models/test_way_back_of_tiles.py",
     "models/test_picture.py",
+    "models/test_wants.py",
     "fields/test_perceptron_kernel.py",
     "volume/test_native_march.py",
     "volume/test_shading_kernel.py",
@@ -49,9 +50,8 @@ KERNEL_TESTS = (
     "fit/test_densify.py",
     "test_fuzz_kernels.py",
 )
-"""Those that hold kernels against a reference or against other kernels. rasterize/test_gradients.py holds the same
-gradients against differences, and models/test_wants.py asks for the same bits by two ways through the same kernels:
-both say nothing of an instruction set that these do not."""
+"""Those that hold kernels against a reference or against other kernels. rasterize/test_gradients.py, which holds
+gradients against differences, is left out: contracts/test_rasterizers.py holds them against the reference's."""
 OF_MATRIX_PRODUCTS = (
     "color/test_ring_kernel.py",
     "color/test_ring_emission.py",
@@ -64,6 +64,7 @@ OF_MATRIX_PRODUCTS = (
     "volume/test_gradient_share.py",
     "models/test_lazy.py",
     "models/test_picture.py",
+    "models/test_wants.py",
     "models/test_way_back.py",
     "models/test_way_back_of_tiles.py",
     "test_fuzz_kernels.py",
