@@ -8,7 +8,7 @@ import torch
 
 from ringlight.core.scene import Scene, View
 from ringlight.data import hull
-from ringlight.data.hull import FINE_CELLS, Mask, depths_inside, fine_cells, masks_of, points_within, visual_hull
+from ringlight.data.hull import Mask, depths_inside, masks_of, points_within, visual_hull
 from tiny_scene import tiny_scene
 
 RADIUS = 0.8
@@ -66,14 +66,6 @@ def test_masks_that_leave_nothing_have_no_points_within(ball: Scene):
     nothing = [Mask(view.camera, torch.full((8, 8), -64.0)) for view in ball.train]
     assert points_within(nothing, ball.box, 5, torch.Generator()) is None
     assert points_within([], ball.box, 5, torch.Generator()) is None
-
-
-@pytest.mark.parametrize(
-    ("sizes", "cells"), [([(4, 7), (5, 16)], 32), ([(80, 3)], FINE_CELLS), ([(400, 300)], FINE_CELLS)]
-)
-def test_cells_are_no_finer_than_the_finest_mask_tells(ball: Scene, sizes: list[tuple[int, int]], cells: int):
-    masks = [Mask(ball.train[0].camera, torch.zeros(size)) for size in sizes]
-    assert fine_cells(masks) == cells
 
 
 def test_depths_inside_are_distances_to_the_silhouettes(ball: Scene):

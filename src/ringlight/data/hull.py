@@ -22,10 +22,6 @@ from ringlight.core.stages import counted
 COARSE_CELLS, FINE_CELLS = 64, 160
 """Voxels along the longest side: of the scene's box, to find the subject, and then of the subject's own box."""
 
-CELLS_PER_PIXEL = 2
-"""Voxels along the longest side for each pixel along a photograph's longer side, at most: a silhouette tells no finer
-where the subject ends. Photographs of 80 pixels and more have FINE_CELLS."""
-
 BLURRED = 2
 """Voxels around a subject that the blur of its surface needs."""
 
@@ -146,13 +142,8 @@ def _depths_around(
     subject = coarse.bounds(depths_inside(coarse.centers(), masks, coarse.pitch) > -coarse.pitch)
     if subject is None:
         return None
-    fine = VoxelGrid.over(subject, fine_cells(masks))
+    fine = VoxelGrid.over(subject, FINE_CELLS)
     return fine, depths_inside(fine.centers(), masks, BAND * fine.pitch).view(fine.shape)
-
-
-def fine_cells(masks: Sequence[Mask]) -> int:
-    """Voxels along the longest side of the subject's own box, as many as the finest of the masks can tell apart."""
-    return min(FINE_CELLS, CELLS_PER_PIXEL * max(max(mask.inside.shape) for mask in masks))
 
 
 def depths_inside(

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ringlight.core.scene import Scene
-from ringlight.data.hull import COARSE_CELLS, Mask, VoxelGrid, depths_inside, fine_cells, masks_of
+from ringlight.data.hull import COARSE_CELLS, FINE_CELLS, Mask, VoxelGrid, depths_inside, masks_of
 from ringlight.data.points import FEWEST_FOR_BOX
 from ringlight.data.surface import guessed_masks
 from ringlight.methods.volume_carving import reach
@@ -37,7 +37,7 @@ def volume_box(scene: Scene) -> ChosenBox:
         coarse = _left_by(masks, scene.box, COARSE_CELLS)
         if coarse is not None:
             # Nodes in empty space are lost to a grid that is never cut.
-            fine = _left_by(masks, coarse, fine_cells(masks))
+            fine = _left_by(masks, coarse, FINE_CELLS)
             return ChosenBox(coarse if fine is None else fine, source)
     by_points = scene.points.measured and len(scene.points.positions) >= FEWEST_FOR_BOX
     return ChosenBox(scene.box, "the points" if by_points else "the cameras")
